@@ -1,7 +1,5 @@
 """The program as its users run it: processes, their logs, their answers."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -41,6 +39,16 @@ def demo_config(folder: Path, bus: str | None = None, axes: int = 2, service: st
     assert _BUS in text
     text = text.replace(_BUS, bus).replace('state_dir = "demo-state"', f'state_dir = "state"\n{service}')
     file = folder / "robot.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def edit(file: Path, *changes: tuple[str, str]) -> Path:
+    """The file, in which each text that is there has become another."""
+    text = file.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
     file.write_text(text, encoding="utf-8")
     return file
 

@@ -1,7 +1,5 @@
 """What a daemon makes of values and files that are not as they should be."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct
@@ -12,7 +10,7 @@ from typing import Any
 from service.can.bus import open_bus, send
 from service.can.frames import FrameKey
 from service.config import load
-from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
+from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, robot, wait_for
 
 FLOATS = """VERSION ""
 
@@ -35,10 +33,8 @@ KEY = FrameKey(385, False)
 def test_values_that_are_none_and_frames_that_are_short_are_counted_and_change_nothing(
     tmp_path: Path,
 ) -> None:
-    config = demo_config(tmp_path, axes=1)
-    text = config.read_text(encoding="utf-8")
-    text = text.replace('counter_message = "Axis1State"\n', "").replace('counter_signal = "Counter"\n', "")
-    config.write_text(text, encoding="utf-8")
+    counter = ('counter_message = "Axis1State"\ncounter_signal = "Counter"\n', "")
+    config = edit(demo_config(tmp_path, axes=1), counter)
     (tmp_path / "demo.dbc").write_text(FLOATS, encoding="utf-8")
     with daemon(config) as d:
         bus = open_bus(load(config, {}).bus[0])
@@ -106,8 +102,7 @@ def test_a_checkpoint_of_other_nominal_values_is_quarantined_and_said(tmp_path: 
         with robot(config):
             wait_for(lambda: d.axis()["samples"])
         assert d.stop() == 0
-    text = config.read_text(encoding="utf-8").replace("fm = 0.06 ", "fm = 0.07 ")
-    config.write_text(text, encoding="utf-8")
+    edit(config, ("fm = 0.06 ", "fm = 0.07 "))
     with daemon(config) as d:
         (message,) = said(d)
         assert (

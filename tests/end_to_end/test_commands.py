@@ -1,7 +1,5 @@
 """Commands that go on, on a real bus between processes."""
 
-from __future__ import annotations
-
 import os
 import pty
 import re

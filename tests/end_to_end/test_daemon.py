@@ -1,7 +1,5 @@
 """The daemon from outside: frames on a real bus between processes in, answers and files out."""
 
-from __future__ import annotations
-
 import json
 import random
 import signal
@@ -9,11 +7,22 @@ import time
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from monitor_core.monitoring import AxisMonitor
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.store.checkpoints import Checkpoint, Checkpoints
-from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, run_program, running, wait_for
+from tests.end_to_end.processes import (
+    Daemon,
+    daemon,
+    demo_config,
+    edit,
+    robot,
+    run_program,
+    running,
+    wait_for,
+)
 
 INTERVAL_S, RATE_HZ = 1.0, 200
 FAST_CHECKPOINTS = f"checkpoint_interval_s = {INTERVAL_S}\nhistory_interval_s = 0.5"
@@ -36,36 +45,48 @@ def saved(config_file: Path) -> dict[str, AxisMonitor]:
     return dict(monitors)
 
 
+@pytest.mark.parametrize("detector", ["cusum", "multimodel"])
 def test_estimates_alarm_and_metrics_come_out_and_a_replay_of_the_record_gives_the_same_bits(
-    tmp_path: Path,
+    tmp_path: Path, detector: str
 ) -> None:
-    config = demo_config(tmp_path)
+    own = f'[robot.axis.detector]\nalarm_source = "{detector}"\n'
+    config = edit(demo_config(tmp_path), ("[robot.axis.detector]\n", own))
     record = tmp_path / "frames.log"
-    words = ("--fault", "fm=1.5", "--fault-axis", "axis2", "--fault-after", "4")
+    words = ("--fault", "fm=1.6", "--fault-axis", "axis2", "--fault-after", "4")
     with daemon(config, "--record", record) as d:
         assert d.status("readyz") == 503
         with robot(config, *words) as process:
             wait_for(lambda: d.status("readyz") == 200)
-            alarm = wait_for(lambda: next(iter(alarms(d).values()), None))
+            alarm = wait_for(lambda: next((a for a in alarms(d).values() if a["stage"] == "named"), None))
             assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
             wait_for(lambda: d.axis()["counters"]["used"] > 1500)
             process.send_signal(signal.SIGINT)
             assert process.wait(20) == 0
         last = wait_until_silent(d)
         assert {p["name"]: p["status"] for p in last[1]["parameters"]}["fm"] == "alarm"
-        with_metrics = d.text("metrics")
+        assert [x["name"] for x in last[1]["detectors"] if x["alarms"]] == [detector]
+        metrics = d.text("metrics")
         assert d.get("api/v1/axes/demo.axis1/history")["time"]
         assert d.stop() == 0
-    assert 'axiswatch_alarm_active{axis="demo.axis2",direction="up",parameter="fm"} 1.0' in with_metrics
+    assert 'axiswatch_alarm_active{axis="demo.axis2",direction="up",parameter="fm"} 1.0' in metrics
+    assert f'axiswatch_detector_alarms{{axis="demo.axis2",detector="{detector}"}} 1.0' in metrics
+    if detector == "multimodel":
+        assert alarm["onset_low"] <= alarm["onset"] <= alarm["onset_high"]
+        assert 0.01 < alarm["size"] < 0.06
+        assert (
+            'axiswatch_alarm_active{axis="demo.axis2",direction="up",parameter="torque sign"} 0.0' in metrics
+        )
 
-    out = tmp_path / "replay.json"
-    result = run_program("replay", "--config", config, record, "--json", out)
+    out, page = tmp_path / "replay.json", tmp_path / "replay.html"
+    result = run_program("replay", "--config", config, record, "--json", out, "--report", page)
     assert result.returncode == 0, result.stderr
+    assert "fm" in page.read_text(encoding="utf-8")
     replayed = json.loads(out.read_text(encoding="utf-8"))["axes"]
     for found, shown, monitor in zip(replayed, last, saved(config).values(), strict=True):
         status = monitor.status()
         assert found["samples"] == shown["samples"] == status.samples
         assert found["last_sample"] == shown["last_sample"]
+        assert [x["name"] for x in found["detectors"] if x["alarms"]] == [detector]
         for p, rest, kept in zip(found["parameters"], shown["parameters"], status.parameters, strict=True):
             for name in ("estimate", "standard_deviation", "p_diagonal"):
                 assert p[name] == rest[name] == getattr(kept, name)

@@ -1,7 +1,5 @@
 """The daemon as a process where the machine, or the program itself, is at fault."""
 
-from __future__ import annotations
-
 import json
 import resource
 import subprocess

@@ -1,7 +1,5 @@
 """A real Prometheus scrapes the daemon with the configuration that is shipped."""
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess

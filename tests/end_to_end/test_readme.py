@@ -1,7 +1,5 @@
 """Every command and program that README and docs show, run as it stands there."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -231,21 +229,13 @@ def test_the_library_example_names_the_fault(capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_files_that_are_named_are_there(path: Path) -> None:
+def test_files_and_headings_that_are_named_are_there(path: Path) -> None:
     text = TEXTS[path.name]
-    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s:]+)\)", text)]
-    assert [link for link in links if link and not (path.parent / link).exists()] == []
+    links = [link.partition("#")[::2] for link in re.findall(r"\]\(([^)\s:]+)\)", text)]
+    assert [file for file, _ in links if file and not (path.parent / file).exists()] == []
     named = re.findall(r"`((?:service|monitor_core|tests)/[\w./]*)`", text)
     assert [name for name in named if not (ROOT / name).exists()] == []
-
-
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
-def test_headings_that_are_linked_are_there(path: Path) -> None:
-    for link in re.findall(r"\]\(([^)\s:]*#[^)\s]+)\)", TEXTS[path.name]):
-        target, _, anchor = link.partition("#")
-        text = TEXTS[Path(target).name] if target else TEXTS[path.name]
-        anchors = {
-            re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-")
-            for h in re.findall(r"^#+ (.+)$", text, re.M)
-        }
-        assert anchor in anchors, link
+    for file, anchor in links:
+        headings = re.findall(r"^#+ (.+)$", TEXTS[Path(file).name] if file and anchor else text, re.M)
+        anchors = {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}
+        assert not anchor or anchor in anchors, (file, anchor)

@@ -1,7 +1,5 @@
 """The daemon on real SocketCAN devices."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Callable
 from pathlib import Path

@@ -1,15 +1,12 @@
 """Right configurations that the tests change: on a bus, with operating conditions, with a drive drawn, of tables."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from functools import cache
 from pathlib import Path
 
 from service.config import Config, load
-from tests.service.calibration.thresholds_texts import thresholds_text
-from tests.service.identification.nominal_texts import nominal_text
+from tests.service.found_files import nominal_text, thresholds_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")

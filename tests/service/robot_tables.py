@@ -1,13 +1,11 @@
 """A configuration of the demo's first axes with columns for tables, and tables of its simulated robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
 from service.config import load
 from service.simulation.robot import Fault, SimulatedRobot
-from tests.end_to_end.processes import demo_config
+from tests.end_to_end.processes import demo_config, edit
 
 START_S = 1_760_000_000
 COLUMNS = (
@@ -23,13 +21,9 @@ def configured(folder: Path, channel: str, *changes: tuple[str, str], axes: int 
     file = demo_config(folder, f'interface = "virtual"\nchannel = "{channel}"', axes=axes)
     text = file.read_text(encoding="utf-8")
     for old, new in COLUMNS:
-        assert old in text
         text = text.replace(old, new, 1)
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new)
     file.write_text(text, encoding="utf-8")
-    return file
+    return edit(file, *changes)
 
 
 def rows(config: Path, seed: int, faults: Sequence[Fault], end_s: float) -> list[tuple[float, float, float]]:

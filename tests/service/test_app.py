@@ -1,7 +1,5 @@
 """The daemon as a whole, inside this process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading
@@ -15,6 +13,7 @@ from service.commands.daemon import DaemonFailedError, run_daemon
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.warming import CacheFiller
 from service.store.journal import Journal
+from tests.conftest import ROOT
 from tests.service.pipeline.robots import demo
 
 
@@ -68,20 +67,23 @@ def test_who_sends_is_told_when_frames_no_longer_wait(
     assert order == ["served", "compiled", "keeping up"]
 
 
-def test_a_start_does_not_wait_for_what_the_daemon_never_uses() -> None:
-    """They take longer to import than all the rest of it."""
-    loaded = "import sys, service.commands.daemon, service.web.app; print(*sys.modules, sep='\\n')"
-    modules = subprocess.run(
-        [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
-    ).stdout
-    slow = {
-        "scipy.stats",
-        "scipy.optimize",
-        "scipy.signal",
-        "sympy",
-        "matplotlib",
-        "pymoca",
-        "pyarrow",
-        "scipy.io",
-    }
-    assert slow & set(modules.splitlines()) == set()
+STARTS = [
+    (
+        "import service.commands.daemon, service.web.app",
+        "scipy.stats scipy.optimize scipy.signal sympy matplotlib pymoca pyarrow scipy.io",
+    ),
+    ("import service.commands.main, service.commands.run, service.commands.excite", "matplotlib"),
+    (
+        "from service.config import load; from service.config.drive_sources import shipped;"
+        "from service.pipeline.axis_monitors import AxisMonitors; AxisMonitors(load(shipped('demo.toml'), {}).axes)",
+        "sympy pymoca antlr4",
+    ),
+]
+
+
+@pytest.mark.parametrize(("program", "slow"), STARTS, ids=["daemon", "commands", "drive of the library"])
+def test_a_start_does_not_wait_for_what_is_never_used(program: str, slow: str) -> None:
+    """They take longer to import than all the rest."""
+    command = [sys.executable, "-c", f"{program}; import sys; print(*sys.modules, sep='\\n')"]
+    modules = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    assert set(slow.split()) & set(modules.splitlines()) == set()

@@ -1,7 +1,5 @@
 """From the configuration to the engine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +12,20 @@ from service.config import NamedAxis
 from service.config.axis_settings import AxisError, axis_settings
 from service.config.drives import axis_model
 from service.config.schema import SpeedConfig
-from tests.service.pipeline.robots import demo
+from tests.service.pipeline.robots import changed, demo
 
 
-def changed(tmp_path: Path, estimator: dict[str, Any], **axis: Any) -> NamedAxis:
-    found = demo(tmp_path, 1).axes[0]
-    parts = found.config.estimator.model_copy(update=estimator)
-    return found._replace(config=found.config.model_copy(update={"estimator": parts, **axis}))
+def with_estimator(tmp_path: Path, estimator: dict[str, Any], **axis: Any) -> NamedAxis:
+    return changed(demo(tmp_path, 1), estimator=estimator, **axis).axes[0]
 
 
 def speed(tmp_path: Path, estimator: dict[str, Any]) -> NamedAxis:
     measured = SpeedConfig(message="Axis1State", signal="Angle")
-    return changed(tmp_path, estimator, angle=None, speed=measured)
+    return with_estimator(tmp_path, estimator, angle=None, speed=measured)
 
 
 def test_gain_and_innovation_variance_come_from_the_noises(tmp_path: Path) -> None:
-    axis = changed(tmp_path, {}, settling_time_s=None, torque_delay_s=0.001)
+    axis = with_estimator(tmp_path, {}, settling_time_s=None, torque_delay_s=0.001)
     model = axis_model(axis.config)
     settings = axis_settings(axis, model)
     K, lam0 = filter_gain(model, 0.005, 0.05, 1e-4)
@@ -45,12 +41,12 @@ def test_what_is_given_goes_before_what_is_computed(tmp_path: Path) -> None:
     model = axis_model(demo(tmp_path, 1).axes[0].config)
     K, lam0 = filter_gain(model, 0.005, 0.1, 1e-4)
     gain = tuple(float(k) for k in K)
-    given = changed(
+    given = with_estimator(
         tmp_path, {"gain": gain, "innovation_variance": 1e-7, "torque_noise": None}, settling_time_s=3.0
     )
     settings = axis_settings(given, model)
     assert (settings.K, settings.lam0, settings.settle_s) == (gain, 1e-7, 3.0)
-    half = axis_settings(changed(tmp_path, {"gain": gain, "torque_noise": 0.1}), model)
+    half = axis_settings(with_estimator(tmp_path, {"gain": gain, "torque_noise": 0.1}), model)
     assert (half.K, half.lam0) == (gain, lam0)
 
 
@@ -61,17 +57,14 @@ def test_output_error_has_no_gain(tmp_path: Path) -> None:
 
 
 def test_a_gain_that_does_not_stabilise_is_refused_by_name(tmp_path: Path) -> None:
-    axis = changed(tmp_path, {"gain": (0.0, 0.0, -5.0, 0.0, 0.0, 0.1), "innovation_variance": 1e-7})
+    axis = with_estimator(tmp_path, {"gain": (0.0, 0.0, -5.0, 0.0, 0.0, 0.1), "innovation_variance": 1e-7})
     with pytest.raises(AxisError, match=r"demo\.axis1: the predictor is not stable: give another gain"):
         axis_settings(axis, axis_model(axis.config))
 
 
 def test_model_has_names_scales_and_bounds(tmp_path: Path) -> None:
-    config = demo(tmp_path, 1).axes[0].config
-    parts = config.model.model_copy(
-        update={"monitor": ("fc", "kT"), "scales": {"fc": 0.5}, "bounds": {"kT": (0.5, 2.0)}}
-    )
-    model = axis_model(config.model_copy(update={"model": parts}))
+    own = {"monitor": ("fc", "kT"), "scales": {"fc": 0.5}, "bounds": {"kT": (0.5, 2.0)}}
+    model = axis_model(changed(demo(tmp_path, 1), model=own).axes[0].config)
     assert model.drive.output == "angle"
     np.testing.assert_array_equal(model.scale, [0.5, 1.0])
     np.testing.assert_array_equal(model.limits[:, 1], [0.5, 2.0])

@@ -1,20 +1,18 @@
-"""`axiswatch check` as a user sees it."""
+"""`axiswatch check` as a user sees it, and configurations without any bus: only for tables to be identified."""
 
 from pathlib import Path
 
 import pytest
-import typer
-from typer.testing import CliRunner
+from typer.testing import Result
 
-from service.commands.check import check
-from service.config import load
+from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
+from tests.service.command_line import axiswatch, refused
+from tests.service.config_texts import TABLES
+from tests.service.identification.conftest import robot_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-
-app = typer.Typer()
-app.command()(check)
 
 
 @pytest.mark.parametrize(
@@ -25,12 +23,15 @@ app.command()(check)
     ],
 )
 def test_a_right_configuration_is_summed_up(name: str, signals: tuple[str, ...]) -> None:
-    result = CliRunner().invoke(app, ["--config", str(CONFIG / name)])
-    assert result.exit_code == 0
+    result = check(CONFIG / name)
+    assert (result.exit_code, result.stderr) == (0, "")
     assert f"{CONFIG / name}: no problems\n" in result.stdout
     for words in ("can0", "axis1", "axis2", "three-mass", "1/Ja", *signals):
         assert words in result.stdout
-    assert result.stderr == ""
+
+
+def check(file: Path) -> Result:
+    return axiswatch("check", "--config", file)
 
 
 def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
@@ -38,9 +39,8 @@ def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
     text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
     text = text.replace('interface = "virtual"', 'interfase = "[red]"').replace("state_dir", "state_dri")
     file.write_text(text, encoding="utf-8")
-    result = CliRunner().invoke(app, ["--config", str(file)])
-    assert result.exit_code == 2
-    assert result.stdout == ""
+    result = check(file)
+    assert (result.exit_code, result.stdout) == (2, "")
     lines = result.stderr.splitlines()
     assert [line.split(": ")[:2] for line in lines[:-1]] == [
         [f"{file}:5", 'service.state_dri = "demo-state"'],
@@ -50,15 +50,15 @@ def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_no_traceback(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["--config", str(tmp_path / "none.toml")])
-    assert result.exit_code == 2
-    assert "cannot read the configuration: No such file or directory" in result.stderr
-    assert "1 problem in the configuration" in result.stderr
+    said = refused("check", "--config", tmp_path / "none.toml")
+    assert said.endswith(
+        "cannot read the configuration: No such file or directory 1 problem in the configuration"
+    )
 
 
 def test_the_environment_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("AXISWATCH_WEB__PORT", "http")
-    result = CliRunner().invoke(app, ["--config", str(CONFIG / "demo.toml")])
+    result = check(CONFIG / "demo.toml")
     assert result.exit_code == 2
     assert result.stderr.startswith("environment: AXISWATCH_WEB__PORT = http: must be a whole number")
 
@@ -73,16 +73,15 @@ def with_memory(tmp_path: Path, memory_s: float) -> Path:
 
 
 def test_a_memory_too_short_for_the_predictor_is_a_mistake_in_one_line(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["--config", str(with_memory(tmp_path, 0.2))])
-    assert result.exit_code == 2
-    assert result.stdout == ""
+    result = check(with_memory(tmp_path, 0.2))
+    assert (result.exit_code, result.stdout) == (2, "")
     (line,) = result.stderr.splitlines()
     assert line.startswith("axiswatch: demo.axis1: a memory of 0.2 s is less than 0.45 s, too short for")
 
 
 @pytest.mark.parametrize(("memory_s", "noted"), [(1.0, True), (3.0, False)])
 def test_a_memory_that_is_short_is_noted(memory_s: float, noted: bool, tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["--config", str(with_memory(tmp_path, memory_s))])
+    result = check(with_memory(tmp_path, memory_s))
     assert result.exit_code == 0
     assert ("Note: demo.axis1: a memory of 1 s is short compared with 0.9 s" in result.stdout) == noted
 
@@ -98,3 +97,100 @@ def test_where_it_is_short_the_state_moves_with_the_estimates_unless_told_otherw
     assert (joint(1.0), joint(3.0)) == (True, False)
     assert (joint(1.0, "joint_state = false"), joint(3.0, "joint_state = true")) == (False, True)
     assert joint(0.2, "joint_state = true")  # refused where nothing is said
+
+
+# --- without a bus: nothing can be watched ------------------------------------------------------------------
+
+
+VALUES = "Jm=0.006, Jg=280, Ja=96, kg=3e5, ka=3e5, dg=870, da=140, fm=0.06, fc=0.01, tau0=0.01"
+NOISES = "estimator = { torque_noise = 0.05, output_noise = 1e-4 }\n"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "axis.toml").write_text(TABLES, encoding="utf-8")
+    return tmp_path
+
+
+def problems(text: str, folder: Path) -> list[str]:
+    (folder / "axis.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigErrors) as caught:
+        load(folder / "axis.toml", {})
+    return [f"{p.line} {p.key}: {p.message}" for p in caught.value.problems]
+
+
+def call(command: str) -> Result:
+    name, *words = command.split()
+    return axiswatch(name, "--config", "axis.toml", *words)
+
+
+def test_columns_are_enough(here: Path) -> None:
+    (axis,) = load(here / "axis.toml", {}).axes
+    assert (axis.config.records_only, axis.config.torque.column) == (True, "torque")
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("command", ["run", "check", "listen", "simulate", "play r.csv", "replay r.csv"])
+def test_what_needs_a_bus_says_so(command: str) -> None:
+    result = call(command)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith("axiswatch: axis.toml: no bus: ")
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.usefixtures("here")
+def test_the_model_needs_no_bus() -> None:
+    result = call("model")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert "Hold kT and r known" in " ".join(result.stdout.split())
+
+
+def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(here: Path) -> None:
+    words = "excite --torque-limit 2 -o m.csv --seconds 2"
+    result = call(words)
+    assert result.exit_code == 2
+    assert (
+        "the configuration has no Jm, Jg, Ja, kg, ka, dg, da, fm, fc, tau0, torque_noise, output_noise: give"
+        in (result.stderr)
+    )
+    known = TABLES.replace("kT = 1,", f"kT = 1, {VALUES},").replace("model =", f"{NOISES}model =")
+    (here / "axis.toml").write_text(known.replace("torque_noise = 0.05, ", ""), encoding="utf-8")
+    assert "has no torque_noise: give" in call(words).stderr
+    (here / "axis.toml").write_text(known, encoding="utf-8")
+    assert call(words).exit_code == 0
+    assert (here / "m.csv").read_text(encoding="utf-8").startswith("t_s,torque_Nm")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--free Jm", "no value of Jg, Ja, kg, ka, dg, da, fm, fc, tau0, to be held: give it in [robot.axis"),
+        ("--fix fc", "no value of fc, to be held"),
+        ("--start values", "--start values needs a value of Jm, Jg"),
+        ("--start search", "--start search needs a value of Jm, Jg"),
+        ("", "refused: r.csv: only 2 measured samples"),
+    ],
+)
+def test_an_identification_needs_values_of_what_it_does_not_find(
+    here: Path, words: str, expected: str
+) -> None:
+    (here / "r.csv").write_text("torque,angle\n0,0\n1,1\n", encoding="utf-8")
+    result = call(f"identify r.csv {words}")
+    assert (result.exit_code, expected in result.stderr) == (2, True), result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_can_log_cannot_be_read_without_a_bus(here: Path) -> None:
+    (here / "r.log").write_text("(0.0) can0 123#00\n", encoding="utf-8")
+    result = call("identify r.log")
+    assert (result.exit_code, "no [[bus]]" in result.stderr) == (2, True), result.stderr
+
+
+def test_the_text_of_the_demo_without_its_bus_tells_all_at_once(here: Path) -> None:
+    text = robot_text()
+    start, end = text.index("[[bus]]"), text.index("[[robot]]")
+    found = problems(text[:start] + text[end:], here)
+    assert [line.split(":")[0].split()[-1].split(".")[-1] for line in found] == [
+        *("bus", "message", "signal", "message", "signal"),
+    ]

@@ -1,6 +1,4 @@
-"""Which detector alarms: as said, else the bank where it has thresholds of its own; refused by line where it cannot."""
-
-from __future__ import annotations
+"""Thresholds from a file, and which detector alarms; refused by line where they cannot be used."""
 
 import json
 import re
@@ -8,19 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from service.commands.check import check
-from service.config import load
+from monitor_core.settings import Threshold
+from service.config import Config, load
 from service.config.axis_settings import AxisError, Detectors, axis_settings, detectors_of
 from service.config.drives import axis_model
-from tests.service.calibration.test_thresholds_file import named
-from tests.service.calibration.thresholds_texts import thresholds_text
+from tests.end_to_end.processes import edit
+from tests.service.command_line import shown
+from tests.service.found_files import named, thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot
-
-app = typer.Typer()
-app.command()(check)
 
 OWN = [
     {"cause": "kT", "size": 0.2, "h": 9.0, "allowance": 0.01, "alike": ["torque scale"]},
@@ -39,12 +33,7 @@ def robot(tmp_path: Path) -> Path:
 
 
 def detector(path: Path, *rows: str) -> Path:
-    text = path.read_text(encoding="utf-8")
-    path.write_text(
-        text.replace("[robot.axis.detector]\n", "\n".join(["[robot.axis.detector]", *rows, ""])),
-        encoding="utf-8",
-    )
-    return path
+    return edit(path, ("[robot.axis.detector]\n", "\n".join(["[robot.axis.detector]", *rows, ""])))
 
 
 def calibrated(path: Path, entries: list[dict[str, object]]) -> Path:
@@ -63,9 +52,7 @@ def found(path: Path) -> Detectors:
 
 
 def checked(path: Path) -> str:
-    result = CliRunner().invoke(app, ["--config", str(path)], env={"COLUMNS": "300"})
-    assert result.exit_code == 0, result.stderr
-    return re.sub(r"\s+", " ", result.stdout)
+    return re.sub(r"\s+", " ", shown("check", "--config", path))
 
 
 def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None:
@@ -73,9 +60,6 @@ def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None
     assert one.alarm_source == "cusum"
     assert one.multimodel is not None
     assert "alarms: cusum (multimodel in shadow mode)" in checked(robot)
-
-
-def test_alone(robot: Path) -> None:
     assert found(detector(robot, "shadow = false")) == Detectors("cusum", None, "")
     assert "multimodel" not in checked(robot)
 
@@ -100,11 +84,8 @@ def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
     assert found(detector(robot, 'alarm_source = "cusum"')).alarm_source == "cusum"
 
 
-def test_a_file_of_thresholds_without_the_bank(robot: Path) -> None:
+def test_a_file_of_thresholds_without_the_bank_or_for_other_causes(robot: Path) -> None:
     assert found(calibrated(robot, [])).alarm_source == "cusum"
-
-
-def test_a_file_for_other_causes(robot: Path) -> None:
     calibrated(robot, [{"cause": "fc", "size": 0.2, "h": 9.0}])
     with pytest.raises(AxisError, match="limits of fc, which the axis does not have"):
         found(robot)
@@ -133,3 +114,58 @@ def test_where_nominal_values_vary_the_bank_looks_on_unless_it_is_asked_for(robo
     assert one.alarm_source == "cusum"
     assert one.multimodel is not None
     assert found(detector(robot, 'alarm_source = "multimodel"')).alarm_source == "multimodel"
+
+
+# --- a file of thresholds is used by the monitor that it was made for, and by no other ----------------------
+
+
+@pytest.fixture
+def thresholded(tmp_path: Path) -> Path:
+    path = write_robot(tmp_path)
+    (tmp_path / "thresholds.toml").write_text(
+        thresholds_text(load(path, {}).axes[0].config, 1.5, 7.0, 0.02), encoding="utf-8"
+    )
+    path.write_text(named(robot_text()), encoding="utf-8")
+    return path
+
+
+def settings(config: Config) -> tuple[Threshold, ...]:
+    axis = config.axes[0]
+    return axis_settings(axis, axis_model(axis.config)).thresholds
+
+
+def test_a_file_of_thresholds_is_used(thresholded: Path) -> None:
+    assert settings(load(thresholded, {})) == (Threshold(1.5, 7.0, 0.02),) * 3
+
+
+def test_to_calibrate_it_is_passed_over(thresholded: Path) -> None:
+    (thresholded.parent / "thresholds.toml").write_text("no thresholds", encoding="utf-8")
+    assert settings(load(thresholded, {}, thresholds=False)) == ()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "reason"),
+    [
+        (r"^fm = .*", "fm = 0.05", "fm = 0.06, now it is 0.05"),
+        (r"^torque_noise = .*", "torque_noise = 0.2", "innovation_variance = "),
+        (
+            r"^\[robot.axis.estimator\]",
+            "[robot.axis.estimator]\nmin_excitation = 0.1",
+            "min_excitation = 0.05",
+        ),
+    ],
+)
+def test_of_another_monitor_it_is_refused(
+    thresholded: Path, pattern: str, replacement: str, reason: str
+) -> None:
+    text = re.sub(pattern, replacement, thresholded.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    thresholded.write_text(text, encoding="utf-8")
+    with pytest.raises(AxisError, match=rf"thresholds\.toml was made with {reason}.*calibrate"):
+        settings(load(thresholded, {}))
+
+
+def test_what_is_said_twice_may_be_the_same(thresholded: Path) -> None:
+    text = thresholded.read_text(encoding="utf-8")
+    said = text.replace("[robot.axis.detector]\n", "[robot.axis.detector]\nalpha_1 = 1.5\n")
+    thresholded.write_text(said, encoding="utf-8")
+    assert settings(load(thresholded, {}))

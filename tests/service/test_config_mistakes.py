@@ -4,8 +4,6 @@ The files config_mistakes/*.golden are the table: a text of config_texts.py by t
 in a line, `old => new`, and below them all that is reported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
@@ -13,8 +11,11 @@ from pathlib import Path
 import pytest
 
 from service.config import ConfigErrors, load
+from service.config.found_file import FoundFileError, read_found
+from service.config.nominal_file import NominalFile
+from service.config.validation_messages import RENAMED_KEYS
 from tests import golden
-from tests.service.config_texts import TEXTS, furnish, loaded
+from tests.service.config_texts import CONFIG, TEXTS, furnish, loaded
 
 FOLDER = Path(__file__).parent / "config_mistakes"
 
@@ -55,3 +56,21 @@ def test_mistakes_are_reported(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", TEXTS)
 def test_without_a_mistake_the_texts_load(name: str, tmp_path: Path) -> None:
     assert loaded(furnish(tmp_path), TEXTS[name]).axes
+
+
+# --- keys of earlier versions -------------------------------------------------------------------------------
+
+
+EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("key", RENAMED_KEYS.values())
+def test_the_new_keys_exist(key: str) -> None:
+    assert f"{key} = " in EXAMPLE or f".{key}]]" in EXAMPLE
+
+
+def test_a_parameter_may_have_the_name_of_an_old_key(tmp_path: Path) -> None:
+    """What is wrong with this file is something else."""
+    (tmp_path / "nominal.toml").write_text("format = 1\n[values]\naveraged = 1.0\n", encoding="utf-8")
+    with pytest.raises(FoundFileError, match="required"):
+        read_found(NominalFile, tmp_path / "nominal.toml")

@@ -3,7 +3,7 @@
 import re
 import tomllib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from hypothesis import given, settings
@@ -23,17 +23,8 @@ TEXTS = (BASE, EXAMPLE)
 ENTRY = re.compile(r'(?P<key>[\w"/]+) = (?P<value>.+)')
 VALUES = [
     *('"text"', '""', '"1/Ja"', "0", "-1", "3.5", "1e-300", "inf", "nan", "true", "1979-05-27", "07:32:00"),
-    *(
-        "[]",
-        "[[1]]",
-        '["kT", 2]',
-        "[0.0, 1.0]",
-        "{}",
-        "{ a = { b = 1 } }",
-        "{ message = 3 }",
-        "9" * 400,
-        "0x" + "f" * 4000,
-    ),
+    *("[]", "[[1]]", '["kT", 2]', "[0.0, 1.0]", "{}", "{ a = { b = 1 } }", "{ message = 3 }"),
+    *("9" * 400, "0x" + "f" * 4000),
 ]
 
 
@@ -152,9 +143,5 @@ def test_any_mess_is_loaded_or_reported(file: Path, text: str, data: st.DataObje
 
 
 def _kind(value: str) -> str:
-    parsed: Any = tomllib.loads(f"x = {value}")["x"]
-    return (
-        "number"
-        if isinstance(parsed, int | float) and not isinstance(parsed, bool)
-        else type(parsed).__name__
-    )
+    kind = type(tomllib.loads(f"x = {value}")["x"]).__name__
+    return "number" if kind in ("int", "float") else kind

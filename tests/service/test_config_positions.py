@@ -64,18 +64,13 @@ def test_every_value_has_a_line() -> None:
     assert missing == [("robot", 0, "axis", 1, "model")]
 
 
-def test_a_missing_key_is_where_its_table_is() -> None:
+def test_where_a_key_counts_from() -> None:
+    """A missing key from its table; Windows line ends; a table's header that stands behind its inner table."""
     found = positions(TEXT)
     assert nearest(found, ("robot", 0, "axis", 0, "model", "drive")) == 11
     assert nearest(found, ("robot", 0, "axis", 1, "torque", "message")) == 14
     assert nearest(found, ("bus", 0)) == 1
-
-
-def test_windows_line_ends() -> None:
     assert positions("a = 1\r\n[t]\r\nb = 2\r\n")[("t", "b")] == 3
-
-
-def test_a_table_header_after_its_inner_table_wins() -> None:
     assert positions("[a.b]\nc = 1\n[a]\nd = 2\n")[("a",)] == 3
 
 

@@ -14,8 +14,7 @@ from service.config import Config, load
 from service.config.base_table import Table
 from service.config.problems import Keys, positions
 from service.config.validation_messages import table_in
-from tests.service.calibration.thresholds_texts import thresholds_text
-from tests.service.identification.nominal_texts import nominal_text
+from tests.service.found_files import nominal_text, thresholds_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
@@ -23,7 +22,7 @@ OPTIONAL = re.compile(r"^#(?=[\w\[\"])", re.MULTILINE)  # "#key = value" or "#[t
 EVERYTHING = OPTIONAL.sub("", EXAMPLE)
 
 
-def test_demo_is_six_reference_drives() -> None:
+def test_demo_is_six_reference_drives_and_the_example_has_both_outputs() -> None:
     config = load(CONFIG / "demo.toml", {})
     assert [axis.id for axis in config.axes] == [f"demo.axis{i}" for i in range(1, 7)]
     expected = {**REFERENCE_VALUES, "fc": 0.08, "tau0": 0.01}
@@ -31,9 +30,6 @@ def test_demo_is_six_reference_drives() -> None:
         assert axis.config.model.nominal == pytest.approx(expected, rel=1e-14)
         assert axis.config.model.monitor == ("kT", "1/Ja", "fm")
         assert axis.config.output == "angle"
-
-
-def test_example_has_an_axis_with_angle_and_one_with_speed() -> None:
     config = load(CONFIG / "axiswatch.toml", {})
     assert [(axis.id, axis.config.output) for axis in config.axes] == [
         ("cell1.axis1", "angle"),

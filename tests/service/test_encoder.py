@@ -1,7 +1,5 @@
 """Encoders as they are: angles that start again, steps, angles of the arm behind a gear that turns the other way."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable
@@ -10,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.samples import SampleBlock
-from service.commands.main import app
 from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
@@ -23,6 +19,7 @@ from service.ingest.identification_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault
+from tests.service.command_line import shown
 from tests.service.pipeline.robots import blocks, live
 from tests.service.test_skew import replayed, written
 
@@ -58,14 +55,13 @@ def table(
 ) -> Path:
     u, y = course
     rows = zip(np.arange(N) * H, u, shown(y), strict=True)
-    lines = [f"{t:.6f},{a!r},{b!r}" for k, (t, a, b) in enumerate(rows) if k not in skip]
-    (folder / "a.csv").write_text("t,u,phi\n" + "\n".join(lines).replace("np.float64(", "").replace(")", ""))
+    lines = [f"{t:.6f},{float(a)!r},{float(b)!r}" for k, (t, a, b) in enumerate(rows) if k not in skip]
+    (folder / "a.csv").write_text("\n".join(["t,u,phi", *lines]))
     return folder / "a.csv"
 
 
 def found(file: Path, *records: Path) -> dict[str, Any]:
-    (axis,) = json.loads(replayed(file, *map(str, records), "--json", "-"))["axes"]
-    return dict(axis)
+    return dict(json.loads(replayed(file, *records, "--json", "-"))["axes"][0])
 
 
 def alike(a: dict[str, Any], b: dict[str, Any]) -> None:
@@ -183,12 +179,10 @@ def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
     facts = [core.monitors.by_id["demo.axis1"].status() for core in (a, b)]
     assert facts[0].counters == facts[1].counters
     for p, q in zip(*(f.parameters for f in facts), strict=True):
-        assert p.estimate == pytest.approx(
-            q.estimate, abs=0.3 * p.standard_deviation
-        )  # steps differ by a part of one
-    assert facts[0].parameters[0].estimate == pytest.approx(
-        0.66, abs=6 * facts[0].parameters[0].standard_deviation
-    )
+        # Steps differ by a part of one.
+        assert p.estimate == pytest.approx(q.estimate, abs=0.3 * p.standard_deviation)
+    kT = facts[0].parameters[0]
+    assert kT.estimate == pytest.approx(0.66, abs=6 * kT.standard_deviation)
 
 
 def test_resolution_is_a_noise(tmp_path: Path) -> None:
@@ -225,8 +219,7 @@ def test_remarks(angle: str, noise: str, words: str | None, tmp_path: Path) -> N
     remarks = list(remarks_on_encoders(load(file, {})))
     assert len(remarks) == (words is not None)
     assert words is None or words in remarks[0]
-    shown = CliRunner().invoke(app, ["check", "--config", str(file)]).stdout
-    assert words is None or words in shown
+    assert words is None or words in shown("check", "--config", file)
 
 
 GRAVITY = """[robot.axis.model.components]

@@ -1,7 +1,5 @@
 """Files become records for identification: ranges, torn rows, further signals, where they come from."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path
@@ -13,7 +11,6 @@ import pytest
 
 from monitor_core.identification.records import Known, suspicions
 from service.can.user_errors import RecordError
-from service.config.condition_rules import sources as signal_sources
 from service.config.schema import Config
 from service.ingest.identification_records import Loaded, Wanted, load, wanted
 from service.ingest.records import read_record
@@ -137,16 +134,6 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     assert "3 missing, 3 ahead" in found.source.words
 
 
-def test_a_signal_that_a_table_lacks_or_that_no_table_has(tmp_path: Path, seed: int) -> None:
-    columns = table(seed, 100)
-    del columns["w"]
-    path = write_table(tmp_path / "a.csv", columns)
-    with pytest.raises(RecordError, match=r'no column "w" for the signal speed of axis r\.one'):
-        load(str(path), timed(tmp_path), "r.one")
-    only_on_the_bus = make_config(tmp_path, axis1(signal=[{**SPEED, "column": None}]))
-    assert load(str(path), only_on_the_bus, "r.one").record.signals == {}
-
-
 @pytest.mark.parametrize(
     ("name", "axis", "problem"),
     [
@@ -223,27 +210,17 @@ def test_the_motion_of_another_axis_is_a_signal(tmp_path: Path, seed: int) -> No
     assert found.tolist() == [2.0 * k + 1 for k in range(50)]
 
 
-def test_a_signal_that_never_comes(tmp_path: Path) -> None:
+def test_a_signal_that_never_comes_or_is_in_no_table(tmp_path: Path, seed: int) -> None:
     config = make_config(tmp_path, axis1(signal=[{"name": "x", "message": "Other", "signal": "Something"}]))
     found = load(str(log_of(tmp_path / "a.log")), config, "r.one")
     assert np.isnan(found.record.signals["x"]).all()
-
-
-@pytest.mark.parametrize(
-    ("signals", "problem"),
-    [
-        ([{"name": "a", "column": "x"}, {"name": "a", "column": "y"}], "must differ from the name of"),
-        ([{"name": "a", "message": "Both2"}], "missing: message and signal go together"),
-        ([{"name": "a", "signal": "Speed", "column": "x"}], "missing: message and signal go together"),
-        ([{"name": "a"}], "missing: it is either in a column or in a message and signal"),
-        ([{"name": "a", "column": "x"}, SPEED], None),
-    ],
-)
-def test_rules_of_further_signals(tmp_path: Path, signals: list[dict[str, Any]], problem: str | None) -> None:
-    config = make_config(tmp_path, axis1(signal=signals))
-    axis = config.axes[0].config
-    found = [finding.message for finding in signal_sources(axis)]
-    assert found == ([] if problem is None else [problem])
+    columns = table(seed, 100)
+    del columns["w"]
+    path = write_table(tmp_path / "a.csv", columns)
+    with pytest.raises(RecordError, match=r'no column "w" for the signal speed of axis r\.one'):
+        load(str(path), timed(tmp_path), "r.one")
+    only_on_the_bus = make_config(tmp_path, axis1(signal=[{**SPEED, "column": None}]))
+    assert load(str(path), only_on_the_bus, "r.one").record.signals == {}
 
 
 def real(

@@ -1,7 +1,5 @@
 """A speed that the drive averages, from the configuration to the estimates."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path

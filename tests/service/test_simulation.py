@@ -1,8 +1,7 @@
-"""The simulated robot: kinds of axes, order of samples, pace."""
-
-from __future__ import annotations
+"""The simulated robot: kinds of axes, order of samples, pace, and the signals that it sends."""
 
 import itertools
+import math
 import threading
 from pathlib import Path
 from typing import Any
@@ -10,22 +9,24 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monitor_core.drive.operating_conditions import Gate, Term
 from monitor_core.samples import SampleBlock
-from service.config import Config
+from service.config import NamedAxis, conditions_of
 from service.config.schema import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.axis import ControlledAxis
+from service.simulation.axis import PERIOD_S, ControlledAxis, SimulatedConditions
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot
-from tests.service.pipeline.robots import demo
+from tests.service.ingest.plant import axis1, axis2, make_config
+from tests.service.pipeline.robots import changed, demo
 
-SPEED = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
+SPEED_ONLY = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
 OUTPUT_ERROR = {"predictor": "output-error", "output_noise": 0.2, "torque_noise": None}
 KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "angle": ({}, {}),
     "late torque": ({}, {"torque_delay_s": 0.002}),
     "torque late by a whole interval": ({}, {"torque_delay_s": 0.005}),
-    "speed": ({"output_noise": 0.02}, SPEED),
-    "output error": (OUTPUT_ERROR, SPEED),
+    "speed": ({"output_noise": 0.02}, SPEED_ONLY),
+    "output error": (OUTPUT_ERROR, SPEED_ONLY),
     "slow samples": ({}, {"sample_interval_s": 0.01, "max_gap_s": 0.1}),
 }
 """Changes of the estimator and of the axis"""
@@ -33,9 +34,8 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
-    (estimator, changes), one = KINDS[kind], demo(tmp_path, 1).axes[0]
-    parts = one.config.estimator.model_copy(update={"initial_p": {}, **estimator})
-    one = one._replace(config=one.config.model_copy(update={"estimator": parts, **changes}))
+    estimator, changes = KINDS[kind]
+    (one,) = changed(demo(tmp_path, 1), estimator={"initial_p": {}, **estimator}, **changes).axes
     robot = ControlledAxis(one, np.random.default_rng(seed))
     n = round(40 / robot.interval_s)
     readings = [robot.sample(k) for k in range(n)]
@@ -49,21 +49,14 @@ def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Pa
 
 
 def test_axes_of_different_intervals_come_in_the_order_of_time(tmp_path: Path, seed: int) -> None:
-    config = demo(tmp_path, 2)
-    fast, slow = config.robot[0].axis
-    slow = slow.model_copy(update={"sample_interval_s": 0.012})
-    robot = config.robot[0].model_copy(update={"axis": (fast, slow)})
-    moments = list(itertools.islice(SimulatedRobot(_with(config, robot), seed).moments(), 300))
+    config = changed(demo(tmp_path, 2), "axis2", sample_interval_s=0.012)
+    moments = list(itertools.islice(SimulatedRobot(config, seed).moments(), 300))
     times = [m.time_s for m in moments]
     assert times == sorted(times)
     for axis_id, interval_s in (("demo.axis1", 0.005), ("demo.axis2", 0.012)):
         own = [m for m in moments if axis_id in m.readings]
         assert [m.number for m in own] == list(range(len(own)))
         np.testing.assert_allclose([m.time_s for m in own], np.arange(len(own)) * interval_s)
-
-
-def _with(config: Config, robot: Any) -> Config:
-    return config.model_copy(update={"robot": (robot,)})
 
 
 def test_faults_happen_once_and_in_time(tmp_path: Path, seed: int) -> None:
@@ -99,3 +92,73 @@ def test_sending_ends_by_time_or_when_told(tmp_path: Path, seed: int) -> None:
     stop = threading.Event()
     stop.set()
     assert run_robot(robot, send, stop) == 0
+
+
+# --- signals: they open gates, lie where they are followed, and are what drives follow ----------------------
+
+
+VALUES = {"kT": 1.0, "fm": 0.06, "Jm": 0.006, "Jg": 280.0, "Ja": 96.0, "kg": 3e5, "ka": 3e5, "dg": 870.0}
+NOMINAL = {**VALUES, "da": 140.0, "fc": 0.01, "tau0": 0.01, "r": 0.0085}
+SIGNAL = {"message": "Other", "signal": "Something"}
+
+
+def axis(
+    folder: Path, gates: list[dict[str, Any]], varying: list[dict[str, Any]], **signal: Any
+) -> NamedAxis:
+    one = axis1(signal=[{"name": "s", **(signal or SIGNAL)}], gate=gates)
+    one["model"] = {"monitor": ["fm", "1/Ja"], "nominal": NOMINAL, "schedule": varying}
+    return make_config(folder, one, axis2()).axes[0]
+
+
+@pytest.mark.parametrize(
+    "gates",
+    [
+        [{"equals": [3.0, 4.0]}],
+        [{"above": 2.0}],
+        [{"below": -2.0}],
+        [{"above": 2.0}, {"below": 2.5}],
+        [{"equals": [1.0, 7.0]}, {"above": 5.0}],
+    ],
+)
+def test_gates_are_open(gates: list[dict[str, Any]], tmp_path: Path) -> None:
+    named = axis(tmp_path, [{"signal": "s", **gate} for gate in gates], [])
+    (value,) = SimulatedConditions(named).signals(12.3, {})
+    opened: tuple[Gate, ...] = conditions_of(named).gates
+    assert all(gate.open(np.array([value])).all() for gate in opened)
+
+
+def slope(parameter: str, signal: str, reference: float, **more: Any) -> dict[str, Any]:
+    return {"parameter": parameter, "signal": signal, "slope": 0.001, "reference": reference, **more}
+
+
+def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
+    one = SimulatedConditions(axis(tmp_path, [], [slope("fm", "s", 30.0, range=[20.0, 60.0])]))
+    course = [one.signals(t, {})[0] for t in np.linspace(0, PERIOD_S, 200)]
+    assert (min(course), max(course)) == pytest.approx((22.0, 58.0), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("signal", "reference"), [("s", 7.0), ("cos(s)", 0.3), ("sin(s)", -0.2), ("square(s)", 4.0)]
+)
+def test_what_has_no_range_is_at_its_reference(signal: str, reference: float, tmp_path: Path) -> None:
+    one = SimulatedConditions(axis(tmp_path, [], [slope("fm", signal, reference)]))
+    values = np.array(one.signals(12.3, {}))
+    assert Term.read(signal).value(values)[0] == pytest.approx(reference)
+
+
+def test_the_motion_of_another_axis_is_what_that_sends(tmp_path: Path) -> None:
+    named = axis(tmp_path, [], [slope("fm", "s", 0.0)], axis="two", factor=2.0, offset=1.0)
+    one = SimulatedConditions(named)
+    assert one.signals(0.0, {"two": 3.0}) == (7.0,)
+    assert math.isnan(one.signals(0.0, {})[0])
+
+
+def test_a_drive_follows(tmp_path: Path) -> None:
+    slopes = [slope("fm", "s", 1.0), {**slope("Ja", "s", 1.0), "slope": 10.0}]
+    one = SimulatedConditions(axis(tmp_path, [], slopes))
+    found = dict(one.followed((3.0,), NOMINAL))
+    assert found == pytest.approx({"fm": 0.062, "Ja": 116.0})
+    broken = dict(one.followed((3.0,), {**NOMINAL, "fm": 0.1}))
+    assert broken["fm"] == pytest.approx(0.102)
+    assert dict(one.followed((1.0,), NOMINAL)) == {}
+    assert dict(one.followed((math.nan,), NOMINAL)) == {}

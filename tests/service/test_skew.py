@@ -1,21 +1,19 @@
 """A torque that acts late: watched by the configuration's word, named as what it is, all the way to the user."""
 
-from __future__ import annotations
-
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from service.commands.main import app
 from service.config import ConfigErrors, load
 from service.config.drives import axis_model
 from service.simulation.demonstration import watching
 from service.simulation.robot import Fault
-from service.texts import alarm_words
+from tests.end_to_end.processes import edit
+from tests.service.command_line import shown
 from tests.service.robot_tables import configured, write_table
 
 H, FAULT_S, END_S = 0.005, 14.0, 24.0
@@ -26,13 +24,9 @@ INERTIAS = 'monitor = ["1/Jm", "1/Ja", "fm", "delay"]'
 def written(folder: Path, *changes: tuple[str, str], monitor: str = WATCHED) -> Path:
     """The demo's first axis, with columns; ``changes`` of the text."""
     file = configured(folder, "skew", ('monitor = ["kT", "1/Ja", "fm"]', monitor))
-    text = file.read_text(encoding="utf-8")
-    text = "\n".join(line for line in text.splitlines() if not line.startswith("initial_p"))
-    for old, new in changes:
-        assert old in text, text
-        text = text.replace(old, new)
+    text = re.sub(r"^initial_p.*\n", "", file.read_text(encoding="utf-8"), flags=re.MULTILINE)
     file.write_text(text, encoding="utf-8")
-    return file
+    return edit(file, *changes)
 
 
 def record(folder: Path, config: Path, seed: int, late_s: float) -> Path:
@@ -41,10 +35,8 @@ def record(folder: Path, config: Path, seed: int, late_s: float) -> Path:
     return write_table(folder / "late.csv", config, seed, faults, END_S)
 
 
-def replayed(file: Path, *arguments: str) -> str:
-    result = CliRunner().invoke(app, ["replay", "--config", str(file), *arguments])
-    assert result.exit_code == 0, result.output
-    return result.stdout
+def replayed(file: Path, *arguments: object) -> str:
+    return shown("replay", "--config", file, *arguments)
 
 
 def alarms(file: Path, late: Path) -> list[dict[str, Any]]:
@@ -82,7 +74,7 @@ def test_people_read_it_in_words(tmp_path: Path, seed: int) -> None:
     assert all(word in shown for word in ("delay", "torque", "frame", "late:")), shown
 
 
-def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
+def test_nominal_value_scale_and_bounds_and_the_demo_can_watch_it(tmp_path: Path) -> None:
     plain = axis_model(load(written(tmp_path), {}).axes[0].config)
     assert (plain.nominal["delay"], plain.scale[3]) == (0.0, H / 2)
     np.testing.assert_array_equal(plain.limits[:, 3], [-H, H])
@@ -92,9 +84,6 @@ def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
     given = axis_model(load(written(tmp_path, own), {}).axes[0].config)
     assert given.scale[3] == 0.001
     np.testing.assert_array_equal(given.limits[:, 3], [-0.002, 0.003])
-
-
-def test_the_demo_can_watch_it(tmp_path: Path) -> None:
     axis = watching(load(written(tmp_path), {}).axes[0].config, ("fm", "delay"))
     assert axis_model(axis).monitored == ("fm", "delay")
     with pytest.raises(KeyError):
@@ -109,36 +98,3 @@ def test_a_drive_with_such_a_parameter_of_its_own(tmp_path: Path) -> None:
     with pytest.raises(ConfigErrors) as caught:
         load(file, {})
     assert "the drive has a parameter of that name: rename that one" in str(caught.value.problems)
-
-
-@pytest.mark.parametrize(
-    ("alarm", "words"),
-    [
-        (
-            ("delay", 0.0005, 0.0, "s"),
-            "the torque frame is 0.5 ms late: the torque acts that much after its sample",
-        ),
-        (
-            ("delay", -0.00123, 0.0, "s"),
-            "the torque frame is 1.2 ms early: the torque acts that much before its sample",
-        ),
-        (
-            ("delay", 0.0005, 0.001, "s"),
-            "the torque frame is 0.5 ms later than usual: the torque acts 1.5 ms after its sample",
-        ),
-        (
-            ("delay", -0.002, 0.001, "s"),
-            "the torque frame is 2 ms earlier than usual: the torque acts 1 ms before its sample",
-        ),
-        (
-            ("delay", -0.0005, 0.001, "s"),
-            "the torque frame is 0.5 ms earlier than usual: the torque acts 0.5 ms after its sample",
-        ),
-        (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
-        (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
-        (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
-        (("fm", float("nan"), 0.06, "N m s/rad"), "fm is ? N m s/rad (? %) above its nominal value"),
-    ],
-)
-def test_words(alarm: tuple[str, float, float, str], words: str) -> None:
-    assert alarm_words(*alarm) == words

@@ -1,14 +1,11 @@
-"""What the jitter of receipt costs, and what is left of that where the controller's clock is fitted to it."""
+"""Jitter of receipt, lost and repeated samples, clocks that are set: live as in a replay."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
@@ -19,11 +16,11 @@ from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from service.can.frames import Frame
 from service.can.log_files import FrameRecorder
-from service.commands.main import app
 from service.config import Config, load
 from service.ingest.clocks import CyclicClock
 from service.pipeline.axis_monitors import FramePipeline
-from tests.end_to_end.processes import demo_config
+from tests.end_to_end.processes import demo_config, edit
+from tests.service.command_line import shown
 from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 
 Times = NDArray[np.int64]
@@ -94,9 +91,7 @@ def configured(folder: Path, clock: str) -> tuple[Path, Config]:
     """An axis of the demo, without its counter."""
     folder.mkdir()
     file = demo_config(folder, 'interface = "virtual"\nchannel = "stamps"', axes=1)
-    text = file.read_text(encoding="utf-8")
-    assert text.count(COUNTER) == 1
-    file.write_text(text.replace(COUNTER, f'clock = "{clock}"'), encoding="utf-8")
+    edit(file, (COUNTER, f'clock = "{clock}"'))
     return file, load(file, {})
 
 
@@ -148,6 +143,76 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
 def test_what_the_stamps_say_is_said(tmp_path: Path, seed: int) -> None:
     file, config = configured(tmp_path / "receipt", "receipt")
     log = write(tmp_path / "a.log", frames_of(config, np.random.default_rng(seed), 4.0, JITTER_US))
-    result = CliRunner().invoke(app, ["replay", "--config", str(file), str(log)])
-    assert "demo.axis1: stamps scatter by" in result.stdout
-    assert 'set clock = "cyclic" in [robot.axis.time]' in result.stdout
+    said = shown("replay", "--config", file, log)
+    assert "demo.axis1: stamps scatter by" in said
+    assert 'set clock = "cyclic" in [robot.axis.time]' in said
+
+
+# --- each fault has its counter -----------------------------------------------------------------------------
+
+
+CLOCKS = {"receipt": "", "cyclic": 'clock = "cyclic"', "counter": COUNTER}
+CYCLE_US = 5000
+
+
+def faulty_robot(folder: Path, clock: str) -> Path:
+    file = demo_config(folder, 'interface = "virtual"\nchannel = "faults"', axes=1)
+    return edit(file, (COUNTER, CLOCKS[clock]))
+
+
+def sent(config: Config, seed: int, samples: int) -> list[Frame]:
+    found = moments(config, (samples - 0.5) * CYCLE_US * 1e-6, seed)
+    return [Frame(START_US + CYCLE_US * k, *f.key, f.data) for k, (_, (f,)) in enumerate(found)]
+
+
+def received(frames: list[Frame]) -> list[Frame]:
+    """Four samples lost in a row, then forty; one repeated, one again from before; then the clock is set back.
+
+    The last but one is lost, too: only at the end it is known that no other comes that would tell its cycle.
+    """
+    found = [*frames[:400], *frames[404:600], *frames[640:800]]
+    last = found[-1]
+    found += [last._replace(t_us=last.t_us + 30), frames[796]._replace(t_us=last.t_us - 3 * CYCLE_US)]
+    hour_us = 3_600_000_000
+    return found + [f._replace(t_us=f.t_us - hour_us) for f in (*frames[800:-2], frames[-1])]
+
+
+def of_replay(file: Path, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
+    log = file.with_name("faults.log")
+    with FrameRecorder(log) as recorder:  # python-can's own does not let a time go back
+        recorder.write("can0", frames)
+    axis = replayed(file, log)
+    return {what: axis[what] for what in ("counters", "dropped", "clock")}
+
+
+def of_the_daemon(config: Config, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
+    core = FramePipeline(config)
+    live(core, cut(frames, 61))
+    axis = core.ingests["can0"].axes["demo.axis1"]
+    counters = core.monitors.by_id["demo.axis1"].status().counters
+    return {"counters": counters, "dropped": axis.dropped, "clock": axis.events}
+
+
+@pytest.mark.parametrize(
+    ("clock", "refused", "events"),
+    [
+        ("receipt", {"repeated": 2, "out_of_order": 2}, (0, 1)),
+        ("cyclic", {"repeated": 2, "out_of_order": 2, "untimed": 400}, (1, 1)),
+        ("counter", {"repeated": 2, "out_of_order": 2, "untimed": 400}, (1, 1)),
+    ],
+)
+def test_each_has_its_counter(
+    tmp_path: Path, seed: int, clock: str, refused: dict[str, int], events: tuple[int, int]
+) -> None:
+    file = faulty_robot(tmp_path, clock)
+    config = load(file, {})
+    frames = received(sent(config, seed, 1600))
+    found = of_the_daemon(config, frames)
+    assert of_replay(file, frames) == found
+    assert {reason: n for reason, n in found["dropped"].items() if n} == {**refused, "missing": 45}
+    assert found["clock"] == dict(zip(("clock_reanchored", "clock_set_back"), events, strict=True))
+    counters, samples = found["counters"], len(frames) - sum(refused.values()) // 2
+    # Four lost samples are bridged; forty are more than max_gap_s, and so is an hour back.
+    assert (counters["started"], counters["gap"], counters["not_increasing"]) == (1, 2, 0)
+    assert sum(n for fate, n in counters.items() if fate != "projected") == samples
+    assert counters["settling"] >= 2 * 300 - 2  # settling_time_s = 4.5 after each of them

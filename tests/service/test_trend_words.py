@@ -1,8 +1,7 @@
-"""The slow course and the limits in words: never a time without an interval."""
-
-from __future__ import annotations
+"""Alarms, the slow course and the limits in words: never a time without an interval."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from hypothesis import strategies as st
 
 from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.trend import trend_of
-from service.texts import episode_words, reach_words, trend_words
+from service.texts import alarm_words, episode_words, reach_words, trend_words
 from tests.core.trend.courses_of_months import SIZE, months
 
 DAY_US = 86_400_000_000
@@ -50,7 +49,7 @@ def test_a_time_ahead_always_has_two_ends_in_order(low: float, more: float) -> N
     assert float(found[1]) <= float(found[2])
 
 
-def test_courses() -> None:
+def test_courses_and_their_shares_where_they_are_not_sure() -> None:
     rng = np.random.default_rng(1)
     courses = {
         r"fm is steady: 0\.0(6|59)\d* N m s/rad ± \S+": lambda t: SIZE + 0 * t,
@@ -63,9 +62,6 @@ def test_courses() -> None:
         trend = trend_of(months(rng, 200, course, 0.0005), SIZE, 3600.0)
         assert re.fullmatch(pattern, trend_words("fm", UNIT, trend)), trend_words("fm", UNIT, trend)
     assert trend_words("fm", UNIT, None) == "fm: too little data yet to detect a drift"
-
-
-def test_what_is_not_sure_is_told_with_its_shares() -> None:
     trend = trend_of(months(np.random.default_rng(1), 200, lambda t: SIZE + 0 * t, 0.0005), SIZE, 3600.0)
     assert trend is not None
     unsure = trend._replace(probability={"steady": 0.3, "drift": 0.6, "step": 0.08, "both": 0.02})
@@ -73,11 +69,33 @@ def test_what_is_not_sure_is_told_with_its_shares() -> None:
 
 
 def test_an_alarm_about_a_limit() -> None:
-    words = (
-        "fm reaches 0.09 N m s/rad in 12 to 20 days; now fm is 0.02 N m s/rad (33 %) above its nominal value"
+    found = Alarm("fm", "up", NOW_US, NOW_US, NOW_US, None, 0.02, 0.001, 1, "named")
+    forecast = replace(found, kind="forecast", reaches=(reach("ahead", 12.2, 19.8),))
+    said = episode_words(forecast, 0.06, UNIT)
+    assert (
+        said
+        == "fm reaches 0.09 N m s/rad in 12 to 20 days; now fm is 0.02 N m s/rad (33 %) above its nominal value"
     )
-    reaches = (reach("ahead", 12.2, 19.8),)
-    forecast = Alarm(
-        "fm", "up", NOW_US, NOW_US, NOW_US, None, 0.02, 0.001, 1, "named", kind="forecast", reaches=reaches
-    )
-    assert episode_words(forecast, 0.06, UNIT) == words
+
+
+LATE = "the torque frame is 0.5 ms late: the torque acts that much after its sample"
+EARLY = "the torque frame is 1.2 ms early: the torque acts that much before its sample"
+USUAL = "the torque frame is {} than usual: the torque acts {} its sample"
+
+
+@pytest.mark.parametrize(
+    ("alarm", "words"),
+    [
+        (("delay", 0.0005, 0.0, "s"), LATE),
+        (("delay", -0.00123, 0.0, "s"), EARLY),
+        (("delay", 0.0005, 0.001, "s"), USUAL.format("0.5 ms later", "1.5 ms after")),
+        (("delay", -0.002, 0.001, "s"), USUAL.format("2 ms earlier", "1 ms before")),
+        (("delay", -0.0005, 0.001, "s"), USUAL.format("0.5 ms earlier", "0.5 ms after")),
+        (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
+        (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
+        (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
+        (("fm", float("nan"), 0.06, "N m s/rad"), "fm is ? N m s/rad (? %) above its nominal value"),
+    ],
+)
+def test_alarms(alarm: tuple[str, float, float, str], words: str) -> None:
+    assert alarm_words(*alarm) == words

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.symbolic import as_latex, matrices, symbols_of
-from tests.service.reports.drives import merged, space
+from tests.service.reports.made import merged, space
 
 
 def test_sympy_gets_the_exact_entries(seed: int) -> None:

@@ -1,10 +1,8 @@
 """From a healthy record to thresholds that the daemon's own pipeline uses, and reports about them."""
 
-from __future__ import annotations
-
-import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +15,10 @@ from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
 from service.config.axis_settings import axis_settings, detectors_of
 from service.config.drives import axis_model
-from service.reports.calibration_files import as_html, as_json, as_toml
+from service.reports.calibration_files import as_html, as_toml
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
-from tests.service.calibration.test_thresholds_file import named
+from tests.service.found_files import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
@@ -44,24 +42,13 @@ def found(robot: Path) -> Calibration:
     return calibrate_axis(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
 
 
-def test_the_promise(found: Calibration) -> None:
+def test_the_promise_and_faults_that_are_found(found: Calibration) -> None:
     assert [one.detector for one in found.detectors] == ["multimodel", "cusum"]
     for one in found.detectors:
         most, low, high = one.between_s
         assert low < most < high
         assert low > 0.8 * 600
         assert "one false alarm in" in one.promise
-
-
-def test_the_same_again_is_the_same(robot: Path, found: Calibration) -> None:
-    """Also of the bank, whose copies run beside the others: neither takes the other's draws."""
-    config = load(robot, {})
-    again = calibrate_axis(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
-    assert found.result.bank is not None
-    assert as_toml(again) == as_toml(found)
-
-
-def test_faults_are_found(found: Calibration) -> None:
     assert found.result.onsets == 8
     for told in found.detectors:
         for name in found.result.model.monitored:
@@ -75,32 +62,33 @@ def test_faults_are_found(found: Calibration) -> None:
     assert found.result.tests.confusion()["kT"]["kT"] > 24
 
 
-def test_the_file_is_used_by_the_daemon(robot: Path, found: Calibration, tmp_path: Path) -> None:
-    (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
-    (tmp_path / "thresholds.toml").write_text(as_toml(found), encoding="utf-8")
-    (tmp_path / "robot.toml").write_text(named(robot_text()), encoding="utf-8")
-    axis = load(tmp_path / "robot.toml", {}).axes[0]
-    own = axis_settings(axis, axis_model(axis.config)).thresholds
-    for here, there in zip(own, found.result.settings.thresholds, strict=True):
-        assert here == pytest.approx(there, rel=1e-9)
-    content = tomllib.loads(as_toml(found))
-    assert content["false_alarms"]["budget_s"] == 600.0
-    assert content["record"][0]["samples"] == 12000
+def test_the_same_again_is_the_same(robot: Path, found: Calibration) -> None:
+    """Also of the bank, whose copies run beside the others: neither takes the other's draws."""
+    config = load(robot, {})
+    again = calibrate_axis(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
+    assert found.result.bank is not None
+    assert as_toml(again) == as_toml(found)
 
 
-def test_the_bank_is_calibrated_with_the_same_records_and_then_alarms(
+def test_the_file_is_used_by_the_daemon_and_then_the_bank_alarms(
     robot: Path, found: Calibration, tmp_path: Path
 ) -> None:
-    assert found.result.bank is not None
-    own = found.result.bank.limits.own
-    assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {one.cause for one in own}
-    assert all(5 < one.h < 60 for one in own)
     (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
     (tmp_path / "thresholds.toml").write_text(as_toml(found), encoding="utf-8")
     (tmp_path / "robot.toml").write_text(named(robot_text()), encoding="utf-8")
     axis = load(tmp_path / "robot.toml", {}).axes[0]
     model = axis_model(axis.config)
-    chosen = detectors_of(axis, model, axis_settings(axis, model))
+    settings = axis_settings(axis, model)
+    for here, there in zip(settings.thresholds, found.result.settings.thresholds, strict=True):
+        assert here == pytest.approx(there, rel=1e-9)
+    content = tomllib.loads(as_toml(found))
+    assert content["false_alarms"]["budget_s"] == 600.0
+    assert content["record"][0]["samples"] == 12000
+    assert found.result.bank is not None
+    own = found.result.bank.limits.own
+    assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {one.cause for one in own}
+    assert all(5 < one.h < 60 for one in own)
+    chosen = detectors_of(axis, model, settings)
     assert chosen.alarm_source == found.alarms == "multimodel"
     assert chosen.multimodel is not None
     bank = chosen.multimodel.bank
@@ -124,24 +112,6 @@ def test_what_the_bank_would_have_caught(found: Calibration) -> None:
         assert one.delay(0.5) < paper.delay(0.5)
     right = [first == one.fault.parameter for one, _ in large for first in one.first]
     assert sum(right) > 0.7 * len(right)
-
-
-def test_json(found: Calibration) -> None:
-    content = json.loads(as_json(found))
-    assert [p["name"] for p in content["parameters"]] == ["kT", "1/Ja", "fm"]
-    assert len(content["faults"]) == 3 * 2 * 2
-    assert content["false_alarms"]["interval_s"][0] < content["false_alarms"]["one_in_s"]
-    assert content["provenance"]["version"] == "1.2.3"
-    assert len(content["multimodel"]["hypotheses"]) == len(
-        found.result.bank.limits.own if found.result.bank else ()
-    )
-    assert len(content["multimodel"]["faults"]) == 12
-    assert content["alarms"] == "multimodel"
-    for detector in (content, content["multimodel"]):
-        low, high = detector["false_alarms"]["interval_s"]
-        assert low < detector["false_alarms"]["one_in_s"] < high
-    assert content["multimodel"]["smallest_found"]["kT"]["increase"] in (0.02, 0.2)
-    assert sum(content["multimodel"]["named"]["kT"].values()) == 4 * 8
 
 
 def test_page(found: Calibration) -> None:
@@ -182,11 +152,7 @@ def test_a_record_that_is_too_short(robot: Path) -> None:
 
 
 def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:
-    words = refused(
-        robot,
-        CalibrationOptions(31557600.0, 4.0, (0.2,), 8, copies=1_000_000, bank_copies=250_000),
-        "healthy.csv@0:26",
-    )
+    words = refused(robot, replace(WISHES, budget_s=31557600.0, sizes=(0.2,)), "healthy.csv@0:26")
     assert "too short to promise one false alarm in a year" in words
     assert "or a budget of one in" in words
 
@@ -202,19 +168,9 @@ def test_nominal_values_of_another_axis(robot: Path) -> None:
     assert "identify" in words
 
 
-@pytest.mark.parametrize(
-    ("text", "seconds"),
-    [
-        ("10min", 600.0),
-        ("1h", 3600.0),
-        ("2 hours", 7200.0),
-        ("30d", 2592000.0),
-        ("1y", 31557600.0),
-        ("90", 90.0),
-    ],
-)
-def test_budgets(text: str, seconds: float) -> None:
-    assert seconds_of(text) == seconds
+def test_budgets() -> None:
+    texts = {"10min": 600.0, "1h": 3600.0, "2 hours": 7200.0, "30d": 2592000.0, "1y": 31557600.0, "90": 90.0}
+    assert {text: seconds_of(text) for text in texts} == texts
 
 
 @pytest.mark.parametrize("text", ["", "often", "0s", "-1h", "1.2.3h", "1 fortnight", "0.5s"])

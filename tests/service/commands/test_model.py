@@ -1,7 +1,5 @@
 """``axiswatch model``: files, the library and configured axes, in all forms; every mistake with what would be right."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -9,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
-from service.commands.main import app
 from service.config.drive_sources import shipped
-from tests.end_to_end.processes import demo_config
+from tests.end_to_end.processes import demo_config, edit
+from tests.service.command_line import as_json as json_of
+from tests.service.command_line import axiswatch, refused
+from tests.service.command_line import shown as printed
 
 DRAWING = """\
 model Press "Motor and ram"
@@ -42,19 +41,12 @@ def drawing(tmp_path: Path) -> Path:
     return file
 
 
-def model(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(app, ["model", *map(str, arguments)])
+def shown(*arguments: object) -> str:
+    return printed("model", *arguments)
 
 
-def shown(*arguments: str | Path) -> str:
-    result = model(*arguments)
-    assert result.exit_code == 0, result.output
-    return result.stdout
-
-
-def as_json(*arguments: str | Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(shown(*arguments))
-    return found
+def as_json(*arguments: object) -> Any:
+    return json_of("model", *arguments)
 
 
 def test_a_file_as_text(drawing: Path) -> None:
@@ -62,9 +54,6 @@ def test_a_file_as_text(drawing: Path) -> None:
     assert text.startswith("Press\nflat equations ")
     assert "inertia of the motor" in text
     assert "the paper" not in text
-
-
-def test_a_drive_of_the_library_as_text() -> None:
     assert "the paper counts for its tool and library" in shown("three-mass").replace("\n", " ")
 
 
@@ -104,17 +93,13 @@ def test_one_of_several_models(tmp_path: Path) -> None:
     file = tmp_path / "two.mo"
     file.write_text(DRAWING + DRAWING.replace("Press", "Stamp"), encoding="utf-8")
     assert as_json(file, "--model", "Stamp", "--json")["name"] == "Stamp"
-    result = model(file)
-    assert (result.exit_code, "Traceback" in result.output) == (2, False)
-    assert "Press" in result.stderr
-    assert "Stamp" in result.stderr
+    said = refused("model", file)
+    assert "Press" in said
+    assert "Stamp" in said
 
 
 def test_the_drive_of_an_axis(tmp_path: Path) -> None:
-    config = demo_config(tmp_path, axes=2)
-    text = config.read_text(encoding="utf-8")
-    assert "fm = 0.06" in text
-    config.write_text(text.replace("fm = 0.06", "fm = 0.05", 1), encoding="utf-8")
+    config = edit(demo_config(tmp_path, axes=2), ("fm = 0.06", "fm = 0.05"))
     for name in ("axis1", "demo.axis1"):
         found = as_json("--config", config, "--axis", name, "--json")
         assert {p["name"]: p["nominal"] for p in found["parameters"]}["fm"] == 0.05
@@ -135,14 +120,14 @@ def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
     assert (found["A"], found["B"], found["C"]) == (library["A"], library["B"], library["C"])
 
 
-def test_the_only_axis_need_not_be_named(tmp_path: Path) -> None:
-    assert as_json("--config", demo_config(tmp_path, axes=1), "--json")["name"] == "three-mass"
-
-
-def test_latex_is_printed() -> None:
-    text = shown("two-mass", "--latex")
-    assert r"\left[\begin{matrix}" in text
-    assert "flat equations" not in text
+def test_latex_and_the_matlab_function(drawing: Path, tmp_path: Path) -> None:
+    latex = shown("two-mass", "--latex")
+    assert r"\left[\begin{matrix}" in latex
+    assert "flat equations" not in latex
+    function = tmp_path / "press.m"
+    assert shown(drawing, "--matlab", function).startswith("Press\n")
+    assert function.read_text(encoding="utf-8").startswith("function [A,B,C,D,K,x0] = press(")
+    assert shown("two-mass", "--matlab", "-").startswith("function [A,B,C,D,K,x0] = drive(")
 
 
 MISTAKES = [
@@ -160,6 +145,9 @@ MISTAKES = [
     (["three-mass", "--output", "torque"], ["torque", "speed", "angle"]),
     (["three-mass", "--latex", "--json"], ["--latex and --json", "standard output"]),
     (["three-mass", "--json=DRAWING"], ["--json", "will not be overwritten"]),
+    (["three-mass", "--matlab", "my-drive.m"], ["my_drive.m"]),
+    (["three-mass", "--matlab", "end.m"], ["call it end_2.m"]),
+    (["three-mass", "--matlab", "drive.txt"], ["drive.m"]),
     (["three-mass", "--json=nowhere/a.json"], ["cannot write nowhere/a.json", "No such file or directory"]),
     (["three-mass", "five-mass"], ["five-mass"]),
     (["three-mass", "--record", "x.csv"], ["--record", "goes with --config"]),
@@ -174,23 +162,19 @@ MISTAKES = [
 def test_mistakes(
     arguments: list[str], words: list[str], drawing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.chdir(tmp_path)
     config = demo_config(tmp_path, axes=2)
     irb_config(tmp_path)
     given = [a.replace("CONFIG", str(config)).replace("DRAWING", str(drawing)) for a in arguments]
-    result = model(*given)
-    assert (result.exit_code, "Traceback" in result.output) == (2, False), result.output
-    for word in words:
-        assert word in result.stderr
-    assert result.stdout == ""
+    said = refused("model", *given)
+    assert [word for word in words if word not in said] == []
     assert drawing.read_text(encoding="utf-8") == DRAWING
 
 
 def test_a_mistake_in_a_drawing_names_its_line(drawing: Path) -> None:
     drawing.write_text(DRAWING.replace("ram(J = 0.02)", "ram(J = Jx)"), encoding="utf-8")
-    result = model(drawing)
-    assert (result.exit_code, "Traceback" in result.output) == (2, False)
+    result = axiswatch("model", drawing)
+    assert result.exit_code == 2
     assert f"{drawing}:6: " in result.stderr
     assert "Jx" in result.stderr
 

@@ -1,16 +1,14 @@
-"""``axiswatch replay`` over tables and logs."""
-
-from __future__ import annotations
+"""``axiswatch replay`` over tables and logs, and over a drift of months, compressed."""
 
 import json
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from service.commands.main import app
 from service.simulation.robot import Fault
+from tests.service.command_line import shown
 from tests.service.robot_tables import configured, write_table
 
 
@@ -24,9 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
 
 
 def replay(folder: Path, *arguments: str) -> str:
-    result = CliRunner().invoke(app, ["replay", "--config", str(folder / "robot.toml"), *arguments])
-    assert result.exit_code == 0, result.output
-    return result.stdout
+    return shown("replay", "--config", folder / "robot.toml", *arguments)
 
 
 def as_json(folder: Path, *records: str) -> dict[str, Any]:
@@ -35,7 +31,7 @@ def as_json(folder: Path, *records: str) -> dict[str, Any]:
     return found
 
 
-def test_estimates_and_the_alarm_as_json(folder: Path) -> None:
+def test_estimates_and_the_alarm_as_json_and_the_same_again_and_tables_for_people(folder: Path) -> None:
     (axis,) = as_json(folder, "a.csv")["axes"]
     assert (axis["id"], axis["samples"]) == ("demo.axis1", 2401)
     assert axis["last_sample"] == "2025-10-09T08:53:32.000000Z"
@@ -56,15 +52,9 @@ def test_estimates_and_the_alarm_as_json(folder: Path) -> None:
     assert alarm["crossings"] >= 1
     assert sum(axis["counters"].values()) == 2401
     assert axis["dropped"]["missing"] == 0
-
-
-def test_tables_for_people(folder: Path) -> None:
+    assert as_json(folder, "a.csv") == as_json(folder, "a.csv")
     shown = replay(folder, str(folder / "a.csv"))
     assert all(words in shown for words in ("demo.axis1", "Alarms", "fm"))
-
-
-def test_the_same_record_twice_is_the_same_to_the_bit(folder: Path) -> None:
-    assert as_json(folder, "a.csv") == as_json(folder, "a.csv")
 
 
 def test_records_one_after_the_other(folder: Path) -> None:
@@ -74,3 +64,60 @@ def test_records_one_after_the_other(folder: Path) -> None:
     whole, parts = as_json(folder, "a.csv"), as_json(folder, "first.csv", "rest.csv")
     assert parts["axes"][0]["parameters"] == whole["axes"][0]["parameters"]
     assert parts["axes"][0]["alarms"] == whole["axes"][0]["alarms"]
+
+
+# --- a drift: an entry each three seconds -------------------------------------------------------------------
+
+
+LENGTH_S = 400.0
+PER_S = 0.0006
+"""Part of its nominal value by which fm grows in a second: by half after 833 s."""
+OWN = (
+    '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nlead_time = "10 min"\n\n'
+)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]:
+    folder = tmp_path_factory.mktemp("drift")
+    file = configured(folder, "drift", ("[robot.axis.estimator]", f"{OWN}[robot.axis.estimator]"))
+    # A fault is a factor of what is there by then.
+    drift = [
+        Fault("demo.axis1", {"fm": 1 + PER_S / (1 + PER_S * k)}, k + 0.5) for k in range(round(LENGTH_S))
+    ]
+    write_table(folder / "a.csv", file, seed, drift, LENGTH_S)
+    text = shown(
+        "replay", "--config", file, folder / "a.csv", "--report", folder, "--json", folder / "a.json"
+    )
+    (axis,) = json.loads((folder / "a.json").read_text(encoding="utf-8"))["axes"]
+    page = (folder / "replay.html").read_text(encoding="utf-8")
+    return {**axis, "shown": text, "page": page}
+
+
+def test_the_drift_has_its_slope_and_the_limit_is_foretold(found: dict[str, Any]) -> None:
+    fm = found["trends"][2]
+    assert fm["entries"] > 90
+    assert fm["probability"]["drift"] + fm["probability"]["both"] > 0.9
+    slope = 0.06 * PER_S * 86400
+    assert fm["slope_per_day"] == pytest.approx(slope, abs=6 * fm["slope_per_day_sd"])
+    assert fm["slope_per_day_sd"] < 0.3 * slope
+    for parameter in found["trends"][:2]:
+        assert abs(parameter["slope_per_day"]) < 6 * parameter["slope_per_day_sd"]
+    (limit,) = found["trends"][2]["limits"]
+    assert limit["state"] in ("ahead", "open")
+    assert limit["words"].startswith("fm reaches 0.09 N m s/rad in ")
+    assert "Trend: demo.axis1: fm " in found["shown"]
+    assert "fm reaches 0.09 N m s/rad in " in found["shown"].replace("\n", " ")
+    kinds = [alarm["kind"] for alarm in found["alarms"] if alarm["parameter"] == "fm"]
+    assert kinds.count("forecast") == 1
+    assert len(kinds) >= 2
+
+
+def test_the_page_draws_the_course_and_says_what_the_json_says(found: dict[str, Any]) -> None:
+    page = found["page"]
+    assert "Long-term trend, and when limits are reached" in page
+    for parameter in found["trends"]:
+        assert escape("; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])) in page
+    for words in ("entry of the history ± sd", "holds it with 90 %", "limit", "reached in this interval"):
+        assert f">{words}</text>" in page, words
+    assert page.count(">change [%]</text>") == 2 * 3

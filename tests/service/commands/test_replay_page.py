@@ -1,7 +1,5 @@
 """``axiswatch replay --report``: one page that needs nothing else."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -57,7 +55,7 @@ def page(folder: Path) -> str:
     return (folder / "pictures" / "replay.html").read_text(encoding="utf-8")
 
 
-def test_the_page_needs_nothing_else(page: str) -> None:
+def test_the_page_needs_nothing_else_and_its_picture_shows_what_there_is(page: str) -> None:
     assert [a for a in read(page).addresses if not a.startswith("#")] == []
     assert "url(" not in page.replace("url(#", "")
     assert "<script" not in page
@@ -65,6 +63,19 @@ def test_the_page_needs_nothing_else(page: str) -> None:
     assert "@media print" in page
     assert "prefers-color-scheme: dark" in page
     assert len(page) < 1_000_000
+    for words in (
+        *("estimate", "± 2 standard deviations", "nominal ± ν", "g of an increase", "g of a decrease"),
+        *("onset", "alarm raised", "alarm open", "nothing learned", "pause, cut out"),
+        *("no samples", "settling", "gated"),
+    ):
+        assert f">{words}</text>" in page, words
+    assert page.count(">change [%]</text>") == 3
+    assert page.count(">CUSUM</text>") == 3
+    assert page.count(">multi-model</text>") == 4
+    assert ">other causes</text>" in page
+    assert "Slow course" not in page
+    for absent in ("finding P(0)", "clock set back"):
+        assert f">{absent}</text>" not in page
 
 
 def test_the_page_says_what_the_json_says(folder: Path, page: str) -> None:
@@ -88,22 +99,6 @@ def test_the_page_says_what_the_json_says(folder: Path, page: str) -> None:
         assert p["name"] in text
     assert silent["samples"] == 0
     assert "No sample of this axis." in text
-
-
-def test_the_picture_shows_what_there_is(page: str) -> None:
-    for words in (
-        *("estimate", "± 2 standard deviations", "nominal ± ν", "g of an increase", "g of a decrease"),
-        *("onset", "alarm raised", "alarm open", "nothing learned", "pause, cut out"),
-        *("no samples", "settling", "gated"),
-    ):
-        assert f">{words}</text>" in page, words
-    assert page.count(">change [%]</text>") == 3
-    assert page.count(">CUSUM</text>") == 3
-    assert page.count(">multi-model</text>") == 4
-    assert ">other causes</text>" in page
-    assert "Slow course" not in page
-    for absent in ("finding P(0)", "clock set back"):
-        assert f">{absent}</text>" not in page
 
 
 def test_the_report_changes_no_number(folder: Path, tmp_path: Path) -> None:

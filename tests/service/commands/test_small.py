@@ -1,22 +1,25 @@
-"""Commands that say or prepare something."""
+"""Commands that say or prepare something, and work beside the caller's."""
 
-from __future__ import annotations
-
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from service.commands.exit_codes import EXIT_CODES
 from service.commands.main import COMMANDS, app
+from service.commands.progress import Background
+from service.config import load
+from tests.service.identification.conftest import write_record, write_robot
 
 
-def test_version() -> None:
+def test_version_and_warm() -> None:
     result = CliRunner().invoke(app, ["version"])
     assert (result.exit_code, result.stdout) == (0, f"axiswatch {version('axiswatch')}\n")
-
-
-def test_warm_compiles_the_kernel() -> None:
     result = CliRunner().invoke(app, ["warm"])
     assert result.exit_code == 0
     assert result.stdout.startswith("the kernel is ready (")
@@ -28,3 +31,95 @@ def test_help_tells_the_exit_codes(command: list[str], monkeypatch: pytest.Monke
     result = CliRunner().invoke(app, [*command, "--help"])
     assert result.exit_code == 0
     assert " ".join(EXIT_CODES.split()) in " ".join(result.stdout.split())
+
+
+# --- warm leaves nothing for identify and excite to compile -------------------------------------------------
+
+
+_PROGRAM = """
+import gc, sys
+from service.commands.warm import compile_offline
+from service.commands.main import app
+
+def compiled():
+    from numba.core.dispatcher import Dispatcher
+    all_ = [x for x in gc.get_objects() if isinstance(x, Dispatcher)]
+    return {f"{x.py_func.__module__}.{x.py_func.__name__}{s}" for x in all_ for s in x.signatures}
+
+compile_offline()
+before = {x for x in compiled() if x.startswith("monitor_core")}
+config, record, out = sys.argv[1:]
+for command in (
+    ["excite", "--config", config, "--torque-limit", "3", "--seconds", "4", "-o", out + ".csv"],
+    ["excite", "--config", config, "--as", "angle", "--torque-limit", "3", "--seconds", "4", "-o", out + "2.csv"],
+    ["identify", record, "--config", config, "--start", "search", "--output-dir", out],
+):
+    app(command, standalone_mode=False)
+after = {x for x in compiled() if x.startswith("monitor_core")}
+print("BEFORE", len(before))
+for one in sorted(after - before):
+    print("NEW", one)
+"""
+
+
+def test_nothing_is_left_to_compile(tmp_path: Path, seed: int) -> None:
+    """Other kinds of arguments are compiled anew: none of identify's and excite's are."""
+    config = write_robot(tmp_path)
+    record = write_record(tmp_path / "a.csv", load(config), 10.0, seed)
+    (tmp_path / "out").mkdir()
+    command = [sys.executable, "-c", _PROGRAM, str(config), str(record), str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=500)
+    assert done.returncode == 0, done.stderr[-2000:]
+    said = [line.split(" ", 1) for line in done.stdout.splitlines() if line.startswith(("BEFORE", "NEW"))]
+    assert [name for what, name in said if what == "NEW"] == []
+    assert int(said[0][1]) >= 5
+
+
+# --- work beside the caller's -------------------------------------------------------------------------------
+
+
+def test_what_came_of_it_and_how_far_it_was() -> None:
+    seen, told = threading.Event(), list[float]()
+
+    def work(tell: Callable[[float], None]) -> int:
+        tell(0.5)
+        assert seen.wait(60)
+        return 7
+
+    def progress(part: float) -> None:
+        told.append(part)
+        if part == 0.5:
+            seen.set()
+
+    with Background(work) as beside:
+        assert beside(progress) == 7
+    assert told[-1] == 0.5
+
+
+def test_what_it_raises_is_raised() -> None:
+    def work(_: object) -> None:
+        raise ValueError("nothing was tested")
+
+    with Background(work) as beside, pytest.raises(ValueError, match="nothing was tested"):
+        beside(lambda _: None)
+
+
+def test_it_ends_when_the_caller_fails() -> None:
+    begun, ended = threading.Event(), threading.Event()
+
+    def work(tell: Callable[[float], None]) -> None:
+        try:
+            while True:
+                tell(0.1)
+                begun.set()
+        finally:
+            ended.set()
+
+    def call() -> None:
+        with Background(work):
+            assert begun.wait(60)
+            raise KeyError("the caller's")
+
+    with pytest.raises(KeyError, match="the caller's"):
+        call()
+    assert ended.is_set()

@@ -1,7 +1,5 @@
 """An axis of the demo with tables for records, a healthy one, and what is identified from it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

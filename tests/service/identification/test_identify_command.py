@@ -1,19 +1,19 @@
 """``axiswatch identify`` as its users call it: files, exit codes, words."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 import stat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
-from service.commands.main import app
 from service.config import load
+from tests.end_to_end.processes import edit
+from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import FREE, write_record, write_robot
 
 NAMES = ",".join(FREE)
@@ -28,23 +28,28 @@ def here(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def identify(*arguments: str | Path) -> Result:
+def identify(words: str) -> Result:
     """From the configured values alone, which is fast."""
-    return CliRunner().invoke(app, ["identify", "--start", "values", *map(str, arguments)])
+    return axiswatch("identify", "--start", "values", "--config", "robot.toml", *words.split())
 
 
-def refused(*arguments: str | Path) -> str:
+def found(words: str) -> Any:
+    """What is found, as JSON."""
+    result = identify(f"{words} --json -")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def refused(words: str) -> str:
     """The one message, of exit code 2; nothing was written."""
-    result = identify("--config", "robot.toml", *arguments)
+    result = identify(words)
     assert result.exit_code == 2, result.output
-    assert "Traceback" not in result.output
-    assert result.exception is None or isinstance(result.exception, SystemExit)
     assert not Path("nominal.toml").exists()
     return " ".join(result.stderr.replace("│", " ").split())
 
 
 def test_files_are_written_and_check_out(here: Path) -> None:
-    result = identify("healthy.csv@0:12", "--config", "robot.toml", "--axis", "axis1", "--free", NAMES)
+    result = identify(f"healthy.csv@0:12 --axis axis1 --free {NAMES}")
     assert result.exit_code == 0, result.output
     assert "written: nominal.toml, report.html" in result.stderr
     assert (here / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
@@ -52,39 +57,24 @@ def test_files_are_written_and_check_out(here: Path) -> None:
     assert mode == stat.S_IMODE((here / "second.csv").stat().st_mode)
     assert sorted(p.name for p in here.iterdir() if p.name.startswith(".")) == []
     before = (here / "nominal.toml").read_bytes()
-    again = identify("healthy.csv", "--config", "robot.toml")
+    again = identify("healthy.csv")
     assert (again.exit_code, "--force" in again.output) == (2, True)
     assert (here / "nominal.toml").read_bytes() == before
 
 
 def test_files_where_they_are_wanted_and_json_alone_on_standard_output(here: Path) -> None:
     (here / "out").mkdir()
-    result = identify(
-        "second.csv", "--config", "robot.toml", "--free", "Jm,fm", "--output-dir", "out", "--json"
-    )
-    assert result.exit_code == 0, result.output
-    assert json.loads(result.stdout)["axis"] == "demo.axis1"
+    assert found("second.csv --free Jm,fm --output-dir out")["axis"] == "demo.axis1"
     assert sorted(p.name for p in (here / "out").iterdir()) == ["nominal.toml", "report.html"]
-    result = identify(
-        "second.csv",
-        "--config",
-        "robot.toml",
-        "--free",
-        "Jm",
-        "-o",
-        "n.toml",
-        "--report",
-        "r.html",
-        "--json",
-        "j.json",
-    )
+    result = identify("second.csv --free Jm -o n.toml --report r.html --json j.json")
     assert result.exit_code == 0, result.output
     assert {"n.toml", "r.html", "j.json"} <= {p.name for p in here.iterdir()}
     assert "demo.axis1: three-mass" in result.stdout
 
 
-def test_json_before_a_record_takes_no_record(here: Path) -> None:
-    result = identify("--config", "robot.toml", "--free", "Jm", "--json", "second.csv")
+@pytest.mark.usefixtures("here")
+def test_json_before_a_record_takes_no_record() -> None:
+    result = identify("--free Jm --json second.csv")
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["records"][0]["file"] == "second.csv"
 
@@ -93,27 +83,27 @@ def test_json_before_a_record_takes_no_record(here: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("none.csv",), "cannot read none.csv: No such file"),
-        (("robot.toml",), "no such kind of record"),
-        (("healthy.csv@5:2",), "ends before its start"),
-        (("healthy.csv@100:200",), "healthy.csv"),
-        (("healthy.csv@3:3.1",), "refused: healthy.csv: only 21 measured samples"),
-        (("healthy.csv", "--validate", "none.csv"), "cannot read none.csv"),
-        (("healthy.csv", "--validate", "healthy.csv@3:3.1"), "refused: healthy.csv: only 21"),
-        (("healthy.csv", "--axis", "axis9"), "axis9 is not there; there is demo.axis1"),
-        (("healthy.csv", "--free", "jm"), 'did you mean "Jm"'),
-        (("healthy.csv", "--free", "Jm", "--fix", "Jm"), "cannot be both free and fixed"),
-        (("healthy.csv", "--free", f"kT,{NAMES}"), "only 8 numbers"),
-        (("healthy.csv", "--predictor", "arx"), "innovations"),
-        (("healthy.csv", "--predictor", "output-error", "--hold-noise"), "no noise"),
-        (("healthy.csv", "--disturbance", "0"), "0.001"),
-        (("healthy.csv", "-o", "none/nominal.toml"), "none is no folder"),
-        (("healthy.csv", "-o", "x", "--report", "x"), "files of their own"),
-        ((), "RECORD"),
+        ("none.csv", "cannot read none.csv: No such file"),
+        ("robot.toml", "no such kind of record"),
+        ("healthy.csv@5:2", "ends before its start"),
+        ("healthy.csv@100:200", "healthy.csv"),
+        ("healthy.csv@3:3.1", "refused: healthy.csv: only 21 measured samples"),
+        ("healthy.csv --validate none.csv", "cannot read none.csv"),
+        ("healthy.csv --validate healthy.csv@3:3.1", "refused: healthy.csv: only 21"),
+        ("healthy.csv --axis axis9", "axis9 is not there; there is demo.axis1"),
+        ("healthy.csv --free jm", 'did you mean "Jm"'),
+        ("healthy.csv --free Jm --fix Jm", "cannot be both free and fixed"),
+        (f"healthy.csv --free kT,{NAMES}", "only 8 numbers"),
+        ("healthy.csv --predictor arx", "innovations"),
+        ("healthy.csv --predictor output-error --hold-noise", "no noise"),
+        ("healthy.csv --disturbance 0", "0.001"),
+        ("healthy.csv -o none/nominal.toml", "none is no folder"),
+        ("healthy.csv -o x --report x", "files of their own"),
+        ("", "RECORD"),
     ],
 )
-def test_a_mistake_is_named(arguments: tuple[str, ...], words: str) -> None:
-    assert words in refused(*arguments)
+def test_a_mistake_is_named(arguments: str, words: str) -> None:
+    assert words in refused(arguments)
 
 
 def test_a_record_without_samples_or_with_other_columns(here: Path) -> None:
@@ -134,41 +124,34 @@ def test_a_record_without_samples_or_with_other_columns(here: Path) -> None:
     ],
 )  # fmt: skip
 def test_times_in_other_units_are_refused(here: Path, factor: float, words: str) -> None:
-    table = np.loadtxt(here / "second.csv", delimiter=",", skiprows=1)
-    table[:, 0] *= factor
-    np.savetxt(here / "times.csv", table, delimiter=",", header="t,torque,angle", comments="")
-    assert words in refused("times.csv")
+    assert words in refused(times(here, "second.csv", t=factor))
+
+
+def times(here: Path, record: str, t: float = 1.0, torque: float = 1.0) -> str:
+    """The record with its columns times these."""
+    table = np.loadtxt(here / record, delimiter=",", skiprows=1) * [t, torque, 1.0]
+    np.savetxt(here / "other.csv", table, delimiter=",", header="t,torque,angle", comments="")
+    return "other.csv"
 
 
 def test_a_sampling_that_is_a_little_off_is_said(here: Path) -> None:
-    table = np.loadtxt(here / "second.csv", delimiter=",", skiprows=1)
     for factor, doubts in ((1.02, 1), (1.005, 0)):
-        times = np.column_stack([factor * table[:, 0], table[:, 1:]])
-        np.savetxt(here / "times.csv", times, delimiter=",", header="t,torque,angle", comments="")
-        result = identify("times.csv", "--config", "robot.toml", "--free", "Jm", "--json", "--force")
-        assert result.exit_code == 0, result.output
-        warnings = json.loads(result.stdout)["warnings"]
+        warnings = found(f"{times(here, 'second.csv', t=factor)} --free Jm --force")["warnings"]
         assert len([word for word in warnings if "belongs to the interval of this record" in word]) == doubts
 
 
-def test_decimal_commas_are_named(here: Path) -> None:
+def test_decimal_commas_and_a_torque_with_the_wrong_sign_are_named(here: Path) -> None:
     rows = (here / "second.csv").read_text(encoding="utf-8").replace(",", ";").replace(".", ",")
     (here / "commas.csv").write_text(rows, encoding="utf-8")
     assert "which is no number: write decimal points" in refused("commas.csv")
-
-
-def test_a_torque_with_the_wrong_sign_is_refused(here: Path) -> None:
-    table = np.loadtxt(here / "healthy.csv", delimiter=",", skiprows=1)
-    table[:, 1] *= -1
-    np.savetxt(here / "signs.csv", table, delimiter=",", header="t,torque,angle", comments="")
-    assert "wrong sign" in refused("signs.csv")
+    assert "wrong sign" in refused(times(here, "healthy.csv", torque=-1))
 
 
 def test_a_fit_that_does_not_converge_makes_no_nominal_values(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor_core.identification.identification_procedure.MOST_ITERATIONS", 2)
-    said = refused("second.csv", "--free", NAMES)
+    said = refused(f"second.csv --free {NAMES}")
     assert "no nominal values: the fit has not converged after 2 evaluations, and " in said
     # What moves, of what is free, and what to do.
     moving = said.split("evaluations, and ")[1].split(" would still move")[0].split(", ")
@@ -182,12 +165,12 @@ def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: py
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr("service.commands.output_files.replace_text", full)
-    assert "cannot write nominal.toml: No space left on device" in refused("second.csv", "--free", "Jm")
+    assert "cannot write nominal.toml: No space left on device" in refused("second.csv --free Jm")
 
 
 def test_a_configuration_with_a_file_identifies_again_from_there(here: Path) -> None:
     """The values found before are where the next search starts."""
-    assert identify("healthy.csv@0:8", "--config", "robot.toml", "--free", NAMES).exit_code == 0
+    assert identify(f"healthy.csv@0:8 --free {NAMES}").exit_code == 0
     text = (here / "robot.toml").read_text(encoding="utf-8")
     start, rest = text.split("[robot.axis.model.nominal]")
     rest = "[robot.axis.estimator]" + rest.split("[robot.axis.estimator]")[1]
@@ -195,22 +178,15 @@ def test_a_configuration_with_a_file_identifies_again_from_there(here: Path) -> 
     start = start.replace('drive = "three-mass"', 'drive = "three-mass"\nnominal_file = "nominal.toml"')
     (here / "robot.toml").write_text(start + rest, encoding="utf-8")
     load(here / "robot.toml", {})
-    result = identify(
-        "healthy.csv@8:20", "--config", "robot.toml", "--free", NAMES, "-o", "next.toml", "--json"
-    )
-    assert result.exit_code == 0, result.output
-    rows = {p["name"]: p for p in json.loads(result.stdout)["parameters"]}
+    rows = {p["name"]: p for p in found(f"healthy.csv@8:20 --free {NAMES} -o next.toml")["parameters"]}
     assert abs(rows["Jm"]["change"]) < 0.01
 
 
 def test_a_drive_from_a_file_is_named_with_its_hash(here: Path, seed: int) -> None:
     drawn = (Path(__file__).resolve().parents[3] / "config/drives/three_mass.mo").read_bytes()
     (here / "mine.mo").write_bytes(drawn)
-    robot = write_robot(here)
-    robot.write_text(robot.read_text(encoding="utf-8").replace('"three-mass"', '"mine.mo"'), encoding="utf-8")
+    robot = edit(write_robot(here), ('"three-mass"', '"mine.mo"'))
     write_record(here / "mine.csv", load(robot, {}), 6, seed)
-    result = identify("mine.csv", "--config", "robot.toml", "--free", "Jm,fm", "--json")
-    assert result.exit_code == 0, result.output
-    name, digest = json.loads(result.stdout)["provenance"]["drawing"]
+    name, digest = found("mine.csv --free Jm,fm")["provenance"]["drawing"]
     assert (name, len(digest)) == ("mine.mo", 64)
     assert f'sha256 = "{digest}"' in (here / "nominal.toml").read_text(encoding="utf-8")

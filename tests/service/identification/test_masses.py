@@ -1,7 +1,5 @@
 """``--masses``: rows of masses beside the drive, and what the reports say of them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace
@@ -9,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
 
 from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.starting import Growth, masses_of
 from service.commands.identification_task import Request, prepare
-from service.commands.main import app
 from service.config import Config, load
 from service.reports.identification_report import IdentificationReport
+from tests.service.command_line import refused, shown
 from tests.service.identification.conftest import FREE, PROVENANCE, TABLE_AXIS
 
 GRAVITY = (
@@ -34,26 +31,10 @@ components.encoder = { type = "angle-sensor", at = "shaft" }
 )
 
 
-def identify(*words: str | Path) -> Result:
-    result = CliRunner().invoke(app, ["identify", *map(str, words)])
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result
-
-
 def test_two_masses_are_not_enough_for_a_drive_of_three(folder: Path, tmp_path: Path) -> None:
     """The comparison is in all reports; the drive of three is not doubted where the search ended at two."""
-    words = (
-        "--config",
-        folder / "robot.toml",
-        "--start",
-        "values",
-        "--free",
-        ",".join(FREE),
-        "--output-dir",
-        tmp_path,
-    )
-    result = identify(folder / "second.csv", *words, "--masses", "2", "--json", tmp_path / "all.json")
-    assert result.exit_code == 0, result.output
+    words = f"--start values --free {','.join(FREE)} --masses 2 --output-dir {tmp_path} --json {tmp_path / 'all.json'}"
+    text = shown("identify", folder / "second.csv", "--config", folder / "robot.toml", *words.split())
     content = json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))
     masses = content["masses"]
     # Six seconds may not ask for the second mass, without which the third is never tried; that is then doubted.
@@ -64,7 +45,7 @@ def test_two_masses_are_not_enough_for_a_drive_of_three(folder: Path, tmp_path: 
     assert (one["masses"], two["masses"]) == (1, 2)
     assert two["cost"] < one["cost"]
     assert set(one["values"]) == {"J1", "fm", "fc", "tau0"}
-    said = " ".join(result.stdout.split())
+    said = " ".join(text.split())
     assert "Masses in a row; AIC and BIC above the least" in said
     assert masses["words"][0] in said
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -106,9 +87,8 @@ def test_a_drive_that_is_not_free_has_no_number_of_masses(found: IdentificationR
 
 
 def test_nothing_is_compared_unless_it_is_wished(folder: Path, robot: Config) -> None:
-    assert (
-        prepare(robot, robot.axes[0], [str(folder / "second.csv")], [], Request()).options.max_masses is None
-    )
+    task = prepare(robot, robot.axes[0], [str(folder / "second.csv")], [], Request())
+    assert task.options.max_masses is None
 
 
 def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Path) -> None:
@@ -123,6 +103,5 @@ def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Pa
 
 @pytest.mark.parametrize("wrong", ["0", "10", "-1", "all", "2.5"])
 def test_a_wrong_number_is_named(folder: Path, wrong: str) -> None:
-    result = identify(folder / "second.csv", "--config", folder / "robot.toml", f"--masses={wrong}")
-    assert result.exit_code == 2
-    assert f"{wrong}: write auto, or 1 to 9" in result.stderr
+    said = refused("identify", folder / "second.csv", "--config", folder / "robot.toml", f"--masses={wrong}")
+    assert f"{wrong}: write auto, or 1 to 9" in said

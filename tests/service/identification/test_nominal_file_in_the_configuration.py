@@ -1,7 +1,5 @@
 """nominal_file: what the daemon takes from it; what it refuses is in config_mistakes/found.golden."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,18 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.operating_conditions import Follow, Term
-from service.commands.check import check
 from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.config.remarks import doubtful_nominals
 from service.config.schema import SpeedConfig
-from tests.service.identification.nominal_texts import nominal_text
+from tests.end_to_end.processes import edit
+from tests.service.command_line import shown
+from tests.service.found_files import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
 DEMO = (SHIPPED / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")
@@ -51,15 +48,6 @@ def file_with(robot: Path, changes: Mapping[str, Mapping[str, Any]] = {}, axis: 
     return path
 
 
-def changed(robot: Path, *pairs: tuple[str, str]) -> Path:
-    text = robot.read_text(encoding="utf-8")
-    for old, new in pairs:
-        assert old in text
-        text = text.replace(old, new)
-    robot.write_text(text, encoding="utf-8")
-    return robot
-
-
 def problems(robot: Path) -> list[Problem]:
     with pytest.raises(ConfigErrors) as caught:
         load(robot, {})
@@ -80,7 +68,7 @@ def test_everything_comes_from_the_file(robot: Path) -> None:
         "drive": {"friction_speed_scale": 0.7},
     }
     file_with(robot, changes)
-    changed(robot, (SPEED_SCALE, ""))
+    edit(robot, (SPEED_SCALE, ""))
     axis = only(load(robot, {}))
     model = axis_model(axis.config)
     settings = axis_settings(
@@ -96,7 +84,7 @@ def test_output_error_has_no_gain(robot: Path) -> None:
         update={"speed": SpeedConfig(message="Axis1State", signal="Angle"), "angle": None}
     )
     file_with(robot, {"predictor": {"kind": "output-error", "gain": []}}, speed)
-    changed(robot, ("[robot.axis.angle]", "[robot.axis.speed]"), (KIND, ""))
+    edit(robot, ("[robot.axis.angle]", "[robot.axis.speed]"), (KIND, ""))
     axis = only(load(robot, {}))
     assert axis_settings(axis, axis_model(axis.config)).K == ()
 
@@ -116,7 +104,7 @@ def test_the_same_may_be_said_twice(robot: Path, lam0: float) -> None:
     found = {"innovation_variance": 4e-8, "colour": 3.0}
     file_with(robot, {"noise": {"torque": 0.05, "output": 0.0001}, "predictor": found})
     same = f'predictor = "innovations"\n{NOISES}innovation_variance = {lam0}\n'
-    changed(
+    edit(
         robot,
         (KIND, same),
         ("[robot.axis.estimator]", f"[robot.axis.model.nominal]{NOMINAL}[robot.axis.estimator]"),
@@ -134,12 +122,9 @@ def test_bytes_that_are_no_text(robot: Path) -> None:
 
 def test_check_says_where_the_values_come_from(robot: Path) -> None:
     file_with(robot)
-    app = typer.Typer()
-    app.command()(check)
-    result = CliRunner().invoke(app, ["--config", str(robot)])
-    assert result.exit_code == 0
-    assert "nominal.toml" in result.stdout
-    assert "of 2002-02-02" in result.stdout
+    said = shown("check", "--config", robot)
+    assert "nominal.toml" in said
+    assert "of 2002-02-02" in said
 
 
 def test_the_simulated_robot_has_the_values_and_noises_of_the_file(robot: Path) -> None:
@@ -170,13 +155,13 @@ TEMPERATURE = '[[robot.axis.signal]]\nname = "temperature"\nmessage = "Axis2Stat
 def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path) -> None:
     path = file_with(robot)
     path.write_text(path.read_text(encoding="utf-8") + FOLLOWS, encoding="utf-8")
-    changed(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
+    edit(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
     (found,) = conditions_of(load(robot, {}).axes[0]).follows
     assert found == Follow("fm", Term("", "temperature"), -0.0012, 32.5, 20.0, 45.0)
     table = '[[robot.axis.model.schedule]]\nparameter = "kT"\nsignal = "temperature"\nslope = 0.1\nreference = 30.0\n'
-    changed(robot, (ESTIMATOR, f"{table}{ESTIMATOR}"))
+    edit(robot, (ESTIMATOR, f"{table}{ESTIMATOR}"))
     assert [one.name for one in conditions_of(load(robot, {}).axes[0]).follows] == ["fm", "kT"]
-    changed(robot, ('parameter = "kT"', 'parameter = "fm"'))
+    edit(robot, ('parameter = "kT"', 'parameter = "fm"'))
     (problem,) = problems(robot)
     assert "fm follows temperature already by robot[1].axis[1].model.nominal_file in line" in problem.message
 
@@ -195,18 +180,14 @@ components.encoder = {{ type = "angle-sensor", at = "shaft" }}
     start, rest = robot.read_text(encoding="utf-8").split("[robot.axis.model]")
     rest = rest.split(ESTIMATOR)[1].replace(KIND, "")
     text = start + drawn + rest
-    (drive,) = {drive_of(only(load(written(robot, text.replace(', "Jg + Jm" = MERGED', "")), {})).config)}
-    (name,) = (d.name for d in drive.definitions)
+    robot.write_text(text.replace(', "Jg + Jm" = MERGED', ""), encoding="utf-8")
+    (name,) = (d.name for d in drive_of(only(load(robot, {})).config).definitions)
     text = text.replace("Jg + Jm", name)
-    load(written(robot, text.replace("MERGED", "0.005")), {})
-    (problem,) = problems(written(robot, text.replace("MERGED", "0.006")))
+    robot.write_text(text.replace("MERGED", "0.005"), encoding="utf-8")
+    load(robot, {})
+    (problem,) = problems(edit(robot, ("= 0.005 }", "= 0.006 }")))
     assert problem.key == f'robot[1].axis[1].model.nominal."{name}"'
     assert problem.message == "is given twice: Jg, Jm make 0.005"
-
-
-def written(robot: Path, text: str) -> Path:
-    robot.write_text(text, encoding="utf-8")
-    return robot
 
 
 def _doubtful(sd: float, r: float) -> dict[str, dict[str, Any]]:

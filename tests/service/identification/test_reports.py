@@ -1,7 +1,5 @@
 """nominal.toml, the page, the JSON and the terminal say what was found."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
@@ -54,15 +52,12 @@ def test_the_file_says_what_was_found(found: IdentificationReport, tmp_path: Pat
     assert read.noise.torque == pytest.approx(e.noise["torque"], rel=1e-9)
 
 
-def test_the_file_has_the_whole_covariance(found: IdentificationReport) -> None:
+def test_the_file_has_the_covariance_its_origin_and_notes(found: IdentificationReport, folder: Path) -> None:
     content, e = tomllib.loads(as_toml(found)), found.result.estimate
     sd = np.array([content["standard_deviations"][name] for name in e.names])
     assert content["correlation"]["names"] == list(e.names)
     whole = np.array(content["correlation"]["matrix"]) * np.outer(sd, sd)
     assert np.allclose(whole, e.covariance, rtol=1e-3, atol=1e-3 * np.outer(sd, sd).min())
-
-
-def test_the_file_says_where_it_comes_from(found: IdentificationReport, folder: Path) -> None:
     content = tomllib.loads(as_toml(found))
     digest = hashlib.sha256((folder / "healthy.csv").read_bytes()).hexdigest()
     first, second = content["record"]
@@ -70,9 +65,6 @@ def test_the_file_says_where_it_comes_from(found: IdentificationReport, folder: 
     assert second["purpose"] == "validation"
     assert first["fit_simulation"] == pytest.approx(found.result.estimation[0].fit_simulation, rel=1e-3)
     assert content["provenance"]["axiswatch"] == "1.2.3"
-
-
-def test_the_file_explains_itself(found: IdentificationReport) -> None:
     text = as_toml(found)
     assert re.search(r"^Jm = 0\.00\d+  # kg m\^2, \+- [\d.]+ %; inertia of the motor$", text, re.MULTILINE)
     assert "kT = 1.0  # 1, held: not in --free" in text
@@ -136,13 +128,21 @@ def read(page: str) -> _Reader:
     return reader
 
 
-def test_the_page_needs_nothing_else(page: str) -> None:
+def test_the_page_stands_alone(page: str) -> None:
+    """It asks for nothing, uses its own colours, and parts of its pictures have names of their own."""
     addresses = read(page).addresses
     assert addresses
     assert [a for a in addresses if not a.startswith(("#", "data:image/svg+xml;base64,"))] == []
     assert "url(" not in page.replace("url(#", "")
     assert "<script" not in page
     assert "@import" not in page
+    assert "#0101" not in page
+    for name in ("ink", "line", "measured", "found", "simulated", "other", "before"):
+        assert f"stroke: var(--{name})" in page or f"fill: var(--{name})" in page, name
+        assert page.count(f"--{name}:") == 2, "once for light, once for dark"
+    defined = re.findall(r'<clipPath id="([^"]+)"', page)
+    assert len(defined) > 5
+    assert len(defined) == len(set(defined))
 
 
 def test_the_page_says_it_all(page: str, found: IdentificationReport) -> None:
@@ -163,21 +163,6 @@ def test_the_page_says_it_all(page: str, found: IdentificationReport) -> None:
         assert words in text  # fmt: skip
 
 
-def test_colours_are_those_of_the_page(page: str) -> None:
-    """None of the placeholders is left, and all pictures use the page's colours."""
-    assert "#0101" not in page
-    for name in ("ink", "line", "measured", "found", "simulated", "other", "before"):
-        assert f"stroke: var(--{name})" in page or f"fill: var(--{name})" in page, name
-        assert page.count(f"--{name}:") == 2, "once for light, once for dark"
-
-
-def test_names_of_parts_of_pictures_differ(page: str) -> None:
-    """Clipping paths and markers of one picture must not be those of another."""
-    defined = re.findall(r'<clipPath id="([^"]+)"', page)
-    assert len(defined) > 5
-    assert len(defined) == len(set(defined))
-
-
 def test_the_verdict_is_that_of_the_fit(found: IdentificationReport, page: str) -> None:
     assert "Nominal values found" in page
     stuck = as_html(with_estimate(found, converged=False))
@@ -196,7 +181,7 @@ def test_what_users_write_is_escaped(found: IdentificationReport) -> None:
 # --- JSON, terminal ----------------------------------------------------------------------------------
 
 
-def test_the_json_has_everything(found: IdentificationReport) -> None:
+def test_the_json_has_everything_and_null_for_what_is_not_finite(found: IdentificationReport) -> None:
     content = json.loads(as_json(found))
     assert content["trustworthy"] is True
     assert {p["name"] for p in content["parameters"]} == {row.name for row in found.result.rows()}
@@ -204,9 +189,6 @@ def test_the_json_has_everything(found: IdentificationReport) -> None:
     assert content["predictor"]["gain"] == found.result.estimate.K.tolist()
     assert len(content["bode"]["drive"]["db"]) == len(content["bode"]["before"]["frequency_hz"])
     assert [r["purpose"] for r in content["records"]] == ["estimation", "validation"]
-
-
-def test_what_is_not_finite_is_null(found: IdentificationReport) -> None:
     covariance = found.result.estimate.covariance.copy()
     covariance[0, 0] = np.inf
     content = json.loads(as_json(with_estimate(found, covariance=covariance)))

@@ -1,6 +1,4 @@
-"""What is found in a record of a known drive, and what the parts of it mean."""
-
-from __future__ import annotations
+"""Which parameters are free, what is found in a record of a known drive, and what the parts of it mean."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +10,13 @@ from scipy.stats import chi2
 from monitor_core.identification.bode import band, drive_response
 from monitor_core.identification.greybox import colour_of, traces_of
 from monitor_core.identification.identification_procedure import ParameterRow, Start
+from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from service.commands.identification_task import IdentificationTask, Request, prepare
 from service.config import Config
+from service.config.drive_sources import model_called
 from service.ingest.identification_records import load
 from service.reports.identification_report import IdentificationReport
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE, with_estimate
@@ -27,15 +27,12 @@ def task(folder: Path, robot: Config, *records: str, request: Request | None = N
     return prepare(robot, robot.axes[0], paths, [], request or Request(start="values", free=FREE))
 
 
-def test_the_truth_is_within_what_is_reported(found: IdentificationReport) -> None:
+def test_the_truth_is_within_what_is_reported_beside_what_was_before(found: IdentificationReport) -> None:
     e = found.result.estimate
     off = e.theta - np.array([REFERENCE_VALUES[name] for name in e.names])
     assert e.names == FREE
     assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(FREE))
     assert (e.sd < 0.1 * np.abs(e.theta)).all()
-
-
-def test_rows_hold_what_was_before(found: IdentificationReport) -> None:
     rows = {row.name: row for row in found.result.rows()}
     assert rows["Jm"].before == GUESS["Jm"]
     assert rows["Jm"].change == pytest.approx(rows["Jm"].value / GUESS["Jm"] - 1)
@@ -52,7 +49,7 @@ def test_traces_have_the_fits_of_the_engine(found: IdentificationReport) -> None
 
 
 def test_the_responses_agree_where_the_torque_is(found: IdentificationReport) -> None:
-    """Drive, black box and record, each by its own deviations; a drive as before does not."""
+    """Drive, black box and record, each by its own deviations; a drive as before does not. An angle as its speed."""
     b = found.result.bode
     assert b.before is not None
     assert b.words == ()
@@ -64,10 +61,10 @@ def test_the_responses_agree_where_the_torque_is(found: IdentificationReport) ->
         off = np.abs(b.drive.db - other.db)[middle] / sd
         assert np.median(off) < 3
         assert np.median(np.abs(b.before.db - other.db)[middle] / sd) > 10
-
-
-def test_nothing_is_coloured_where_the_noise_model_is_right(found: IdentificationReport) -> None:
-    assert 1 <= found.result.colour < 2
+    e, shown = found.result.estimate, found.result.bode.drive
+    low = shown.frequency_hz[:100]
+    speed = drive_response(three_mass("speed"), e.values, e.interval_s, low)
+    assert shown.db[:100] == pytest.approx(speed.db, abs=0.1)
 
 
 def test_colour_is_that_of_the_errors(found: IdentificationReport, robot: Config) -> None:
@@ -105,16 +102,13 @@ def test_noises_may_be_held(folder: Path, robot: Config) -> None:
     assert found["torque"] / found["output"] == pytest.approx(500)
 
 
-@pytest.mark.parametrize(
-    ("contradicting", "words"),
-    [
-        (Request(start="values", predictor="output-error", hold_noise=True), "no noise"),
-        (Request(start="values", predictor="output-error", disturbance_s=1.0), "no noise"),
-    ],
-)
-def test_contradicting_requests(folder: Path, robot: Config, contradicting: Request, words: str) -> None:
-    with pytest.raises(IdentificationError, match=words):
-        task(folder, robot, "healthy.csv", request=contradicting)
+def test_requests_that_contradict_and_records_that_are_refused(folder: Path, robot: Config) -> None:
+    contradiction = Request(start="values", predictor="output-error")
+    for request in (replace(contradiction, hold_noise=True), replace(contradiction, disturbance_s=1.0)):
+        with pytest.raises(IdentificationError, match="no noise"):
+            task(folder, robot, "healthy.csv", request=request)
+    with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
+        task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
 
 
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
@@ -122,11 +116,6 @@ def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: 
         folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error")
     )
     assert any("not for the daemon" in words for words in made.warnings)
-
-
-def test_all_refused_records_are_named(folder: Path, robot: Config) -> None:
-    with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
-        task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
 
 
 def test_the_band_is_that_of_the_torque() -> None:
@@ -207,13 +196,6 @@ def test_the_simulation_makes_its_own_friction(folder: Path, robot: Config) -> N
     assert trace.fit > trace.fit_simulation + 1e-3
 
 
-def test_an_angle_is_shown_as_the_speed_it_makes(found: IdentificationReport) -> None:
-    e, shown = found.result.estimate, found.result.bode.drive
-    low = shown.frequency_hz[:100]
-    speed = drive_response(three_mass("speed"), e.values, e.interval_s, low)
-    assert shown.db[:100] == pytest.approx(speed.db, abs=0.1)
-
-
 def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> None:
     (axis,) = robot.axes
     late = axis._replace(config=axis.config.model_copy(update={"torque_delay_s": 0.0013}))
@@ -255,3 +237,55 @@ def test_records_that_tell_nothing_are_said_with_what_would_help(
 def test_a_value_about_zero() -> None:
     held, zero = (ParameterRow("tau0", "N m", "", 0.01, sd, None) for sd in (0.001, 0.005))
     assert (held.is_about_zero, zero.is_about_zero) == (False, True)
+
+
+# --- free: all that can be told, or what the user says, if that makes sense ---------------------------------
+
+
+VALUES = {**REFERENCE_VALUES, "fc": 0.08, "tau0": 0.01}
+
+
+def chosen(*free: str, fix: tuple[str, ...] = (), values: dict[str, float] = VALUES) -> ParameterSelection:
+    model = model_called("three-mass", None, "angle")
+    return select_parameters(model.space, model.drive, values, free, fix)
+
+
+def test_what_is_free() -> None:
+    """All but kT and r; fixed ones are held beside these; free ones are the only ones, and may be reciprocals."""
+    found = chosen()
+    assert set(found.free) == set(VALUES) - {"kT", "r"}
+    assert set(found.held) == {"kT", "r"}
+    found = chosen(fix=("fc", "Jm"))
+    assert set(found.free) == set(VALUES) - {"kT", "r", "fc", "Jm"}
+    assert found.held["fc"] == "fixed by --fix"
+    found = chosen("1/Ja", "fm", "kT")
+    assert found.free == ("1/Ja", "fm", "kT")
+    assert set(found.held) == set(VALUES) - {"Ja", "fm", "kT"}
+
+
+EVERYTHING = ("kT", "Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
+
+
+def test_what_no_record_can_tell_is_refused_with_the_number() -> None:
+    zeros = {**VALUES, "fc": 0.0, "tau0": 0.0}
+    with pytest.raises(IdentificationError, match=r"9 parameters are free, but .* only 8 numbers.*Hold kT"):
+        chosen(*EVERYTHING, values=zeros)
+    # A known friction gives the scale.
+    assert chosen(*EVERYTHING).free == EVERYTHING
+
+
+@pytest.mark.parametrize(
+    ("free", "fix", "words"),
+    [
+        (("jm",), (), 'did you mean "Jm"'),
+        ((), ("tau",), 'did you mean "tau0"'),
+        (("Jm", "fm"), ("Jm",), "Jm: cannot be both"),
+        (("1/Ja",), ("Ja",), "Ja: cannot be both"),
+        ((), tuple(VALUES), "nothing is free"),
+    ],
+)
+def test_a_wish_that_makes_no_sense_is_refused(
+    free: tuple[str, ...], fix: tuple[str, ...], words: str
+) -> None:
+    with pytest.raises(IdentificationError, match=words):
+        chosen(*free, fix=fix)

@@ -1,14 +1,12 @@
 """Parameters that follow signals: what the user writes, what is found, and what the files and reports say of it."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
@@ -18,11 +16,11 @@ from monitor_core.identification.parameter_selection import (
 )
 from monitor_core.identification.problem import IdentificationError
 from service.commands.identification_task import read_schedule
-from service.commands.main import app
 from service.config import Config, load
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
 from service.simulation.axis import ControlledAxis
+from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import SHIPPED, robot_text
 
 SIGNALS = """
@@ -80,11 +78,8 @@ def here(warm: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return warm
 
 
-def identify(*words: str) -> Result:
-    line = ["identify", "warm.csv", "--config", "robot.toml", "--start", "values", "--force", *words]
-    result = CliRunner().invoke(app, line)
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result
+def identify(*words: str, record: str = "warm.csv") -> Result:
+    return axiswatch("identify", record, "--config", "robot.toml", "--start", "values", "--force", *words)
 
 
 def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: Path) -> None:
@@ -165,22 +160,18 @@ def test_names_are_those_of_what_is_free() -> None:
 def test_a_signal_that_stays_as_it_is_tells_nothing(here: Path) -> None:
     rows = (here / "warm.csv").read_text(encoding="utf-8").splitlines()
     (here / "cold.csv").write_text("\n".join(rows[:400]) + "\n", encoding="utf-8")
-    line = ["identify", "cold.csv", "--config", "robot.toml", "--schedule", "fm: temperature", "--force"]
-    result = CliRunner().invoke(app, line)
+    result = identify("--schedule", "fm: temperature", record="cold.csv")
     assert result.exit_code == 2
     assert "temperature is 20 throughout the records" in result.stderr
 
 
-def test_a_configuration_without_signals_says_how_to_add_one(warm: Path) -> None:
+def test_what_the_user_writes_is_read(warm: Path) -> None:
     (axis,) = load(warm / "robot.toml", {}).axes
     none = axis.config.model_copy(update={"signal": ()})
     with pytest.raises(
         IdentificationError, match=r'add \[\[robot\.axis\.signal\]\] with name = "temperature"'
     ):
         read_schedule(("fm: temperature",), none)
-
-
-def test_terms_are_read_with_blanks_or_without(warm: Path) -> None:
     (axis,) = load(warm / "robot.toml", {}).axes
     found = read_schedule(("1/Ja:cos( angle2 ),temperature", "fm : square(angle2)"), axis.config)
     assert found == {"1/Ja": ("cos(angle2)", "temperature"), "fm": ("square(angle2)",)}

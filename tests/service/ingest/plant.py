@@ -3,8 +3,6 @@
 Scales are powers of two, so that decoded values are exact.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Torque and motion are paired by time; whatever happens, nothing is mixed up or lost uncounted."""
 
-from __future__ import annotations
-
 import itertools
 import math
 
@@ -65,12 +63,9 @@ def test_a_complete_stream_becomes_all_samples(events: list[Event]) -> None:
     assert [s.torque for s in samples] == [float(cycle) for cycle in range(len(events) // 2)]
 
 
-def test_the_time_is_that_of_the_motion() -> None:
+def test_the_time_is_that_of_the_counter_or_of_the_motion() -> None:
     samples, _ = run([("torque", START_US, 1.5), ("motion", START_US + 300, 2.5)])
     assert samples == [Sample(START_US + 300, 1.5, 2.5)]
-
-
-def test_the_time_by_the_counter_comes_first() -> None:
     a = assembler()
     assert a.add("torque", START_US, 1.0) is None
     assert a.add("motion", START_US + 300, 2.0, START_US - 70) == Sample(START_US - 70, 1.0, 2.0)

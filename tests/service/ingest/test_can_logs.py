@@ -1,7 +1,5 @@
 """CAN logs: read as frames, recorded exactly, and named by line when they are damaged."""
 
-from __future__ import annotations
-
 import os
 import random
 from pathlib import Path

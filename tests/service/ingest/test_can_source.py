@@ -1,9 +1,9 @@
 """The reader of a bus, on python-can's buses in the process and over the network stack."""
 
-from __future__ import annotations
-
 import random
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import can
@@ -16,7 +16,40 @@ from service.can.receivers import frame_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from tests.service.ingest.plant import axis1, make_config
-from tests.service.ingest.reading import EXTENDED, STANDARD, reading, take, wait_for
+
+STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)
+
+
+def wait_for(condition: Callable[[], bool], what: Callable[[], object], limit_s: float = 20.0) -> None:
+    """Wait until the condition holds; where it never does, say what was instead."""
+    end = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end, what()
+        time.sleep(0.005)
+
+
+@contextmanager
+def reading(config: BusConfig, *wanted: FrameKey) -> Iterator[CanReader]:
+    """A reader of that bus, closed at the end."""
+    reader = CanReader(config, wanted or (STANDARD, EXTENDED))
+    reader.open()
+    reader.start()
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def take(reader: CanReader, count: int) -> list[Frame]:
+    """The next frames, at least that many."""
+    frames: list[Frame] = []
+
+    def enough() -> bool:
+        frames.extend(reader.take())
+        return len(frames) >= count
+
+    wait_for(enough, lambda: f"{len(frames)} of {count} frames: {reader.stats()}")
+    return frames
 
 
 @pytest.fixture(params=["virtual", "udp_multicast"])

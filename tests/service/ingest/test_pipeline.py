@@ -1,7 +1,5 @@
 """Frames of a bus become samples of its axes."""
 
-from __future__ import annotations
-
 import math
 import struct
 from pathlib import Path
@@ -52,17 +50,19 @@ def test_two_axes_of_one_bus(tmp_path: Path) -> None:
     }
 
 
-def test_factor_and_offset(tmp_path: Path) -> None:
+def test_what_is_decoded_of_a_frame(tmp_path: Path) -> None:
+    """With factor and offset; a number where values have names; a frame may be longer than the DBC says."""
     axis = axis2()
     axis["torque"] |= {"factor": -2.0, "offset": 0.5}
     axis["speed"] |= {"factor": 0.25}
     (sample,) = Ingest(make_config(tmp_path, axis), "bus0").feed([both2(START_US, 1.5, 20.0)])["r.two"]
     assert sample == Sample(START_US, -2.5, 5.0)
-
-
-def test_a_signal_with_named_values_stays_a_number(tmp_path: Path) -> None:
     (sample,) = Ingest(make_config(tmp_path, axis2()), "bus0").feed([both2(START_US, 1 / 1024, 1.0)])["r.two"]
     assert sample.torque == 1 / 1024  # of the raw value 1, which is named "on"
+    ingest = Ingest(make_config(tmp_path, axis1()), "bus0")
+    frame = torque1(START_US, 1.5)
+    samples = ingest.feed([frame._replace(data=frame.data + bytes(4)), angle1(START_US, 1.0)])
+    assert samples["r.one"] == [Sample(START_US, 1.5, 1.0)]
 
 
 def test_frames_that_give_nothing_are_counted(tmp_path: Path) -> None:
@@ -111,13 +111,6 @@ def test_values_that_no_motor_ever_had(
         assert bool(ingest.feed(frames)) == (k == len(values))
     ingest.flush()
     assert axis_drops(ingest, "r.three") == {reason: len(values), "unpaired": len(values)}
-
-
-def test_longer_than_the_dbc_says(tmp_path: Path) -> None:
-    ingest = Ingest(make_config(tmp_path, axis1()), "bus0")
-    frame = torque1(START_US, 1.5)
-    samples = ingest.feed([frame._replace(data=frame.data + bytes(4)), angle1(START_US, 1.0)])
-    assert samples["r.one"] == [Sample(START_US, 1.5, 1.0)]
 
 
 def counted(message: str) -> dict[str, str]:

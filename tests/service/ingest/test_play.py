@@ -1,7 +1,5 @@
 """Records on a bus: what is played is what is read again."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
@@ -68,12 +66,17 @@ def test_counters_show_the_gaps_of_the_table(tmp_path: Path) -> None:
     assert [int.from_bytes(p.data[6:8], "little") for p in played] == np.flatnonzero(keep).tolist()
 
 
-def test_other_signals_have_their_initial_values(tmp_path: Path) -> None:
+def test_what_an_encoder_does_with_other_signals_and_a_factor_of_zero(tmp_path: Path) -> None:
     encoder = FrameEncoder(make_config(tmp_path, axis4()), "bus0")
     ((key, data),) = encoder.encode({"r.four": (1.0, 2.0), "r.unknown": (3.0, 4.0)}, 0)
     assert key == FrameKey(0x130, False)
     assert data[5] == 7
     assert sum(data[6:60]) == 0
+    axis = axis2()
+    axis["torque"]["factor"] = 0.0
+    encoder = FrameEncoder(make_config(tmp_path, axis), "bus0")
+    with pytest.raises(IngestError, match="the factor of the torque is 0"):
+        encoder.encode({"r.two": (1.0, 2.0)}, 0)
 
 
 def test_a_value_that_does_not_fit(tmp_path: Path) -> None:
@@ -84,14 +87,6 @@ def test_a_value_that_does_not_fit(tmp_path: Path) -> None:
     message = r"a\.csv, at 7\.015000 s: axis r\.one: the torque 32 does not fit into signal Torque of Torque1"
     with pytest.raises(RecordError, match=message):
         list(frames)
-
-
-def test_a_factor_of_zero(tmp_path: Path) -> None:
-    axis = axis2()
-    axis["torque"]["factor"] = 0.0
-    encoder = FrameEncoder(make_config(tmp_path, axis), "bus0")
-    with pytest.raises(IngestError, match="the factor of the torque is 0"):
-        encoder.encode({"r.two": (1.0, 2.0)}, 0)
 
 
 def test_a_log_is_played_as_it_is(tmp_path: Path) -> None:

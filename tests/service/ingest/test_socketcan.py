@@ -1,7 +1,5 @@
 """The reader on real SocketCAN devices: filters, buffers, drops, and devices that come and go."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import struct
@@ -26,7 +24,7 @@ from service.ingest.bus_samples import Ingest
 from service.ingest.records import read_record
 from service.simulation.playback import PlayFrame, play_frames
 from tests.service.ingest.plant import axis1, axis4, make_config
-from tests.service.ingest.reading import EXTENDED, STANDARD, reading, take, wait_for
+from tests.service.ingest.test_can_source import EXTENDED, STANDARD, reading, take, wait_for
 
 pytestmark = pytest.mark.vcan
 

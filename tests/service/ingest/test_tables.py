@@ -1,7 +1,5 @@
 """Tables as records: columns become samples, and faults are named by file, line and column."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any
@@ -89,15 +87,12 @@ def test_the_order_of_times_counts_across_blocks(tmp_path: Path, seed: int) -> N
     assert dropped == {"out_of_order": 1, "missing": 1}
 
 
-def test_two_axes_in_one_table(tmp_path: Path, seed: int) -> None:
+def test_axes_in_a_table_and_axes_without_columns(tmp_path: Path, seed: int) -> None:
     table = columns(seed, 5)
     write_table(tmp_path / "a.csv", {**table, "torque_two": np.ones(5), "speed_two": np.ones(5)})
     (step,) = read_record(tmp_path / "a.csv", make_config(tmp_path, timed(), axis2())).steps()
     assert step.samples["r.one"].t_us[0] == 100_000_000
     assert step.samples["r.two"].y.tolist() == [1.0] * 5
-
-
-def test_an_axis_without_columns_is_left_out(tmp_path: Path, seed: int) -> None:
     write_table(tmp_path / "a.csv", columns(seed, 5))
     other = axis2()
     del other["torque"]["column"], other["speed"]["column"]
@@ -225,18 +220,3 @@ def test_a_configuration_without_columns(tmp_path: Path, seed: int) -> None:
         read_record(tmp_path / "a.csv", make_config(tmp_path, axis))
     del axis["torque"]["column"]
     assert "no axis says where it is in a table" in fault(tmp_path / "a.csv", axis)
-
-
-@pytest.mark.records
-def test_the_records_of_real_axes(tmp_path: Path, records_dir: Path) -> None:
-    axis = axis2(sample_interval_s=0.0005, pairing_tolerance_s=0.0002)
-    axis["torque"]["column"], axis["speed"]["column"] = "torque", "speed"
-    block, dropped = samples_of(records_dir / "irb" / "robot_arm.mat", tmp_path, axis)
-    assert len(block.t_us) == 19838
-    assert dropped == {}
-
-    axis = axis1(time={"column": "0"}, sample_interval_s=0.0105, pairing_tolerance_s=0.004)
-    axis["torque"]["column"], axis["angle"]["column"] = "13", "1"
-    block, dropped = samples_of(records_dir / "ur10e" / "ur-20_01_22-joint_1.csv", tmp_path, axis)
-    assert len(block.t_us) == 5889
-    assert set(dropped) <= {"missing"}

@@ -1,7 +1,5 @@
 """Damaged tables: every torn row is refused, no sound one, whatever the torn ones hold."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np
@@ -46,18 +44,19 @@ def test_damage_is_refused_as_far_as_it_goes(at: str, seed: int) -> None:
         assert np.array_equal(torn(rows, broken) | broken, stretch)
 
 
-def test_what_is_missing_is_no_step(seed: int) -> None:
+def test_what_is_no_sign_of_damage(seed: int) -> None:
+    # Whatever the steps: only damage makes its neighbours suspect.
+    # A column that stands at another value for five rows, long before.
     rng = np.random.default_rng(seed)
     rows, broken = smooth(rng, 100), np.arange(100) == 40
     rows[[39, 41, 60], [2, 3, 4]] = np.nan
     rows[:, 7] = np.nan
     assert not torn(rows, broken).any()
-
-
-def test_without_a_broken_row_none_is_torn(seed: int) -> None:
-    """Whatever the steps: only damage makes its neighbours suspect."""
     rows = np.random.default_rng(seed).standard_cauchy((200, C))
     assert not torn(rows, np.zeros(200, np.bool_)).any()
+    rows = smooth(np.random.default_rng(seed), 300)
+    rows[50:55, 2] += 1e3
+    assert not torn(rows, np.arange(300) == 200).any()
 
 
 def test_sound_rows_between_two_broken_ones_stay(seed: int) -> None:
@@ -87,13 +86,6 @@ def test_rows_that_agree_with_each_other_only_are_refused(seed: int) -> None:
     broken[50] = False
     rows[50] = rows[34]
     assert np.array_equal(torn(rows, broken), expected)
-
-
-def test_steps_far_from_the_damage_are_no_sign_of_it(seed: int) -> None:
-    """A column that stands at another value for five rows, long before."""
-    rows = smooth(np.random.default_rng(seed), 300)
-    rows[50:55, 2] += 1e3
-    assert not torn(rows, np.arange(300) == 200).any()
 
 
 @pytest.mark.parametrize("count", [1, 2, 15])

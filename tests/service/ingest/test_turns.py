@@ -1,7 +1,5 @@
 """Angles that start again are made whole: by the truth, whatever the blocks, and refused where two would do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -72,15 +70,12 @@ def test_after_a_gap_it_starts_afresh(after_us: int, angle: float) -> None:
     assert whole == pytest.approx([angle, angle - 0.1])  # and from there it goes on
 
 
-def test_it_goes_on_from_where_the_predictor_was() -> None:
+def test_it_goes_on_from_where_it_was() -> None:
+    """Not later than the last sample, as where two records overlap."""
     turns = Turns(1.0, GAP_US)
     turns.resume(Motion(0, 17.9, 0.1 / H_US))
     whole, _ = turns.take(np.array([H_US]), np.array([0.0]))
     assert whole[0] == pytest.approx(18.0)
-
-
-def test_what_the_monitor_refuses_changes_nothing() -> None:
-    """Not later than the last sample, as where two records overlap."""
     turns = Turns(1.0, GAP_US)
     turns.take(np.array([0, H_US, 2 * H_US]), np.array([0.7, 0.8, 0.9]))
     turns.take(np.array([2 * H_US, H_US]), np.array([0.3, 0.8]))

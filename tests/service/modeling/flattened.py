@@ -1,20 +1,19 @@
 """A second way to read a drive: pymoca's own flattener, and a standard library in other words (rotational.mo).
 
-Its flat equations become exact numbers, E z' + F z = G c, where the knowns c are the torque, the one, and each
-nonlinear function of a variable.  Nothing of this is shared with monitor_core.
+Its flat equations become numbers, E z' + F z = G c, where the knowns c are the torque, the one, and each nonlinear
+function of a variable.  Nothing of this is shared with monitor_core.
 """
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from pymoca import ast, parser, tree
-from sympy import QQ
-from sympy.polys.matrices import DomainMatrix
+
+from monitor_core.arrays import Floats
 
 ROOT = Path(__file__).resolve().parents[3]
 LIBRARIES = (Path(__file__).with_name("rotational.mo"), ROOT / "config" / "modelica" / "AxisWatch.mo")
@@ -96,31 +95,32 @@ class FlatText:
 
 @dataclass
 class Numbers:
-    """E z' + F z = G c, exactly."""
+    """E z' + F z = G c."""
 
     variables: list[str]
     knowns: list[str]
-    E: DomainMatrix
-    F: DomainMatrix
-    G: DomainMatrix
+    E: Floats
+    F: Floats
+    G: Floats
+
+    def responses(self, known: str, s: complex) -> dict[str, complex]:
+        """Of every variable to a known, by solving (s E + F) z = G c there."""
+        pencil = s * self.E + self.F
+        rows, columns = (1 / np.sqrt(np.max(np.abs(pencil), axis=axis)) for axis in (1, 0))
+        scaled = rows[:, None] * pencil * columns
+        z = columns * np.linalg.solve(scaled, rows * self.G[:, self.knowns.index(known)])
+        return dict(zip(self.variables, z.tolist(), strict=True))
 
 
 def numbers(flat: FlatText, torque: str) -> Numbers:
     variables, knowns = flat.variables(torque), flat.knowns(torque)
     assert len(flat.equations) == len(variables), (len(flat.equations), variables)
-    rows = flat.equations
-    return Numbers(
-        variables,
-        knowns,
-        matrix([[e.get(f"der({v})", Fraction(0)) for v in variables] for e in rows]),
-        matrix([[e.get(v, Fraction(0)) for v in variables] for e in rows]),
-        matrix([[-e.get(k, Fraction(0)) for k in knowns] for e in rows]),
-    )
 
+    def matrix(names: Iterable[str], sign: int = 1) -> Floats:
+        return np.array([[float(sign * e.get(name, 0)) for name in names] for e in flat.equations])
 
-def matrix(rows: Sequence[Sequence[Fraction]]) -> DomainMatrix:
-    entries = [[QQ(c.numerator, c.denominator) for c in row] for row in rows]
-    return DomainMatrix(entries, (len(rows), len(rows[0])), QQ).to_sparse()
+    rates = [f"der({v})" for v in variables]
+    return Numbers(variables, knowns, matrix(rates), matrix(variables), matrix(knowns, -1))
 
 
 def plus(left: Sum, right: Sum) -> Sum:

@@ -1,7 +1,5 @@
 """A drive of any number of masses as a Modelica text."""
 
-from __future__ import annotations
-
 ROTATIONAL = "Modelica.Mechanics.Rotational"
 
 

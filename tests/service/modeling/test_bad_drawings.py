@@ -3,17 +3,14 @@
 What the reader alone refuses is in tests/core/modeling/modelica/test_errors.py.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from typer.testing import CliRunner
 
-from service.commands.main import app
 from tests.end_to_end.processes import run_program
+from tests.service.command_line import axiswatch
 from tests.service.modeling.long_drives import ROTATIONAL, chain_text, geared_text
 
 COMPONENTS = f"{ROTATIONAL}.Components"
@@ -98,56 +95,33 @@ def written(bad: Bad, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_drawing_is_refused_in_words(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
+def test_a_bad_drawing_is_refused_in_words(name: str, tmp_path: Path) -> None:
     bad, file = BAD[name], written(BAD[name], tmp_path)
-    result = CliRunner().invoke(app, ["model", str(file)])
-    refused(result.exit_code, result.stdout, result.stderr)
+    result = axiswatch("model", file)
+    in_one_line(result.exit_code, result.stdout, result.stderr)
     assert result.stderr.startswith(f"axiswatch: {file}{bad.place}"), result.stderr
-    for word in bad.words:
-        assert word in result.stderr.replace("\n", " "), result.stderr
+    assert [word for word in bad.words if word not in result.stderr] == []
 
 
-@pytest.mark.parametrize("name", IN_A_PROCESS)
-def test_the_program_ends_so_too(name: str, tmp_path: Path) -> None:
-    file = written(BAD[name], tmp_path)
-    result = run_program("model", file)
-    refused(result.returncode, result.stdout, result.stderr)
-    for word in (f"axiswatch: {file}:", *BAD[name].words):
-        assert word in result.stderr
-
-
-def told(file: Path, word: str) -> None:
-    result = CliRunner().invoke(app, ["model", str(file)])
-    refused(result.exit_code, result.stdout, result.stderr)
-    for one in (f"axiswatch: {file}:", word):
-        assert one in result.stderr
-
-
-def refused(exit_code: int, stdout: str, stderr: str) -> None:
+def in_one_line(exit_code: int, stdout: str, stderr: str) -> None:
     assert (exit_code, stdout) == (2, ""), stderr
     assert "Traceback" not in stderr
     assert stderr.count("\n") == 1
     assert stderr.removesuffix("\n").isprintable()
 
 
-def test_a_folder(tmp_path: Path) -> None:
-    folder = tmp_path / "press.mo"
-    folder.mkdir()
-    told(folder, "Is a directory")
-
-
-def test_no_such_file(tmp_path: Path) -> None:
-    told(tmp_path / "none.mo", "No such file")
+@pytest.mark.parametrize("name", IN_A_PROCESS)
+def test_the_program_ends_so_too(name: str, tmp_path: Path) -> None:
+    file = written(BAD[name], tmp_path)
+    result = run_program("model", file)
+    in_one_line(result.returncode, result.stdout, result.stderr)
+    for word in (f"axiswatch: {file}:", *BAD[name].words):
+        assert word in result.stderr
 
 
 def shown(text: str, folder: Path, *arguments: str) -> str:
     """What the command says of a drawing that it takes; nothing on standard error."""
-    file = folder / "press.mo"
-    file.write_text(text, encoding="utf-8")
-    result = CliRunner().invoke(app, ["model", str(file), *arguments])
+    result = axiswatch("model", written(Bad(text, "", ()), folder), *arguments)
     assert (result.exit_code, result.stderr) == (0, "")
     return result.stdout
 

@@ -1,23 +1,15 @@
-"""The Modelica files of the project, flattened by pymoca and simulated by scipy, against the reduced model."""
-
-from __future__ import annotations
-
-from dataclasses import dataclass
+"""The Modelica files of the project, flattened by pymoca, against the reduced model: from every input to the output."""
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
-from monitor_core.drive.structure import Drive, Output
+from monitor_core.drive.structure import Output
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read
 from monitor_core.modeling.statespace import drive_of, nominal_of
-from tests.service.modeling.descriptor import ordinary, transfer
+from tests.service.modeling.flattened import ONE as ONE_KNOWN
 from tests.service.modeling.flattened import ROOT, FlatText, numbers
-
-Array = NDArray[np.float64]
 
 ROTATIONAL = "Modelica.Mechanics.Rotational"
 CRANE = f"""
@@ -78,26 +70,11 @@ end Crane;
 
 SHIPPED = {"TwoMass": "two_mass.mo", "ThreeMass": "three_mass.mo", "FiveMass": "five_mass.mo"}
 OUTPUTS: tuple[Output, ...] = ("speed", "angle")
-NONE = {"fc": 0.0, "tau0": 0.0}
-DRY = {"fc": 0.3, "tau0": 0.2}
 TOLERANCE = 1e-6
-
-
-@dataclass
-class Case:
-    """One drive read in both ways."""
-
-    drive: Drive
-    values: dict[str, float]
-    flat: FlatText
-    output: str
-
-    def matrices(self) -> tuple[Array, Array, Array]:
-        return (
-            self.drive.matrix("A", self.values),
-            self.drive.matrix("B", self.values),
-            self.drive.matrix("C", self.values),
-        )
+DRY = {"fc": 0.3, "tau0": 0.2}
+KINDS = {"tau": TORQUE, ONE_KNOWN: ONE, "tanh": COULOMB, "cos": COSINE, "sin": SINE}
+"""Of the inputs, by the known or the function.  The same functions of the same motion act through the same paths: with
+equal frequency responses the two drives are one from rest, whatever the torque."""
 
 
 def text_of(model: str, output: Output, gravity: bool = False) -> str:
@@ -108,69 +85,33 @@ def text_of(model: str, output: Output, gravity: bool = False) -> str:
     return text if gravity else "\n".join(line for line in text.splitlines() if "gravity" not in line)
 
 
-def case(model: str, output: Output, changes: dict[str, float], gravity: bool = False) -> Case:
+@pytest.mark.parametrize(
+    ("model", "output", "gravity"),
+    [(model, output, False) for model in (*SHIPPED, "Crane") for output in OUTPUTS]
+    + [("Crane", "angle", True)],
+)
+def test_every_input_acts_alike_and_the_functions_are_of_the_same_motion(
+    model: str, output: Output, gravity: bool, seed: int
+) -> None:
     text = text_of(model, output, gravity)
     ss = eliminate(read([Source("drive.mo", text)], model), output)
-    measured = "encoder.w" if output == "speed" else "encoder.flange.phi"
-    return Case(drive_of(ss), nominal_of(ss, changes), FlatText(text, model, changes), measured)
-
-
-def steps(seed: int, count: int) -> tuple[Array, Array]:
-    """Torques and the ends of their intervals, which are not regular."""
-    rng = np.random.default_rng(seed)
-    return rng.standard_normal(count), np.cumsum(rng.uniform(0.002, 0.05, count))
-
-
-def agree(got: Array, want: Array) -> None:
-    assert np.abs(got - want).max() <= TOLERANCE * np.abs(want).max()
-    assert np.abs(want).max() > 0
-
-
-@pytest.mark.parametrize("output", OUTPUTS)
-@pytest.mark.parametrize("model", [*SHIPPED, "Crane"])
-def test_frequency_response(model: str, output: Output, seed: int) -> None:
-    both = case(model, output, NONE)
-    given = numbers(both.flat, "tau")
-    A, B, C = both.matrices()
+    drive, values, flat = drive_of(ss), nominal_of(ss, DRY), FlatText(text, model, DRY)
+    given, functions = numbers(flat, "tau"), {f.known: f for f in flat.functions}
+    A, B, C = drive.matrix("A", values), drive.matrix("B", values), drive.matrix("C", values)
+    kinds = {
+        known: KINDS[functions[known].function if known in functions else known] for known in given.knowns
+    }
+    assert sorted(kinds.values()) == sorted(drive.inputs)
+    assert (set(drive.inputs) > {TORQUE, COULOMB, ONE}) == gravity
     for s in 2j * np.pi * np.exp(np.random.default_rng(seed).uniform(np.log(0.1), np.log(100), 10)):
-        column = B[:, both.drive.inputs.index(TORQUE)]
-        got = (C @ np.linalg.solve(s * np.eye(len(A)) - A, column))[0]
-        want = transfer(given, "tau", both.output, s)
-        assert abs(got - want) <= TOLERANCE * abs(want)
-
-
-@pytest.mark.parametrize("output", OUTPUTS)
-@pytest.mark.parametrize("model", [*SHIPPED, "Crane"])
-def test_response_with_coulomb_friction_and_offset(model: str, output: Output, seed: int) -> None:
-    both = case(model, output, DRY)
-    torque, t = steps(seed, 15)
-    agree(with_friction(both, torque, t), ordinary(both.flat, "tau").response(both.output, torque, t))
-
-
-def test_response_with_gravity_behind_the_gear(seed: int) -> None:
-    both = case("Crane", "angle", DRY, gravity=True)
-    torque, t = steps(seed, 15)
-    assert {COULOMB, ONE, COSINE, SINE} <= set(both.drive.inputs)
-    agree(with_friction(both, torque, t), ordinary(both.flat, "tau").response(both.output, torque, t))
-
-
-def with_friction(both: Case, torque: Array, t: Array) -> Array:
-    """The reduced model with its functions of the motion, by scipy's solver, from rest."""
-    A, B, C = both.matrices()
-    ratio = both.drive.matrix("ratio", both.values)[:, 0]
-    speed = C if both.drive.output == "speed" else C @ A
-
-    def derivative(_: float, x: Array, tau: float) -> Array:
-        angle, w = ratio * (C @ x)[0], ratio * (speed @ x)[0]
-        of_kind = {TORQUE: [tau] * len(ratio), COULOMB: np.tanh(w), ONE: [1.0] * len(ratio)}
-        of_kind |= {COSINE: np.cos(angle), SINE: np.sin(angle)}
-        u = np.array([of_kind[kind][k] for k, kind in enumerate(both.drive.inputs)])
-        return np.asarray(A @ x + B @ u)
-
-    x, y = np.zeros(len(A)), []
-    for tau, begin, end in zip(torque, np.concatenate([[0.0], t[:-1]]), t, strict=True):
-        found = solve_ivp(derivative, (begin, end), x, "DOP853", rtol=1e-11, atol=1e-14, args=(float(tau),))
-        assert found.success, found.message
-        x = found.y[:, -1]
-        y.append((C @ x)[0])
-    return np.array(y)
+        motion = (C @ np.linalg.solve(s * np.eye(len(A)) - A, B))[0]
+        for known, kind in kinds.items():
+            column = drive.inputs.index(kind)
+            want = given.responses(known, s)
+            measured = want["encoder.w" if output == "speed" else "encoder.flange.phi"]
+            assert abs(motion[column] - measured) <= TOLERANCE * abs(measured)
+            for function in flat.functions:
+                ratio = drive.matrix("ratio", values)[drive.inputs.index(kinds[function.known]), 0]
+                speed = function.function == "tanh" and output == "angle"
+                of_it = sum(float(c) * want[name] for name, c in function.argument.items())
+                assert abs(ratio * motion[column] * (s if speed else 1) - of_it) <= TOLERANCE * abs(of_it)

@@ -1,7 +1,5 @@
 """The files of a daemon's state, in a folder of the test."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,23 +1,18 @@
 """Frames of a simulated robot, without real time, and what the daemon and a replay make of them."""
 
-from __future__ import annotations
-
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from typer.testing import CliRunner
-
 from service.can.bus_reader import ReaderStats
 from service.can.frames import Frame
-from service.commands.main import app
-from service.config import Config, load
+from service.config import AxisConfig, Config, load
 from service.ingest.encode import Encoded, FrameEncoder
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import Reading
 from service.simulation.robot import Fault, Moment, SimulatedRobot
+from tests.service.command_line import as_json
 
 DEMO = Path(__file__).resolve().parents[3] / "config" / "demo.toml"
 START_US = 1_760_000_000_000_000
@@ -29,6 +24,21 @@ def demo(folder: Path, axes: int = 2, **service: float) -> Config:
     robot = config.robot[0].model_copy(update={"axis": config.robot[0].axis[:axes]})
     kept = config.service.model_copy(update={"state_dir": folder, **service})
     return config.model_copy(update={"robot": (robot,), "service": kept})
+
+
+def changed(config: Config, only: str = "", **parts: Any) -> Config:
+    """Each axis, or the one of that name, with other values; of a table those that a mapping names."""
+
+    def of(axis: AxisConfig) -> AxisConfig:
+        new = {
+            name: getattr(axis, name).model_copy(update=value) if isinstance(value, Mapping) else value
+            for name, value in parts.items()
+        }
+        return axis.model_copy(update=new) if only in ("", axis.name) else axis
+
+    robot = config.robot[0]
+    robot = robot.model_copy(update={"axis": tuple(map(of, robot.axis))})
+    return config.model_copy(update={"robot": (robot,)})
 
 
 def moments(
@@ -82,11 +92,7 @@ def cut(frames: Sequence[Frame], every: int) -> Iterator[list[Frame]]:
 
 def replayed(file: Path, *records: Path) -> dict[str, Any]:
     """The first axis of a replay."""
-    words = ["replay", "--config", str(file), *map(str, records), "--json", "-"]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    (found, *_) = json.loads(result.stdout)["axes"]
-    return dict(found)
+    return dict(as_json("replay", "--config", file, *records, "--json", "-")["axes"][0])
 
 
 class Waiting:

@@ -1,7 +1,5 @@
 """The simulated robot of the demo under the demo's settings: quiet while healthy, each fault named."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

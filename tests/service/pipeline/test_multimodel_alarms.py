@@ -1,7 +1,5 @@
 """The multi-model detector in the daemon: faults of axes and of sensors named, in the journal, over a restart."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +19,7 @@ from service.simulation.robot import Fault, Moment
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from service.texts import episode_words
-from tests.service.pipeline.robots import START_US, blocks, demo, live
+from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 
 BROKEN_S, ENDS_S = 12.0, 20.0
 BLOCK_S = 0.5
@@ -31,11 +29,8 @@ SWAPPED = "demo.axis3"
 
 def watched(folder: Path, axes: int = 3, **detector: object) -> Config:
     """The demo, whose axes alarm by the multi-model detector."""
-    config = demo(folder, axes)
-    own = DetectorConfig.model_validate({"alarm_source": "multimodel", "budget_s": 86400.0, **detector})
-    changed = tuple(axis.model_copy(update={"detector": own}) for axis in config.robot[0].axis)
-    robot = config.robot[0].model_copy(update={"axis": changed})
-    return config.model_copy(update={"robot": (robot,)})
+    own = {"alarm_source": "multimodel", "budget_s": 86400.0, **detector}
+    return changed(demo(folder, axes), detector=DetectorConfig.model_validate(own))
 
 
 def measured(moment: Moment) -> Mapping[str, Reading]:

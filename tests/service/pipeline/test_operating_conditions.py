@@ -1,7 +1,5 @@
 """Operating conditions from the frames to the alarms: live, replayed from a CAN log, and from a table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -59,6 +57,10 @@ reference = 0.9
 """
 
 
+Ran = tuple[FramePipeline, set[tuple[str, str, str]]]
+"""The daemon's core, and its alarms by axis, parameter and direction."""
+
+
 def robot(folder: Path) -> Path:
     """The first two axes of the demo; the first one follows the temperature and the angle of the second."""
     text = DEMO.read_text(encoding="utf-8")
@@ -96,9 +98,7 @@ def frames_of(
     ]
 
 
-def ran(
-    config: Config, frames: Sequence[Frame], every: int = 237
-) -> tuple[FramePipeline, set[tuple[str, str, str]]]:
+def ran(config: Config, frames: Sequence[Frame], every: int = 237) -> Ran:
     """The daemon's core over blocks of frames, and the alarms that it raised."""
     core = FramePipeline(config)
     changes = live(core, cut(frames, every))
@@ -130,6 +130,11 @@ def broken(file: Path, seed: int) -> list[Frame]:
     return frames_of(load(file, {}), seed + 1, [Fault("demo.axis1", {"fm": 1.4}, FAULT_S)])
 
 
+@pytest.fixture(scope="module")
+def found_broken(file: Path, broken: list[Frame]) -> Ran:
+    return ran(load(file, {}), broken)
+
+
 def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: list[Frame]) -> None:
     core, raised = ran(load(file, {}), healthy)
     assert raised == set()
@@ -143,18 +148,17 @@ def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: lis
     assert ("demo.axis1", "fm", "down") in still
 
 
-def test_a_fault_is_found_while_the_nominal_value_moves(file: Path, broken: list[Frame]) -> None:
-    core, raised = ran(load(file, {}), broken)
+def test_a_fault_is_found_while_the_nominal_value_moves_and_a_log_replays_it_to_the_last_bit(
+    file: Path, broken: list[Frame], found_broken: Ran, tmp_path: Path
+) -> None:
+    core, raised = found_broken
     assert {alarm[:2] for alarm in raised} == {("demo.axis1", "fm")}
-    (fm,) = (p for p in core.monitors.by_id["demo.axis1"].status().parameters if p.name == "fm")
+    fm = core.monitors.by_id["demo.axis1"].status().parameters[2]
+    assert fm.name == "fm"
     assert fm.estimate / fm.nominal > 1.15
-
-
-def test_a_log_replays_what_was_live_to_the_last_bit(file: Path, broken: list[Frame], tmp_path: Path) -> None:
     log, config = tmp_path / "today.log", load(file, {})
     with FrameRecorder(log) as recorder:
         recorder.write("can0", broken)
-    core, _ = ran(config, broken)
     again = AxisMonitors(config.axes)
     for step in LogRecord(log, config).steps():
         again.update(step.samples)
@@ -162,15 +166,13 @@ def test_a_log_replays_what_was_live_to_the_last_bit(file: Path, broken: list[Fr
         assert_same(monitor, again.by_id[axis_id])
     found = replayed(file, log)
     assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
-    fm = found["parameters"][2]
-    assert fm["nominal"] == core.monitors.by_id["demo.axis1"].status().parameters[2].nominal
+    assert found["parameters"][2]["nominal"] == fm.nominal
     assert found["counters"] == dict(counters(core.monitors))
 
 
-def test_a_table_says_the_same(file: Path, broken: list[Frame], tmp_path: Path) -> None:
+def test_a_table_says_the_same(file: Path, broken: list[Frame], found_broken: Ran, tmp_path: Path) -> None:
     """The samples of the log with their signals as columns, which are held where a cell is empty."""
-    config = load(file, {})
-    core, rows = FramePipeline(config), ["t,torque,angle,torque2,angle2,warm,mode"]
+    core, rows = FramePipeline(load(file, {})), ["t,torque,angle,torque2,angle2,warm,mode"]
     step = core.ingests["can0"].feed(broken)
     before: list[float] = []
     for one, two in zip(step["demo.axis1"], step["demo.axis2"], strict=True):
@@ -184,11 +186,9 @@ def test_a_table_says_the_same(file: Path, broken: list[Frame], tmp_path: Path) 
     table = tmp_path / "today.csv"
     table.write_text("\n".join(rows) + "\n", encoding="utf-8")
     found = replayed(file, table)
-    live_core, _ = ran(config, broken)
     assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
-    for one, p in zip(
-        found["parameters"], live_core.monitors.by_id["demo.axis1"].status().parameters, strict=True
-    ):
+    live_parameters = found_broken[0].monitors.by_id["demo.axis1"].status().parameters
+    for one, p in zip(found["parameters"], live_parameters, strict=True):
         # Not to the last bit: in a row of the table the other axis is where it was on the bus a sample later.
         assert one["estimate"] == pytest.approx(p.estimate, rel=0.02)
 

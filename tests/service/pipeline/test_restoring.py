@@ -1,6 +1,4 @@
-"""After a restart: estimates from the checkpoint, open alarms from the journal."""
-
-from __future__ import annotations
+"""After a restart: estimates from the checkpoint, open alarms from the journal, and what is said of losses."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +10,10 @@ from monitor_core.detection import Alarm, Crossing, Name, Recovered
 from monitor_core.monitoring import AxisMonitor
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.checkpointing import Checkpointer, Restored, restore
+from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
-from tests.service.pipeline.robots import blocks, demo
+from tests.service.pipeline.robots import blocks, changed, demo
 
 NOW_US = 1_760_000_100_000_000
 AXIS = "demo.axis1"
@@ -131,16 +129,13 @@ def test_a_checkpoint_of_another_model_is_quarantined_and_said(
     monitors[AXIS].batch.state.theta[:, monitors[AXIS].lane] = np.array([1.1, 0.01, 0.07])
     save(monitors, checkpoints)
     config = demo(tmp_path, 2)
-    axis = config.robot[0].axis[0]
-    nominal = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.061}})
-    other = axis.model_copy(update={"model": nominal})
-    robot = config.robot[0].model_copy(update={"axis": (other, config.robot[0].axis[1])})
-    changed = AxisMonitors(config.model_copy(update={"robot": (robot,)}).axes).by_id
-    restored = restore(changed, checkpoints, journal, NOW_US)
+    nominal = {**config.robot[0].axis[0].model.nominal, "fm": 0.061}
+    found = AxisMonitors(changed(config, "axis1", model={"nominal": nominal}).axes).by_id
+    restored = restore(found, checkpoints, journal, NOW_US)
     assert restored.messages == ()
     (loss,) = restored.losses
     assert (loss.axis_id, loss.part) == (AXIS, "estimates")
-    assert changed[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
+    assert found[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
     assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [AXIS]
     assert restored.checkpoint_us == NOW_US  # that of the other axis
 
@@ -168,3 +163,35 @@ def test_alarms_of_what_is_no_longer_monitored(
     )
     assert found[AXIS].open_alarms == ()
     assert journal.query(active=True)[1] == 1
+
+
+# --- what is lost: one message for each axis ----------------------------------------------------------------
+
+
+A, B = "cell.axis1", "cell.axis2"
+OTHER, DAMAGED = "it was saved with another model", "it is damaged"
+
+
+def test_losses_in_words() -> None:
+    """One message names all that an axis lost; axes and reasons are kept apart."""
+    assert list(loss_messages([])) == []
+    losses = [Loss(A, "history", OTHER, parameter) for parameter in ("kT", "1/Ja", "fm", "")]
+    (message,) = loss_messages([Loss(A, "estimates", OTHER), *losses, Loss(A, "multimodel", OTHER)])
+    assert message == (
+        "cell.axis1: its checkpoint is not used and was quarantined: it was saved with another model (restarted: the"
+        " estimates, the evidence of the multi-model detector and the long-term history of kT, 1/Ja and fm)"
+    )
+    losses = [
+        Loss(A, "estimates", DAMAGED),
+        Loss(B, "multimodel", OTHER),
+        Loss(A, "history", OTHER, "fm"),
+        Loss("cell.axis3", "history", DAMAGED),
+    ]
+    assert list(loss_messages(losses)) == [
+        "cell.axis1: its checkpoint is not used and was quarantined: it is damaged (restarted: the estimates); it was"
+        " saved with another model (restarted: the long-term history of fm)",
+        "cell.axis2: part of its checkpoint is not used and was quarantined: it was saved with another model"
+        " (restarted: the evidence of the multi-model detector)",
+        "cell.axis3: part of its checkpoint is not used and was quarantined: it is damaged (restarted: the long-term"
+        " history)",
+    ]

@@ -1,7 +1,5 @@
 """Slow histories in the daemon: fed, saved, put back, and the alarms about limits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,24 +15,17 @@ from service.pipeline.checkpointing import Checkpointer, restore, restore_trends
 from service.pipeline.trends import Trends
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
-from tests.service.pipeline.robots import START_US, demo
+from tests.service.pipeline.robots import START_US, changed, demo
 
 AXIS = "demo.axis1"
 HOUR_S = 3600.0
 NOW_US = START_US + 10**12
 
 
-def limited(
-    folder: Path, limits: dict[str, tuple[float, ...]], axes: int = 2, hour_s: float = HOUR_S
-) -> Config:
+def limited(folder: Path, limits: dict[str, tuple[float, ...]]) -> Config:
     """The demo's configuration with limits of its first axis."""
-    config = demo(folder, axes)
-    changed = []
-    for k, axis in enumerate(config.robot[0].axis):
-        model = axis.model.model_copy(update={"limits": limits if k == 0 else {}})
-        trend = axis.trend.model_copy(update={"interval_s": hour_s})
-        changed.append(axis.model_copy(update={"model": model, "trend": trend}))
-    return config.model_copy(update={"robot": (config.robot[0].model_copy(update={"axis": tuple(changed)}),)})
+    config = changed(demo(folder, 2), trend={"interval_s": HOUR_S})
+    return changed(config, "axis1", model={"limits": limits})
 
 
 def readings(hours: int, per_hour: float, seed: int, others: bool = True) -> list[Reading]:
@@ -154,21 +145,14 @@ def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(
     monitors = AxisMonitors(config.axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
     save(monitors.trends, monitors, checkpoints)
-    axis = config.robot[0].axis[0]
-    estimator = axis.estimator.model_copy(update={"memory_s": 3.0})
-    assert restore_trends(_with(config, estimator=estimator), checkpoints, NOW_US) == []
-    model = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.07}})
-    other = _with(config, model=model)
-    lost = restore_trends(other, checkpoints, NOW_US)
+    assert restore_trends(_with(config, estimator={"memory_s": 3.0}), checkpoints, NOW_US) == []
+    nominal = {**config.robot[0].axis[0].model.nominal, "fm": 0.07}
+    lost = restore_trends(_with(config, model={"nominal": nominal}), checkpoints, NOW_US)
     assert [loss.parameter for loss in lost] == ["kT", "1/Ja", "fm", ""]  # and what was being gathered
 
 
-def _with(config: Config, **changed: object) -> Trends:
-    robot = config.robot[0]
-    axes = (robot.axis[0].model_copy(update=changed), *robot.axis[1:])
-    return AxisMonitors(
-        config.model_copy(update={"robot": (robot.model_copy(update={"axis": axes}),)}).axes
-    ).trends
+def _with(config: Config, **parts: object) -> Trends:
+    return AxisMonitors(changed(config, "axis1", **parts).axes).trends
 
 
 FORECAST = Alarm(

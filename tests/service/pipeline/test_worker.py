@@ -1,7 +1,5 @@
 """The worker with real monitors, a real journal and real checkpoints; only the frames are there from the start."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future

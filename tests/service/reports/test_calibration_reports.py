@@ -1,7 +1,5 @@
 """What the reports of a calibration say, of one made by hand: each detector its own, and first the one that alarms."""
 
-from __future__ import annotations
-
 import io
 import json
 import re
@@ -18,7 +16,7 @@ from monitor_core.detection.multimodel.multimodel_detector import Limit
 from service.reports.calibration_files import as_html, as_json, as_toml
 from service.reports.calibration_report import Calibration, faults, hypotheses, print_text
 from service.reports.formats import Table
-from tests.service.reports.calibrations import OWN, WITHIN_S, by_hand
+from tests.service.reports.made import OWN, WITHIN_S, by_hand
 
 GOLDEN = Path(__file__).parent / "golden"
 BOTH: list[DetectorName] = ["multimodel", "cusum"]
@@ -62,14 +60,11 @@ def test_the_terminal_says_it_all(kind: DetectorName) -> None:
     assert lines == (GOLDEN / f"calibration_{kind}.txt").read_text(encoding="utf-8").splitlines()
 
 
-def test_one_detector_alone_is_compared_with_none() -> None:
+def test_a_table_tells_each_thing_once() -> None:
     alone = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
     table = faults(alone, alone.result.tests)
     assert "models: median" not in table.titles
     assert table.rows[0] == ("kT +10 %", "exact", "13 %", "15 s", "27 s", "kT 67 %, 1/Ja 33 %")
-
-
-def test_thresholds_that_look_alike_are_said_once() -> None:
     of = by_hand()
     assert of.result.bank is not None
     own = (*OWN, Limit("fm", 0.1, 5.71, 0.0), Limit("fm", -0.1, 5.74, 0.0))
@@ -122,6 +117,9 @@ def test_the_files_for_programs_have_both() -> None:
     as_read: dict[str, Any] = json.loads(as_json(of))
     rest: dict[str, Any] = tomllib.loads(as_toml(of))
     assert as_read["alarms"] == "multimodel"
+    assert as_read["provenance"]["version"] == "1.2.3"
+    assert [len(found["faults"]) for found in (as_read, as_read["multimodel"])] == [8, 8]
+    assert len(as_read["multimodel"]["hypotheses"]) == len(OWN)
     for one_in, interval, found in (
         (7200, [3600, 36000], [as_read["false_alarms"], rest["false_alarms"]]),
         (10800, [5400, 72000], [as_read["multimodel"]["false_alarms"], rest["bank_false_alarms"]]),

@@ -1,7 +1,5 @@
 """The figures in docs/ are those of this program: their numbers are; pictures differ with versions of libraries."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ET
 from typing import Any

@@ -45,15 +45,12 @@ def assert_equal(a: Arrays, b: Arrays) -> None:
         assert a[name].tobytes() == b[name].tobytes()
 
 
-def test_arrays_come_back_bit_by_bit(checkpoints: Checkpoints, seed: int) -> None:
+def test_arrays_come_back_bit_by_bit_the_last_of_each_axis(checkpoints: Checkpoints, seed: int) -> None:
     checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     found = checkpoints.load("demo.axis1", "key", now_us=6)
     assert isinstance(found, Checkpoint)
     assert found.at_us == 5
     assert_equal(found.arrays, arrays(seed))
-
-
-def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -> None:
     for at_us in (1, 2):
         states = [AxisState(f"demo.axis{k}", "key", arrays(seed + k + at_us)) for k in range(3)]
         checkpoints.save(states, at_us)
@@ -116,7 +113,7 @@ class Pickled:
         Pickled.ran = True
 
 
-def test_objects_are_refused_and_pickles_never_run(tmp_path: Path) -> None:
+def test_objects_and_what_was_not_packed_are_refused_and_pickles_never_run(tmp_path: Path, seed: int) -> None:
     objects = np.array([Pickled()], dtype=object)
     with pytest.raises(ValueError, match=r"[Oo]bject"):
         pack({"evil": objects})
@@ -125,9 +122,6 @@ def test_objects_are_refused_and_pickles_never_run(tmp_path: Path) -> None:
     with pytest.raises(UnreadableError, match="allow_pickle"):
         unpack((tmp_path / "evil.npz").read_bytes())
     assert not Pickled.ran
-
-
-def test_bytes_that_were_not_packed_are_unreadable(seed: int) -> None:
     random_ = random.Random(seed)
     good = pack(arrays(seed))
     for data in (b"", random_.randbytes(100), good[: random_.randrange(len(good) - 1)]):

@@ -1,11 +1,12 @@
-"""The journal: what was acknowledged is there, whatever happens."""
+"""The journal: what was acknowledged is there, whatever happens; a damaged file is quarantined and said so."""
 
 import math
+import random
 import sqlite3
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,17 +20,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def episode(parameter: str = "fm", direction: Direction = "up", raised_us: int = 2_000_000) -> Alarm:
-    return Alarm(
-        parameter=parameter,
-        direction=direction,
-        onset_us=raised_us - 500_000,
-        raised_us=raised_us,
-        updated_us=raised_us,
-        ended_us=None,
-        size=0.018,
-        size_sd=0.002,
-        crossings=1,
-    )
+    return Alarm(parameter, direction, raised_us - 500_000, raised_us, raised_us, None, 0.018, 0.002, 1)
 
 
 @pytest.fixture
@@ -62,26 +53,15 @@ def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Jo
     past = (Name(5_000_000, "changed", "fm", "up"),)
     causes = (Cause("kT", 0.6), Cause("fm", 0.4))
     named = replace(
-        episode("kT", "down"),
-        stage="named",
-        causes=causes,
-        doubt="several",
-        kind="step",
-        onset_low_us=1_000_000,
-        onset_high_us=1_900_000,
-        past=past,
+        episode("kT", "down"), stage="named", causes=causes, doubt="several", kind="step", past=past
     )
+    named = replace(named, onset_low_us=1_000_000, onset_high_us=1_900_000)
     assert journal.record("demo.axis1", "1", 1.0, named) == first
     assert journal.open_alarms("demo.axis1") == [named]
     (alarm,), total = journal.query()
     assert (total, alarm.parameter, alarm.direction, alarm.unit, alarm.nominal) == (1, "kT", "down", "1", 1.0)
-    assert (alarm.causes, alarm.past, alarm.stage, alarm.doubt, alarm.kind) == (
-        causes,
-        past,
-        "named",
-        "several",
-        "step",
-    )
+    assert (alarm.causes, alarm.past) == (causes, past)
+    assert (alarm.stage, alarm.doubt, alarm.kind) == ("named", "several", "step")
     ended = replace(named, ended_us=9_000_000)
     assert journal.record("demo.axis1", "1", 1.0, ended) == first
     assert journal.open_alarms("demo.axis1") == []
@@ -282,3 +262,86 @@ def written_until_killed(path: Path, at_least: int) -> int:
         process.kill()
         rest = process.stdout.read()
     return at_least + rest.count("\n")
+
+
+# --- damaged files: nothing is deleted, and the program goes on ---------------------------------------------
+
+
+def filled(path: Path) -> bytes:
+    journal = Journal(path)
+    for k in range(200):
+        journal.record("demo.axis1", "1", 1.0, Alarm(f"p{k}", "up", k, k, k, k, 0.5, 0.1, 1))
+    journal.close()
+    return path.read_bytes()
+
+
+def noise(data: bytes, random_: random.Random) -> bytes:
+    return random_.randbytes(len(data))
+
+
+def truncated(data: bytes, random_: random.Random) -> bytes:
+    return data[: random_.randrange(1, len(data) - 4096)]
+
+
+def page_overwritten(data: bytes, random_: random.Random) -> bytes:
+    return data[:4096] + random_.randbytes(4096) + data[8192:]
+
+
+@pytest.mark.parametrize("damage", [noise, truncated, page_overwritten])
+def test_a_damaged_file_is_kept_and_a_new_one_begun(
+    damage: Callable[[bytes, random.Random], bytes], tmp_path: Path, seed: int
+) -> None:
+    path = tmp_path / "alarms.sqlite"
+    broken = damage(filled(path), random.Random(seed))
+    path.write_bytes(broken)
+    journal = Journal(path)
+    (quarantined,) = tmp_path.glob("alarms.sqlite.damaged-*Z")
+    (message,) = journal.messages
+    assert quarantined.read_bytes() == broken
+    assert str(path) in message
+    assert quarantined.name in message
+    assert journal.query() == ([], 0)
+    journal.record("demo.axis1", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
+    journal.close()
+    reopened = Journal(path)
+    assert (reopened.messages, reopened.query()[1]) == ((), 1)
+    reopened.close()
+
+
+def test_a_damaged_log_goes_with_its_file(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "alarms.sqlite"
+    path.write_bytes(b"not a database, " * 100)
+    wal = path.with_name("alarms.sqlite-wal")
+    wal.write_bytes(random.Random(seed).randbytes(100))
+    Journal(path).close()
+    (quarantined,) = tmp_path.glob("alarms.sqlite.damaged-*Z-wal")
+    assert len(quarantined.read_bytes()) == 100
+
+
+def test_files_that_are_empty_closed_or_cannot_be(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.sqlite"
+    path.touch()
+    journal = Journal(path)
+    assert (journal.messages, journal.query()) == ((), ([], 0))
+    journal.close()
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match=r"file/alarms\.sqlite"):
+        Journal(tmp_path / "file" / "alarms.sqlite")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(StoreError, match="folder: unable to open"):
+        Journal(tmp_path / "folder")
+    journal = Journal(tmp_path / "alarms.sqlite")
+    journal.close()
+    with pytest.raises(StoreError, match="closed"):
+        journal.record("a", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
+
+
+def test_a_newer_schema_is_refused_and_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.sqlite"
+    filled(path)
+    connection = sqlite3.connect(path)
+    connection.execute("PRAGMA user_version=99")
+    connection.close()
+    with pytest.raises(StoreError, match=r"newer version of axiswatch .*99"):
+        Journal(path)
+    assert list(tmp_path.glob("*.damaged-*")) == []

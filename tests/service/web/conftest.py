@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi import FastAPI
@@ -30,82 +31,36 @@ NOON_US = 1_772_366_400_000_000
 """2026-03-01T12:00:00Z"""
 
 FM_ALARM = Alarm(
-    parameter="fm",
-    direction="up",
-    onset_us=NOON_US - 9_000_000,
-    raised_us=NOON_US - 7_000_000,
-    updated_us=NOON_US - 500_000,
-    ended_us=None,
-    size=0.01832,
-    size_sd=0.0021,
-    crossings=4,
-    stage="named",
-    causes=(Cause("fm", 0.97), Cause("kT", 0.03)),
-    onset_low_us=NOON_US - 9_600_000,
-    onset_high_us=NOON_US - 8_800_000,
-    kind="step",
+    "fm", "up", NOON_US - 9_000_000, NOON_US - 7_000_000, NOON_US - 500_000, None, 0.01832, 0.0021, crossings=4,
+    stage="named", kind="step", causes=(Cause("fm", 0.97), Cause("kT", 0.03)),
+    onset_low_us=NOON_US - 9_600_000, onset_high_us=NOON_US - 8_800_000,
     past=(Name(NOON_US - 4_000_000, "changed", "kT", "up"),),
-)
+)  # fmt: skip
 
 PARAMETERS = (
     ParameterStatus(
-        name="kT",
-        unit="1",
-        meaning="torque constant, relative to the one the controller uses",
-        nominal=1.0,
-        estimate=0.99317,
-        standard_deviation=0.0179,
-        p_diagonal=6.4e-4,
-        g_up=0.0,
-        g_down=3.25,
-        h=20.0,
-        nu=0.0759,
-        status=Status.TRACKING,
-        observation=Observation.OBSERVED,
+        name="kT", unit="1", meaning="torque constant, relative to the one the controller uses",
+        nominal=1.0, estimate=0.99317, standard_deviation=0.0179, p_diagonal=6.4e-4,
+        g_up=0.0, g_down=3.25, h=20.0, nu=0.0759, status=Status.TRACKING, observation=Observation.OBSERVED,
     ),
     ParameterStatus(
-        name="1/Ja",
-        unit="1/(kg m^2)",
-        meaning="reciprocal of: inertia of the arm",
-        nominal=0.0104474,
-        estimate=0.0105012,
-        standard_deviation=6.9e-5,
-        p_diagonal=9.6e-9,
-        g_up=0.0,
-        g_down=0.0,
-        h=0.208948,
-        nu=0.000294,
-        status=Status.UNSEEN,
-        observation=Observation.UNSEEN,
+        name="1/Ja", unit="1/(kg m^2)", meaning="reciprocal of: inertia of the arm",
+        nominal=0.0104474, estimate=0.0105012, standard_deviation=6.9e-5, p_diagonal=9.6e-9,
+        g_up=0.0, g_down=0.0, h=0.208948, nu=0.000294, status=Status.UNSEEN, observation=Observation.UNSEEN,
     ),
     ParameterStatus(
-        name="fm",
-        unit="N m s/rad",
-        meaning="viscous friction of the motor",
-        nominal=0.06,
-        estimate=0.07832,
-        standard_deviation=0.00256,
-        p_diagonal=1.31e-5,
-        g_up=0.87,
-        g_down=0.0,
-        h=1.2,
-        nu=0.01087,
-        status=Status.ALARM,
-        observation=Observation.WEAK,
+        name="fm", unit="N m s/rad", meaning="viscous friction of the motor",
+        nominal=0.06, estimate=0.07832, standard_deviation=0.00256, p_diagonal=1.31e-5,
+        g_up=0.87, g_down=0.0, h=1.2, nu=0.01087, status=Status.ALARM, observation=Observation.WEAK,
     ),
-)
+)  # fmt: skip
 
 HOUR_US = 3_600_000_000
+STARTS_US = range(NOON_US - 200 * HOUR_US, NOON_US, HOUR_US)
+MEANS = [0.06 + 1e-4 * k + 3e-4 * math.sin(k) for k in range(200)]
 ENTRIES = tuple(
-    Entry(
-        start_us,
-        start_us + HOUR_US,
-        start_us + HOUR_US // 2,
-        0.06 + 1e-4 * k + 3e-4 * math.sin(k),
-        4e-8,
-        3600.0,
-    )
-    for k, start_us in enumerate(range(NOON_US - 200 * HOUR_US, NOON_US, HOUR_US))
+    Entry(at_us, at_us + HOUR_US, at_us + HOUR_US // 2, mean, 4e-8, 3600.0)
+    for at_us, mean in zip(STARTS_US, MEANS, strict=True)
 )
 """Two hundred hours in which fm grows by a third."""
 
@@ -126,17 +81,9 @@ def slow_courses() -> tuple[ParameterTrend, ...]:
 
 
 COUNTERS = {
-    "used": 118_804,
-    "seeding": 2000,
-    "settling": 400,
-    "starved": 5120,
-    "gated": 1200,
-    "not_finite": 3,
-    "not_increasing": 1,
-    "gap": 2,
-    "diverged": 0,
-    "projected": 7,
-}
+    "used": 118_804, "seeding": 2000, "settling": 400, "starved": 5120, "gated": 1200,
+    "not_finite": 3, "not_increasing": 1, "gap": 2, "diverged": 0, "projected": 7,
+}  # fmt: skip
 
 DETECTORS = (
     DetectorStatus("cusum", True, "fm", 0.725),
@@ -244,3 +191,9 @@ def client(stage: Stage) -> Iterator[TestClient]:
 @pytest.fixture
 def fm_alarm() -> Alarm:
     return FM_ALARM
+
+
+def with_status(stage: Stage, **changes: Any) -> None:
+    """The first axis alone, with another status."""
+    axis = stage.snapshot.axes[0]
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=replace(axis.status, **changes)),))

@@ -9,7 +9,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm, Reach
-from tests.service.web.conftest import COUNTERS, Stage
+from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, with_status
 
 
 def get(client: TestClient, path: str, status: int = 200) -> Any:
@@ -65,26 +65,16 @@ def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None
 def test_a_parameter_has_its_unit_and_both_cusums(client: TestClient) -> None:
     parameters = get(client, "/api/v1/axes/demo.axis1")["parameters"]
     assert parameters[2] == {
-        "name": "fm",
-        "unit": "N m s/rad",
-        "meaning": "viscous friction of the motor",
-        "nominal": 0.06,
-        "estimate": 0.07832,
-        "standard_deviation": 0.00256,
-        "p_diagonal": 1.31e-5,
-        "cusum": {"up": 0.87, "down": 0.0},
-        "threshold": 1.2,
-        "tolerance": 0.01087,
-        "status": "alarm",
-        "observation": "weakly observed",
-    }
+        "name": "fm", "unit": "N m s/rad", "meaning": "viscous friction of the motor",
+        "nominal": 0.06, "estimate": 0.07832, "standard_deviation": 0.00256, "p_diagonal": 1.31e-5,
+        "cusum": {"up": 0.87, "down": 0.0}, "threshold": 1.2, "tolerance": 0.01087,
+        "status": "alarm", "observation": "weakly observed",
+    }  # fmt: skip
 
 
 def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) -> None:
-    axis = stage.snapshot.axes[0]
-    broken = replace(axis.status.parameters[0], estimate=math.nan, g_up=math.inf, g_down=-math.inf)
-    facts = replace(axis.status, parameters=(broken,), innovation_variance=math.nan)
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
+    broken = replace(PARAMETERS[0], estimate=math.nan, g_up=math.inf, g_down=-math.inf)
+    with_status(stage, parameters=(broken,), innovation_variance=math.nan)
     body = get(client, "/api/v1/axes/demo.axis1")
     assert body["parameters"][0]["estimate"] is None
     assert body["parameters"][0]["cusum"] == {"up": None, "down": None}
@@ -102,6 +92,12 @@ def test_history_comes_in_columns(client: TestClient) -> None:
     assert Ja["cusum_down"] == list(range(100))
     assert kT["standard_deviation"] == [0.1] * 100
     assert Ja["nominals"] == [0.01] * 100
+    path = "/api/v1/axes/demo.axis1/history?parameter=1/Ja&since=2026-03-01T11:59:57Z"
+    body = get(client, path)
+    assert [t[17:19] for t in body["time"]] == ["58", "59", "00"]
+    assert [course["name"] for course in body["parameters"]] == ["1/Ja"]
+    assert get(client, f"{path}&limit=1")["time"] == ["2026-03-01T12:00:00.000000Z"]
+    assert get(client, "/api/v1/axes/demo.axis2/history")["time"] == []
 
 
 def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: TestClient) -> None:
@@ -118,9 +114,6 @@ def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: T
     assert len(fm["time"]) == len(fm["mean"]) == len(fm["standard_deviation"]) == len(fm["operating_s"]) == 50
     assert fm["standard_deviation"][-1] == pytest.approx(1e-4)  # of four hours, each 2e-4
     assert sum(fm["operating_s"]) == pytest.approx(200 * 3600)
-
-
-def test_the_slow_course_of_one_parameter_and_of_none(client: TestClient) -> None:
     found = client.get("/api/v1/axes/demo.axis1/trend?parameter=fm").json()
     assert [p["name"] for p in found["parameters"]] == ["fm"]
     assert len(found["parameters"][0]["time"]) == 200
@@ -139,15 +132,6 @@ def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alar
         "fm reaches 0.09 N m s/rad in 24 hours or later, perhaps never; now fm is "
     )
     assert [(r["state"], r["high"]) for r in alarm["reaches"]] == [("open", None)]
-
-
-def test_history_of_one_parameter_since_a_time(client: TestClient) -> None:
-    path = "/api/v1/axes/demo.axis1/history?parameter=1/Ja&since=2026-03-01T11:59:57Z"
-    body = get(client, path)
-    assert [t[17:19] for t in body["time"]] == ["58", "59", "00"]
-    assert [course["name"] for course in body["parameters"]] == ["1/Ja"]
-    assert get(client, f"{path}&limit=1")["time"] == ["2026-03-01T12:00:00.000000Z"]
-    assert get(client, "/api/v1/axes/demo.axis2/history")["time"] == []
 
 
 @pytest.mark.parametrize(
@@ -191,43 +175,27 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
     number = stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     body = get(client, "/api/v1/alarms")
     assert (body["total"], body["limit"], body["offset"]) == (1, 100, 0)
+    before = {
+        "until": "2026-03-01T11:59:56.000000Z",
+        "stage": "changed",
+        "parameter": "kT",
+        "direction": "up",
+    }
     assert body["alarms"] == [
         {
-            "id": number,
-            "axis": "demo.axis1",
-            "parameter": "fm",
-            "direction": "up",
-            "stage": "named",
+            "id": number, "axis": "demo.axis1", "parameter": "fm", "direction": "up", "stage": "named",
             "causes": [
                 {"parameter": "fm", "probability": 0.97, "alike": []},
                 {"parameter": "kT", "probability": 0.03, "alike": []},
             ],
-            "doubt": "",
-            "kind": "step",
-            "reaches": [],
+            "doubt": "", "kind": "step", "reaches": [], "active": True,
             "words": "fm is 0.018 N m s/rad (31 %) above its nominal value",
-            "active": True,
-            "unit": "N m s/rad",
-            "nominal": 0.06,
-            "size": 0.01832,
-            "size_sd": 0.0021,
-            "onset": "2026-03-01T11:59:51.000000Z",
-            "onset_low": "2026-03-01T11:59:50.400000Z",
-            "onset_high": "2026-03-01T11:59:51.200000Z",
-            "raised": "2026-03-01T11:59:53.000000Z",
-            "updated": "2026-03-01T11:59:59.500000Z",
-            "ended": None,
-            "crossings": 4,
-            "past": [
-                {
-                    "until": "2026-03-01T11:59:56.000000Z",
-                    "stage": "changed",
-                    "parameter": "kT",
-                    "direction": "up",
-                }
-            ],
+            "unit": "N m s/rad", "nominal": 0.06, "size": 0.01832, "size_sd": 0.0021, "crossings": 4,
+            "onset": "2026-03-01T11:59:51.000000Z", "onset_low": "2026-03-01T11:59:50.400000Z",
+            "onset_high": "2026-03-01T11:59:51.200000Z", "raised": "2026-03-01T11:59:53.000000Z",
+            "updated": "2026-03-01T11:59:59.500000Z", "ended": None, "past": [before],
         }
-    ]
+    ]  # fmt: skip
     assert get(client, f"/api/v1/alarms/{number}") == body["alarms"][0]
 
 

@@ -78,13 +78,10 @@ def test_a_scrape_has_the_metrics_of_the_process_in_the_format_that_is_asked_for
     assert scrape(client, OPENMETRICS).endswith("# EOF\n")
 
 
-def test_a_checkpoint_that_never_was_has_no_age(stage: Stage) -> None:
+def test_no_checkpoint_has_no_age_and_names_are_escaped(stage: Stage) -> None:
     assert values(own(stage))[("axiswatch_checkpoint_age_seconds",)] == 30.25
     stage.snapshot = replace(stage.snapshot, checkpoint_us=None)
     assert ("axiswatch_checkpoint_age_seconds",) not in values(own(stage))
-
-
-def test_names_that_need_escaping_come_back(stage: Stage) -> None:
     name = 'a"b\\c\nd'
     stage.snapshot = replace(stage.snapshot, axes=(replace(stage.snapshot.axes[0], id=name),))
     assert ("axiswatch_samples_total", name) in values(own(stage))

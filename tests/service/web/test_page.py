@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import Status
 from service.web.server import serve
-from tests.service.web.conftest import Stage
+from tests.service.web.conftest import PARAMETERS, Stage, with_status
 
 pytestmark = pytest.mark.browser
 
@@ -65,7 +65,7 @@ def page(browser: Browser, daemon: Daemon) -> Iterator[Page]:
     assert complaints == []
 
 
-def test_it_shows_axes_with_estimates(page: Page) -> None:
+def test_it_shows_axes_with_estimates_and_the_long_term_trend_where_it_is_known(page: Page) -> None:
     page.goto("/")
     card = page.get_by_role("article", name="demo.axis1")
     row = card.get_by_role("row", name="fm")
@@ -75,10 +75,6 @@ def test_it_shows_axes_with_estimates(page: Page) -> None:
     headers = card.get_by_role("columnheader").all_inner_texts()
     assert headers == ["Parameter", "Nominal", "Estimate", "Deviation", "CUSUM", "Status"]
     expect(page.get_by_role("article", name="demo.axis2")).to_contain_text("no sample yet")
-
-
-def test_it_shows_the_long_term_trend_where_it_is_known(page: Page) -> None:
-    page.goto("/")
     courses = page.get_by_role("list", name="Long-term trend of demo.axis1").get_by_role("listitem")
     expect(courses).to_have_count(1)
     drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
@@ -114,16 +110,8 @@ def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Alarm)
 
 
 def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
-    changed = replace(
-        fm_alarm,
-        parameter="kT",
-        stage="changed",
-        causes=(),
-        kind="",
-        past=(),
-        onset_low_us=None,
-        onset_high_us=None,
-    )
+    changed = replace(fm_alarm, parameter="kT", stage="changed", causes=(), kind="", past=())
+    changed = replace(changed, onset_low_us=None, onset_high_us=None)
     page.goto("/")
     expect(page.get_by_text("No alarm has been raised.")).to_be_visible()
     stage.journal.record("demo.axis1", "1", 1.0, changed)
@@ -143,13 +131,9 @@ def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:
     page.goto("/")
     row = page.get_by_role("article", name="demo.axis1").get_by_role("row", name="kT")
     expect(row).to_contain_text("0.993 ± 0.018")
-    axis = stage.snapshot.axes[0]
-    kT, *others = axis.status.parameters
-    facts = replace(
-        axis.status,
-        parameters=(replace(kT, estimate=0.8, standard_deviation=0.01, status=Status.ALARM), *others),
-    )
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
+    kT, *others = PARAMETERS
+    kT = replace(kT, estimate=0.8, standard_deviation=0.01, status=Status.ALARM)
+    with_status(stage, parameters=(kT, *others))
     expect(row).to_contain_text("0.800 ± 0.010")
     expect(row).to_contain_text("−20.0 %")
     expect(page.get_by_role("article")).to_have_count(1)
@@ -189,12 +173,6 @@ def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Alar
     assert outside == 0
 
 
-def test_the_documentation_needs_no_other_host(page: Page) -> None:
-    page.goto("/docs")
-    page.get_by_text("GET /api/v1/axes/{axis}/history").click()
-    expect(page.get_by_text("maximum number of points; the last ones are returned")).to_be_visible()
-
-
 def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> None:
     axis = stage.snapshot.axes[0]
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, gated_by="temperature is not known"),))
@@ -205,11 +183,8 @@ def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> N
 
 
 def test_values_that_are_no_numbers_are_dashes(page: Page, stage: Stage) -> None:
-    axis = stage.snapshot.axes[0]
-    broken = replace(axis.status.parameters[0], estimate=math.nan, standard_deviation=math.nan, g_up=math.inf)
-    zero = replace(axis.status.parameters[1], nominal=0.0, estimate=0.0)
-    facts = replace(axis.status, parameters=(broken, zero))
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
+    broken = replace(PARAMETERS[0], estimate=math.nan, standard_deviation=math.nan, g_up=math.inf)
+    with_status(stage, parameters=(broken, replace(PARAMETERS[1], nominal=0.0, estimate=0.0)))
     page.goto("/")
     cells = page.get_by_role("row", name="kT").get_by_role("cell")
     expect(cells.nth(1)).to_have_text("–")
@@ -243,8 +218,11 @@ FORMATS = [
 ]
 
 
-def test_numbers_are_written_as_people_read_them(page: Page) -> None:
+def test_the_documentation_needs_no_other_host_and_numbers_are_as_people_read_them(page: Page) -> None:
     page.goto("/docs")
     expressions = ",".join(f"f.{expression}" for expression, _ in FORMATS)
     written = page.evaluate(f"import('/static/format.js').then((f) => [{expressions}])")
     assert written == [text for _, text in FORMATS]
+    page.goto("/docs")
+    page.get_by_text("GET /api/v1/axes/{axis}/history").click()
+    expect(page.get_by_text("maximum number of points; the last ones are returned")).to_be_visible()

@@ -1,11 +1,17 @@
-"""The server: a real port, a real stop, clear words when it cannot listen."""
+"""The server, the files of its pages, and openapi.json, which every answer obeys."""
 
 import socket
 import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
+from fastapi.testclient import TestClient
 
+from monitor_core.detection import Alarm
+from service.web.app import STATIC
 from service.web.server import CannotListenError, listen, serve
 from tests.service.web.conftest import Stage
 
@@ -72,3 +78,113 @@ def test_ipv6_where_there_is_any() -> None:
         pytest.skip(f"this machine has no IPv6: {error}")
     with listen("::1", 0) as listener:
         assert listener.family == socket.AF_INET6
+
+
+# --- static files -------------------------------------------------------------------------------------------
+
+
+FILES = ["/", "/docs", *(f"/static/{path.name}" for path in sorted(STATIC.iterdir()))]
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_pages_forbid_what_they_do_not_need(path: str, client: TestClient) -> None:
+    answer = client.get(path)
+    assert answer.status_code == 200
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert "://" not in answer.text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_no_file_outside_is_served(client: TestClient) -> None:
+    assert client.get("/static/../app.py").status_code == 404
+    assert client.get("/static/%2e%2e/app.py").status_code == 404
+    assert Path(STATIC / ".." / "app.py").exists()
+
+
+# --- openapi.json -------------------------------------------------------------------------------------------
+
+
+PATHS = {
+    "/api/v1/service": "/api/v1/service",
+    "/api/v1/axes": "/api/v1/axes",
+    "/api/v1/axes/{axis}": "/api/v1/axes/demo.axis1",
+    "/api/v1/axes/{axis}/history": "/api/v1/axes/demo.axis1/history",
+    "/api/v1/axes/{axis}/trend": "/api/v1/axes/demo.axis1/trend",
+    "/api/v1/alarms": "/api/v1/alarms",
+    "/api/v1/alarms/{id}": "/api/v1/alarms/1",
+    "/healthz": "/healthz",
+    "/readyz": "/readyz",
+}
+
+
+@pytest.fixture
+def schema(client: TestClient) -> dict[str, Any]:
+    found: dict[str, Any] = client.get("/openapi.json").json()
+    return found
+
+
+def conforms(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> bool:
+    """As much of JSON schema as the answers use; a construct that is not known here fails."""
+    if "$ref" in schema:
+        return conforms(value, root["components"]["schemas"][schema["$ref"].split("/")[-1]], root)
+    if "anyOf" in schema:
+        return any(conforms(value, one, root) for one in schema["anyOf"])
+    if "enum" in schema:
+        return value in schema["enum"]
+    match schema["type"]:
+        case "object" if "properties" in schema:
+            assert schema["additionalProperties"] is False
+            fits = isinstance(value, dict) and value.keys() == schema["properties"].keys()
+            return fits and all(
+                conforms(value[name], one, root) for name, one in schema["properties"].items()
+            )
+        case "object":
+            return all(conforms(one, schema["additionalProperties"], root) for one in value.values())
+        case "array":
+            return isinstance(value, list) and all(conforms(one, schema["items"], root) for one in value)
+        case "number":
+            return isinstance(value, int | float)
+        case "integer":
+            return isinstance(value, int)
+        case "boolean":
+            return isinstance(value, bool)
+        case "null":
+            return value is None
+        case "string":
+            return isinstance(value, str) and (schema.get("format") != "date-time" or value.endswith("Z"))
+        case kind:
+            raise AssertionError(kind)
+
+
+@pytest.mark.parametrize(("path", "request_path"), PATHS.items(), ids=list(PATHS))
+def test_answers_are_what_the_schema_says(
+    path: str,
+    request_path: str,
+    stage: Stage,
+    client: TestClient,
+    schema: dict[str, Any],
+    fm_alarm: Alarm,
+) -> None:
+    stage.journal.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
+    stage.journal.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))
+    answer = client.get(request_path)
+    described = schema["paths"][path]["get"]["responses"][str(answer.status_code)]
+    body_schema = described["content"]["application/json"]["schema"]
+    assert conforms(answer.json(), body_schema, schema)
+    assert not conforms({**answer.json(), "more": 1}, body_schema, schema)
+
+
+def test_all_is_explained(schema: dict[str, Any]) -> None:
+    """All paths are covered; numbers tell their unit or what they count."""
+    assert set(schema["paths"]) == {*PATHS, "/metrics"}
+    silent = [
+        f"{name}.{field}"
+        for name, body in schema["components"]["schemas"].items()
+        for field, described in body.get("properties", {}).items()
+        if "number" in str(described.get("type", described.get("anyOf"))) and "description" not in described
+    ]
+    assert silent == []
+    for path, methods in schema["paths"].items():
+        assert set(methods) == {"get"}, path
+        assert methods["get"]["summary"], path
+        assert methods["get"]["description"], path

@@ -1,15 +1,33 @@
-"""Files of nominal values for the axes of configurations."""
-
-from __future__ import annotations
+"""Files of thresholds and of nominal values for the axes of configurations."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from monitor_core.drive.kalman import filter_gain
-from service.config import AxisConfig
+from service.config import AxisConfig, NamedAxis
+from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model, plain_drive_of
 from service.config.nominal_file import structure_of
+from service.config.thresholds_file import made_with
+
+
+def thresholds_text(
+    axis: AxisConfig, alpha_1: float = 3.0, alpha_2: float = 20.0, allowance: float = 0.0, **other: Any
+) -> str:
+    """A file that fits the axis, with the same thresholds for all parameters, and ``other`` values in made_with."""
+    model = axis_model(axis)
+    settings = axis_settings(NamedAxis("r.a", "r", axis), model)
+    head: dict[str, Any] = {"format": 1, "kind": "thresholds", "axis": "r.a", "date": "2002-02-02"}
+    rows = [f"{key} = {json.dumps(value)}" for key, value in head.items()]
+    for name in model.monitored:
+        values = {"parameter": name, "alpha_1": alpha_1, "alpha_2": alpha_2, "allowance": allowance}
+        rows += ["[[threshold]]", *(f"{key} = {json.dumps(value)}" for key, value in values.items())]
+    rows += ["[made_with]"]
+    rows += [f"{key} = {json.dumps(value)}" for key, value in (made_with(model, settings) | other).items()]
+    rows += ["[nominal]", *(f"{key} = {json.dumps(value)}" for key, value in model.nominal.items())]
+    return "\n".join(rows) + "\n"
 
 
 def nominal_text(axis: AxisConfig, changes: Mapping[str, Mapping[str, Any]] = {}) -> str:
@@ -50,3 +68,12 @@ def _table(name: str, entries: Mapping[str, Any]) -> str:
     """JSON's texts, numbers, booleans and lists are TOML's, too."""
     rows = [f"{json.dumps(key)} = {json.dumps(v)}" for key, v in entries.items() if v is not None]
     return "\n".join(([f"[{name}]"] if name else []) + rows) + "\n"
+
+
+NAMED = '[robot.axis.model]\nthresholds_file = "thresholds.toml"\n'
+
+
+def named(text: str) -> str:
+    """The configuration with a file of thresholds in place of its own."""
+    text = re.sub(r"^alpha_[12] = .*\n", "", text, flags=re.MULTILINE)
+    return text.replace("[robot.axis.model]\n", NAMED)

@@ -1,6 +1,4 @@
-"""The kernel compiled in a process of its own: only where it must be, never a hindrance."""
-
-from __future__ import annotations
+"""Where the compiled kernel is kept, and that it is compiled in a process of its own, never a hindrance."""
 
 import sys
 import threading
@@ -9,9 +7,38 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from service.pipeline.kernel_cache import VARIABLE
+from service.pipeline import kernel_cache
+from service.pipeline.kernel_cache import VARIABLE, choose, fingerprint
 from service.pipeline.warming import CacheFiller, compile_kernel
 from tests.end_to_end.processes import wait_for
+
+
+def test_it_lies_below_the_folder_that_is_set_or_the_users_cache(tmp_path: Path) -> None:
+    environ = {VARIABLE: str(tmp_path)}
+    assert choose(environ) == tmp_path / f"kernel-{fingerprint()}"
+    assert Path(environ[VARIABLE]).is_dir()
+    environ = {VARIABLE: str(tmp_path)}
+    assert choose(environ) == choose(environ)
+    assert choose({"XDG_CACHE_HOME": str(tmp_path)}).parent == tmp_path / "axiswatch"
+
+
+def test_other_sources_have_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache, "KERNEL", tmp_path)
+    (tmp_path / "a.py").write_text("x = 1\n")
+    before = fingerprint()
+    (tmp_path / "a.py").write_text("x = 2\n")
+    assert fingerprint() != before
+
+
+def test_without_a_place_there_is_one_for_this_run_and_it_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    environ = {VARIABLE: str(tmp_path / "file")}
+    choose(environ)
+    assert Path(environ[VARIABLE]).is_dir()
+    assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err
+
 
 FAILED = "the kernel could not be compiled in a process of its own"
 

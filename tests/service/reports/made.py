@@ -1,9 +1,7 @@
-"""A calibration made by hand, in which every number is another: what reports say of it can be told beforehand."""
-
-from __future__ import annotations
+"""Drives and a calibration made by hand: what reports say of them can be told beforehand."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -15,14 +13,52 @@ from monitor_core.calibration.healthy_records import Scatter
 from monitor_core.calibration.multimodel_thresholds import BankLimits
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.drive.structure import Output
+from monitor_core.modeling.flat import FlatParameter
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
 from monitor_core.settings import Threshold
 from service.config import load
 from service.config.axis_settings import axis_settings
+from service.config.drive_sources import model_called
 from service.config.drives import axis_model
 from service.ingest.calibration_records import Source
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
 from tests.conftest import ROOT
+
+
+@cache
+def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
+    """The three-mass drive of the paper, with a note and other counts of its elimination."""
+    note = "the angle of the whole drive cannot be seen by a speed sensor: it is no state"
+    report = Report(flat_equations=71, flat_variables=70, flat_states=11, remaining_equations=6)
+    return replace(model_called("three-mass", None, output).space, name=name, notes=(note,), report=report)
+
+
+def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:
+    """The same with Jm = J1 + n^2 J2, as two rigidly joined inertias give it, under this name."""
+    symbol = Laurent.symbol
+    one = FlatParameter("J1", "kg m^2", "rotor", 0.005, True)
+    two = FlatParameter("J2", "kg m^2", "brake", 0.001, True)
+    ratio = FlatParameter("n", "1", "ratio of the brake", 0.5)
+    kept = tuple(p for p in drive.drawn if p.name != "Jm")
+    definition = Definition(name, symbol("J1") + symbol("n", 2) * symbol("J2"))
+    return replace(renamed(drive, {"Jm": name}), drawn=(one, two, ratio, *kept), definitions=(definition,))
+
+
+def renamed(drive: StateSpace, names: Mapping[str, str]) -> StateSpace:
+    """The same drive with other names of its parameters."""
+    symbols = {old: Laurent.symbol(new) for old, new in names.items()}
+
+    def of(entries: Entries) -> Entries:
+        return {place: value.substitute(symbols) for place, value in entries.items()}
+
+    parameters = tuple(replace(p, name=names.get(p.name, p.name)) for p in drive.parameters)
+    return replace(
+        drive, parameters=parameters, drawn=parameters, A=of(drive.A), B=of(drive.B), C=of(drive.C)
+    )
+
 
 ONSETS, WITHIN_S = 30, 4.0
 OWN = (

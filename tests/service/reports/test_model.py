@@ -1,22 +1,85 @@
-"""The report for people: whole at any width, matrices and equations that say what A, B and C are."""
-
-from __future__ import annotations
+"""The reports of a drive: JSON, the idgrey file read back, and the text for people, whole at any width."""
 
 import io
+import json
 import random
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
 
+from monitor_core.drive.structure import Quantity
 from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.modeling.statespace import Entries, StateSpace
-from service.reports.model_facts import facts_of
+from service.reports.model_facts import as_json, facts_of
 from service.reports.model_text import elimination_words, equations, matrix, matrix_lines, print_text
-from tests.service.reports.drives import merged, space
+from tests.service.reports.made import merged, space
+
+
+def document(**changes: Any) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(as_json(facts_of(replace(space(), **changes))))
+    return found
+
+
+def test_the_three_mass_drive_as_json() -> None:
+    found = document()
+    assert found["states"][0] == {"name": "r*motor.phi - gearbox.phi", "unit": "rad"}
+    assert [u["kind"] for u in found["inputs"]] == ["torque", "direction", "one"]
+    assert found["outputs"] == [{"name": "encoder", "quantity": "speed", "unit": "rad/s"}]
+    assert found["parameters"][0] == {
+        "name": "Jm",
+        "unit": "kg m^2",
+        "meaning": "inertia of the motor",
+        "nominal": 5.896e-3,
+    }
+    assert found["A"] == [
+        ["0", "0", "r", "-1", "0"],
+        ["0", "0", "0", "1", "-1"],
+        ["-kg*r/Jm", "0", str(space().A[2, 2]), "dg*r/Jm", "0"],
+        ["kg/Jg", "-ka/Jg", "dg*r/Jg", "-(da + dg)/Jg", "da/Jg"],
+        ["0", "ka/Ja", "0", "da/Ja", "-da/Ja"],
+    ]
+    assert found["B"][2] == ["kT/Jm", "-fc/Jm", "tau0/Jm"]
+    assert found["C"] == [["0", "0", "1", "0", "0"]]
+    assert (found["flat_equations"], found["flat_states"], found["remaining_equations"]) == (71, 11, 6)
+    assert (found["merged"], found["missing_nominal"]) == ([], [])
+    assert found["notes"] == list(space().notes)
+    assert found["identifiability"]
+    found = document()
+    A = space()
+    assert len(found["poles"]) == 5
+    trace = sum(float(A.A[i, i].value(REFERENCE_VALUES)) for i in (2, 3, 4))
+    assert sum(p["re"] for p in found["poles"]) == pytest.approx(trace)
+    assert sum(p["im"] for p in found["poles"]) == pytest.approx(0, abs=1e-9)
+    assert found["resonances_hz"] == pytest.approx([9.161, 11.31], rel=1e-3)
+    assert found["antiresonances_hz"] == pytest.approx([4.228, 10.39], rel=1e-3)
+
+
+def test_values_that_are_missing_merged_or_given() -> None:
+    drawn = tuple(replace(p, value=None) for p in space().drawn)
+    found = document(drawn=drawn, parameters=drawn)
+    assert {found[key] for key in ("poles", "resonances_hz", "antiresonances_hz")} == {None}
+    assert found["missing_nominal"] == [p.name for p in drawn]
+    assert found["parameters"][0]["nominal"] is None
+    found = json.loads(as_json(facts_of(merged(space()))))
+    assert found["merged"] == [{"name": "Jm", "definition": "J1 + J2*n^2"}]
+    assert found["parameters"][0]["nominal"] == pytest.approx(0.005 + 0.25 * 0.001)
+    found = json.loads(as_json(facts_of(space(), {"Jm": 1.0})))
+    assert found["parameters"][0]["nominal"] == 1.0
+    assert found["poles"] != document()["poles"]
+
+
+def test_what_would_take_minutes_is_left_out() -> None:
+    found = document(states=(*space().states, *(Quantity(f"x{i}", "rad") for i in range(96))))
+    assert found["identifiability"] == ["Not examined: the drive has more than 100 states."]
+
+
+# --- text ---------------------------------------------------------------------------------------------------
 
 
 def shown(drive: StateSpace, width: int = 100, encoding: str = "utf-8") -> str:
@@ -91,13 +154,10 @@ def test_markup_in_names_is_text() -> None:
     assert "[bold]no markup[/bold]" in text
 
 
-def test_a_terminal_without_unicode() -> None:
+def test_terminals_with_colours_or_without_unicode() -> None:
     text = shown(space(), 120, "ascii")
     assert "-4.262 +- 57.4i" in text
     assert "A = [ -kg*r/Jm" in text
-
-
-def test_colour_on_a_terminal() -> None:
     stream = io.StringIO()
     print_text(
         facts_of(space()), Console(file=stream, force_terminal=True, width=80, color_system="standard")
@@ -108,11 +168,17 @@ def test_colour_on_a_terminal() -> None:
 # --- A, B, C ------------------------------------------------------------------------------------------
 
 
-def test_a_matrix() -> None:
+def test_a_matrix_and_sums_in_brackets() -> None:
     entries = [["k", "0"], ["0", "-1/Jm"], ["0", "0"]]
     assert matrix("A", entries) == ["    ⎡ k     0   ⎤", "A = ⎢ 0   -1/Jm ⎥", "    ⎣ 0     0   ⎦"]
     assert matrix("C", [["0", "1"]]) == ["C = [ 0   1 ]"]
     assert matrix("B", [["0"], ["0"]], ascii_only=True) == ["B = [ 0 ]", "    [ 0 ]"]
+    drive = space()
+    total = Laurent.symbol("a") - Laurent.symbol("b")
+    found = list(equations(replace(drive, A={(0, 0): total, (1, 0): -total}, B={})))
+    assert found[0] == ["x1' =", "(a - b)*x1"]
+    assert found[1] == ["x2' =", "(b - a)*x1"]
+    assert found[2] == ["x3' =", "0"]
 
 
 def test_equations_where_the_matrices_do_not_fit() -> None:
@@ -128,15 +194,6 @@ def test_equations_where_the_matrices_do_not_fit() -> None:
         "y1 = x3",
     ]
     assert matrix_lines(space(), 100)[2].startswith("A = ⎢ -kg*r/Jm")
-
-
-def test_sums_stand_in_brackets() -> None:
-    drive = space()
-    total = Laurent.symbol("a") - Laurent.symbol("b")
-    found = list(equations(replace(drive, A={(0, 0): total, (1, 0): -total}, B={})))
-    assert found[0] == ["x1' =", "(a - b)*x1"]
-    assert found[1] == ["x2' =", "(b - a)*x1"]
-    assert found[2] == ["x3' =", "0"]
 
 
 def test_equations_are_the_matrices(seed: int) -> None:

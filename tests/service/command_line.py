@@ -1,0 +1,34 @@
+"""Commands inside this process, as their users call them."""
+
+import json
+from typing import Any
+
+from typer.testing import CliRunner, Result
+
+from service.commands.main import app
+
+
+def axiswatch(*words: object) -> Result:
+    """Whatever comes of it; never a traceback."""
+    result = CliRunner().invoke(app, [*map(str, words)], env={"COLUMNS": "200"})
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+    assert "Traceback" not in result.output
+    return result
+
+
+def shown(*words: object) -> str:
+    """On standard output, of a command that ends well."""
+    result = axiswatch(*words)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def as_json(*words: object) -> Any:
+    return json.loads(shown(*words))
+
+
+def refused(*words: object, code: int = 2) -> str:
+    """The message on standard error, in one line; standard output stays empty."""
+    result = axiswatch(*words)
+    assert (result.exit_code, result.stdout) == (code, ""), result.output
+    return " ".join(result.stderr.replace("│", " ").split())

@@ -1,0 +1,222 @@
+"""What the configuration of an axis means to the engine: its drive, its operating conditions, its limits."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Term
+from service.config import AxisConfig, Config, ConfigErrors, conditions_of, load, needed
+from service.config.drives import axis_model, limits_of
+from tests.end_to_end.processes import demo_config, edit
+from tests.service.command_line import shown
+from tests.service.config_texts import (
+    BASE,
+    CONFIG,
+    DRAWN,
+    FILE,
+    HEAD,
+    RIGID,
+    furnish,
+    loaded,
+    with_conditions,
+)
+
+MERGED = "Jm + Jl*r^2"
+
+WEIGHT = 'weight = { type = "gravity", at = "shaft", gc = 0.1, gs = 0.2 }\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return furnish(tmp_path)
+
+
+def read(folder: Path, model: str, head: str = HEAD) -> Config:
+    return loaded(folder, head + model)
+
+
+def told(folder: Path, model: str, head: str = HEAD) -> list[str]:
+    """Line, key and message of every problem; lines count from [robot.axis.model]."""
+    with pytest.raises(ConfigErrors) as caught:
+        read(folder, model, head)
+    first = head.count("\n")
+    return [
+        f"{(p.line or 0) - first} {p.key.removeprefix('robot[1].axis[1].')}: {p.message}"
+        for p in caught.value.problems
+    ]
+
+
+def test_values_of_a_file_of_the_configuration_and_of_merged_parameters(folder: Path) -> None:
+    model = axis_model(read(folder, FILE).axes[0].config)
+    assert model.drive.name == "Rigid"
+    assert model.nominal == pytest.approx({MERGED: 0.001 + 0.02**2 * 2, "f": 0.004})
+    model = axis_model(read(folder, FILE + "nominal = { Jl = 3, f = 0.005 }").axes[0].config)
+    assert model.nominal == pytest.approx({MERGED: 0.001 + 0.02**2 * 3, "f": 0.005})
+    text = f'drive = "rigid.mo"\nmonitor = ["1/({MERGED})"]\n[robot.axis.model.nominal]\n"{MERGED}" = 0.002\n'
+    model = axis_model(read(folder, text).axes[0].config)
+    assert model.theta0.tolist() == [500]
+
+
+def test_components_are_a_drive(folder: Path) -> None:
+    model = axis_model(read(folder, DRAWN).axes[0].config)
+    assert model.nominal == {"J": 0.01, "f": 0.03, "motor.kT": 1.0}
+    assert [state.unit for state in model.drive.states] == ["rad/s", "rad"]
+    assert axis_model(read(folder, DRAWN + WEIGHT).axes[0].config).drive.output == "angle"
+
+
+def test_which_model_of_a_file(folder: Path) -> None:
+    second = RIGID.replace("Rigid", "Stiff").replace("= 2 ", "= 4 ")
+    (folder / "rigid.mo").write_text(RIGID + second, encoding="utf-8")
+    (problem,) = told(folder, FILE)
+    assert all(word in problem for word in ("1 model.drive: ", "Rigid", "Stiff"))
+    stiff = axis_model(read(folder, FILE + 'drive_model = "Stiff"').axes[0].config)
+    assert stiff.drive.name == "Stiff"
+    assert stiff.nominal[MERGED] == pytest.approx(0.001 + 0.02**2 * 4)
+
+
+def test_a_mistake_in_a_file_has_the_line_of_the_file_too(folder: Path) -> None:
+    (folder / "rigid.mo").write_text(RIGID.replace("J = Jl", "J = Jx"), encoding="utf-8")
+    (problem,) = told(folder, FILE)
+    assert re.search(r"^1 model\.drive: \S*rigid\.mo:12: load", problem)
+    (folder / "rigid.mo").write_text(
+        RIGID.replace("Jm(unit", "Jm(unit").replace("0.001", "-0.001"), encoding="utf-8"
+    )
+    (problem,) = told(folder, FILE)
+    assert re.search(r"model\.drive: .*rigid\.mo:\d+: .*greater than zero", problem)
+
+
+def test_every_axis_is_checked_at_once(folder: Path) -> None:
+    axis = HEAD[HEAD.index("[[robot.axis]]") :].replace('"a"', '"b"').replace("Axis1", "Axis2")
+    found = told(folder, FILE.replace('"f"', '"F"') + axis + DRAWN.replace('["f"]', '["g"]'))
+    assert len(found) == 2
+
+
+# --- operating conditions, and what `axiswatch check` says of them ------------------------------------------
+
+
+def test_all_that_may_be_said_and_nothing(folder: Path) -> None:
+    config = loaded(
+        folder,
+        with_conditions(model='conditions = "followed"\n').replace(
+            "_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1
+        ),
+    )
+    axis, second = config.axes
+    assert conditions_of(axis) == Conditions(
+        ("temperature", "mode", "speed2"),
+        (
+            Follow("fm", Term("", "temperature"), -0.0004, 40.0, 20.0, 60.0),
+            Follow("kT", Term("cos", "speed2"), 0.1, 1.0),
+        ),
+        (Gate("mode", (3.0, 4.0)), Gate("temperature", above=5.0)),
+        0.2,
+    )
+    assert [(s.name, s.message, s.factor, s.max_age_s) for s in needed(axis)] == [
+        ("temperature", "RobotState", 1.0, 10.0),
+        ("mode", "RobotState", 1.0, 2.0),
+        ("speed2", "Axis2Speed", 0.01, 10.0),
+    ]
+    assert not conditions_of(second)
+    assert needed(second) == ()
+    config = loaded(folder, BASE)
+    assert not any(conditions_of(axis) for axis in config.axes)
+
+
+def test_the_example_in_the_documents_is_right(folder: Path) -> None:
+    document = (CONFIG.parent / "docs" / "operation.md").read_text(encoding="utf-8")
+    section = document[document.index("## Operating conditions") :]
+    example = section.split("```toml\n", 1)[1].split("```", 1)[0]
+    axis, _ = loaded(
+        folder, with_conditions(example, "", "").replace('name = "second"', 'name = "axis2"')
+    ).axes
+    assert [source.name for source in axis.sources] == ["temperature", "angle2", "mode"]
+    assert conditions_of(axis).gates == (Gate("mode", (2.0, 3.0)),)
+
+
+def test_signals_of_tables_need_no_bus(folder: Path) -> None:
+    """With a configuration that has none, only identification reads them."""
+    content = """[[robot]]
+name = "r"
+[[robot.axis]]
+name = "a"
+sample_interval_s = 0.005
+torque = { column = "u" }
+angle = { column = "y" }
+signal = [{ name = "t", column = "warm" }, { name = "other", axis = "b" }]
+model = { drive = "three-mass", monitor = ["fm"], schedule = [
+  { parameter = "fm", signal = "t", slope = 0.001, reference = 1.0 },
+  { parameter = "fm", signal = "other", slope = 0.001, reference = 1.0 } ] }
+[[robot.axis]]
+name = "b"
+sample_interval_s = 0.005
+torque = { column = "v" }
+angle = { column = "z", factor = 2.0 }
+model = { drive = "three-mass", monitor = ["fm"] }
+"""
+    one, _ = loaded(folder, content).axes
+    assert [(s.column, s.factor, s.message) for s in one.sources] == [("warm", 1.0, None), ("z", 2.0, None)]
+    assert conditions_of(one).follows[0].high == math.inf
+
+
+def check(folder: Path, content: str) -> str:
+    slow = content.replace("[robot.axis.estimator]\n", "[robot.axis.estimator]\nmemory_s = 10.0\n", 1)
+    slow = slow.replace("{ predictor =", "{ memory_s = 10.0, predictor =", 1)
+    (folder / "a.toml").write_text(slow, encoding="utf-8")
+    return shown("check", "--config", folder / "a.toml")
+
+
+def test_check_tells_the_conditions_and_what_is_taken_for_granted(folder: Path) -> None:
+    said = check(folder, with_conditions())
+    for words in ("fm follows temperature", "kT follows cos(speed2)", "only while mode is 3 or 4", "above 5"):
+        assert words in said
+    assert "demo: second: monitored as if the other axes stood still" in said
+
+
+@pytest.mark.parametrize(
+    ("content", "names"),
+    [
+        (BASE, "first, second"),
+        (
+            BASE.replace(
+                'monitor = ["kT", "fm"]', 'monitor = ["kT", "fm"]\nconditions = "others stand still"'
+            ),
+            "second",
+        ),
+        (with_conditions(schedules=""), "second"),
+        (with_conditions(gates=""), "second"),
+    ],
+)
+def test_who_says_nothing_is_noted(folder: Path, content: str, names: str) -> None:
+    assert f"Note: demo: {names}: monitored as if" in check(folder, content)
+
+
+def test_a_robot_of_one_axis_is_not_noted(folder: Path) -> None:
+    alone = BASE[: BASE.index('[[robot.axis]]\nname = "second"')]
+    assert "monitored as if" not in check(folder, alone)
+
+
+# --- limits, on the right side ------------------------------------------------------------------------------
+
+
+def limited(folder: Path, limits: str, trend: str = "") -> AxisConfig:
+    file = demo_config(folder, 'interface = "virtual"\nchannel = "limits"', axes=1)
+    tables = f"[robot.axis.model.limits]\n{limits}\n\n[robot.axis.trend]\n{trend}\n\n[robot.axis.estimator]"
+    return load(edit(file, ("[robot.axis.estimator]", tables)), {}).axes[0].config
+
+
+def test_limits_are_those_of_the_monitored_parameters(tmp_path: Path) -> None:
+    axis = limited(tmp_path, "fm = 0.09\nkT = [0.9, 1.1]\nJa = 120", 'lead_time = "3 weeks"')
+    limits = limits_of(axis, axis_model(axis))
+    (fm,) = limits["fm"]
+    assert (fm.value, fm.shown) == (0.09, 0.09)
+    assert (fm.upper, fm.name, fm.unit, fm.above) == (True, "fm", "N m s/rad", True)
+    assert [(kT.value, kT.upper) for kT in limits["kT"]] == [(0.9, False), (1.1, True)]
+    (Ja,) = limits["1/Ja"]  # more inertia is a smaller reciprocal
+    assert Ja.value == pytest.approx(1 / 120)
+    assert (Ja.upper, Ja.name, Ja.unit, Ja.above) == (False, "Ja", "kg m^2", True)
+    assert (axis.trend.lead_time, axis.trend.interval_s) == (21 * 86400, 3600)
+    usual = limited(tmp_path, "fm = 0.03")
+    assert usual.trend.lead_time == 14 * 86400
+    assert [limit.upper for limit in limits_of(usual, axis_model(usual))["fm"]] == [False]
