@@ -22,7 +22,7 @@ from monitor_core.detection.alarm import (
     Reach,
     Stage,
 )
-from monitor_core.detection.cusum.evidence import Crossing, Evidence, Recovered
+from monitor_core.detection.cusum.cusum_evidence import Crossing, Evidence, Recovered
 from monitor_core.detection.multimodel.candidates import (
     OUTPUT_NOISE,
     OUTPUT_OFFSET,

@@ -81,7 +81,7 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
     measured, no_spectrum = _tried("frequency response of the record", lambda: _measured(regular, f))
     if records[0].quantity == "angle":
         found = _as_speed(found)
-        before, black_box, measured = (one and _as_speed(one) for one in (before, black_box, measured))
+        before, black_box, measured = (curve and _as_speed(curve) for curve in (before, black_box, measured))
     return Bode(found, before, black_box, measured, (*words, *no_box, *no_spectrum))
 
 
@@ -206,7 +206,7 @@ def drive_response(
     free = [p for p in names if p != DELAY and " per " not in p]
     system = Structure(drive, free, model.balance()).at(model.nominal)
     f, _ = on_circle(frequency_hz, interval_s)
-    torque, (whole, late) = drive.of_torque, divmod(delay_s, interval_s)
+    torque, (intervals, late) = drive.of_torque, divmod(delay_s, interval_s)
     G, slopes = held_response(system, torque, interval_s, f, late)
     dG = np.zeros((f.size, len(names)), dtype=np.complex128)
     for i, parameter in enumerate(names):
@@ -220,7 +220,7 @@ def drive_response(
     mean = (1 - turns) / interval_s if drive.mean_state >= 0 else 1.0
     return replace(
         found,
-        G=found.G * mean * turns**whole,
+        G=found.G * mean * turns**intervals,
         sd_db=np.where(lost, np.inf, found.sd_db),
         sd_phase=np.where(lost, np.inf, found.sd_phase),
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.detection.alarm import DIRECTIONS
-from monitor_core.detection.cusum.evidence import BatchEvent, Crossing, EvidenceBuilder, Recovered
+from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing, EvidenceBuilder, Recovered
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import stable_limits

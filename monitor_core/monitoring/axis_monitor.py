@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from monitor_core.detection.alarm import Alarm, DetectorName, alarms_from_array, alarms_to_array
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
-from monitor_core.detection.cusum.evidence import HELD, INVALID, BatchEvent
+from monitor_core.detection.cusum.cusum_evidence import HELD, INVALID, BatchEvent
 from monitor_core.detection.multimodel.multimodel_detector import SCHEMA as MULTIMODEL_SCHEMA
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
 from monitor_core.detection.multimodel.naming import Event as MultiModelEvent

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.detection.alarm import DetectorName
-from monitor_core.detection.cusum.evidence import BatchEvent, Crossing
+from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.block import Trace
@@ -149,8 +149,8 @@ def _axis_update(
         return AxisUpdate(monitor.apply(events, monitor.multimodel_events(block)), readings, None)
     found, bank_trace = monitor.multimodel_events_traced(block)
     crossings = [event for event in events if isinstance(event, Crossing)]
-    whole = AxisTrace(trace, crossings, bank_trace)
-    return AxisUpdate(monitor.apply(events, found), readings, whole)
+    traces = AxisTrace(trace, crossings, bank_trace)
+    return AxisUpdate(monitor.apply(events, found), readings, traces)
 
 
 def _filled(given: Mapping[int, NDArray[_T] | None], empty: Callable[[], NDArray[_T]]) -> NDArray[_T] | None:

@@ -13,7 +13,7 @@ from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, SignalConfig, Source
 from service.ingest.assemble import REASONS
 from service.ingest.quantities import HeldColumns
-from service.ingest.tables import Rows
+from service.ingest.table_files import Rows
 
 Times = NDArray[np.int64]
 _LATEST_US = 2.0**62

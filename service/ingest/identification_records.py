@@ -22,7 +22,7 @@ from service.config.schema import Config, NamedAxis
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.quantities import quantity_of
 from service.ingest.records import LogRecord, is_table, samples_of
-from service.ingest.tables import CsvTable, Rows, check_columns, open_table
+from service.ingest.table_files import CsvTable, Rows, check_columns, open_table
 from service.ingest.torn_rows import Bools, ahead, torn
 from service.ingest.unwrap import AMBIGUOUS, turns_of
 
@@ -58,8 +58,8 @@ class Source:
     @property
     def words(self) -> str:
         """One line for the user."""
-        whole = self.used == self.samples
-        part = "" if whole else f", {self.used} of them from {self.start_s:g} to {self.end_s:g} s"
+        complete = self.used == self.samples
+        part = "" if complete else f", {self.used} of them from {self.start_s:g} to {self.end_s:g} s"
         lost = ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in self.dropped.items() if n)
         return f"{self.path}: {self.samples} samples{part}; dropped: {lost or 'nothing'}"
 

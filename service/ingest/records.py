@@ -15,7 +15,7 @@ from service.config.conditions import needed
 from service.config.schema import AxisConfig, Config
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Ingest, block_of
-from service.ingest.tables import TABLE_SUFFIXES, check_columns, open_table
+from service.ingest.table_files import TABLE_SUFFIXES, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
 RECORD_SUFFIXES = (*TABLE_SUFFIXES, *LOG_SUFFIXES)

@@ -70,7 +70,7 @@ class Table(NamedTuple):
 
 
 def for_terminal(
-    table: Table, title: str, right: Collection[str] = (), whole: int = 2, styles: Mapping[int, str] = {}
+    table: Table, title: str, right: Collection[str] = (), unbroken: int = 2, styles: Mapping[int, str] = {}
 ) -> RichTable:
     """The table as rich draws it.
 
@@ -78,12 +78,12 @@ def for_terminal(
         table: titles and cells, which may contain markup: it is shown as it is.
         title: above the table.
         right: titles of the columns that are aligned at the right.
-        whole: so many columns are never broken.
+        unbroken: so many columns are never broken.
         styles: of rows, by their number.
     """
     drawn = RichTable(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(table.titles):
-        drawn.add_column(name, justify="right" if name in right else "left", no_wrap=number < whole)
+        drawn.add_column(name, justify="right" if name in right else "left", no_wrap=number < unbroken)
     for number, row in enumerate(table.rows):
         drawn.add_row(*map(escape, row), style=styles.get(number))
     return drawn

@@ -78,10 +78,10 @@ def _grid(
     cells = list(rows)
     table = Table(box=None, padding=(0, gap, 0, 0), show_header=bool(titles), header_style="dim")
     for number, name in enumerate(titles or [""] * max(map(len, cells), default=0)):
-        whole = number == 0 and not titles
+        unbroken = number == 0 and not titles
         justify: Literal["right", "left"] = "right" if name in right else "left"
         style = key if number == 0 else ""
-        table.add_column(name, justify=justify, overflow="fold", no_wrap=whole, style=style)
+        table.add_column(name, justify=justify, overflow="fold", no_wrap=unbroken, style=style)
     for row in cells:
         table.add_row(*map(Text, row))
     return table

@@ -141,7 +141,7 @@ def _family(name: str, series: Iterable[_Series]) -> Metric:
 
 
 def _by_reason(name: str, counts: Iterable[tuple[str, Mapping[str, int]]]) -> Metric:
-    return _family(name, (((one, reason), n) for one, numbers in counts for reason, n in numbers.items()))
+    return _family(name, (((owner, reason), n) for owner, numbers in counts for reason, n in numbers.items()))
 
 
 _OBSERVED = {Observation.OBSERVED: 1.0, Observation.WEAK: 0.5, Observation.UNSEEN: 0.0}

@@ -115,7 +115,7 @@ def test_a_mistake_is_found_once_and_told_each_time(tmp_path: Path, monkeypatch:
     (tmp_path / "belt.mo").write_text(BELT.replace("Ja)", "Jx)"), encoding="utf-8")
     told = []
     for _ in range(2):
-        with pytest.raises(ModelError, match=r"belt\.mo:8: arm: Jx is not known") as caught:
+        with pytest.raises(ModelError, match=r"belt\.mo:8: arm: Jx is not known in Belt$") as caught:
             model_called(str(tmp_path / "belt.mo"))
         told.append(str(caught.value))
     assert told[0] == told[1]

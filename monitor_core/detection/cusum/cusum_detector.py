@@ -30,7 +30,7 @@ from monitor_core.detection.alarm import (
     Onset,
     direction_of,
 )
-from monitor_core.detection.cusum.evidence import INVALID, Crossing, CusumEvent, Evidence, Recovered
+from monitor_core.detection.cusum.cusum_evidence import INVALID, Crossing, CusumEvent, Evidence, Recovered
 from monitor_core.detection.isolation import Causes, single_faults, sizes
 from monitor_core.detection.onset import SURE, change_of, scatter
 
@@ -152,8 +152,8 @@ def _named(alarm: Alarm, e: Evidence, causes: Causes, alone: bool) -> Alarm:
     i = causes.best
     ((size, size_sd),) = _sizes(e, [i])
     onset, kind = _onset(alarm, e, i, alone and causes.explains(e.tolerance))
-    told = {"causes": _reported(e, causes), "doubt": _doubt(e, i, causes), "kind": kind, **onset._asdict()}
-    return alarm.named(e.time_us, e.parameters[i], size, size_sd=size_sd, **told)
+    details = {"causes": _reported(e, causes), "doubt": _doubt(e, i, causes), "kind": kind, **onset._asdict()}
+    return alarm.named(e.time_us, e.parameters[i], size, size_sd=size_sd, **details)
 
 
 def _resized(e: Evidence, alarms: Sequence[Alarm]) -> Iterator[Alarm]:

@@ -175,13 +175,13 @@ class MultiModelDetector:
         causes = _reported(event)
         unnamed = next((a for a in open_alarms if a.raised_us == event.since_us), None)
         same = _named_alarm(open_alarms, share.cause)
-        told = event.time_us, share.cause, size
+        name = event.time_us, share.cause, size
         if same is not None and (unnamed is None or same.key != unnamed.key):
             if unnamed is not None:
                 yield unnamed.ended(event.time_us)
-            yield same.named(*told, size_sd=size_sd, causes=causes)
+            yield same.named(*name, size_sd=size_sd, causes=causes)
         elif unnamed is not None:
-            yield unnamed.named(*told, size_sd=size_sd, causes=causes, **event.onset._asdict())
+            yield unnamed.named(*name, size_sd=size_sd, causes=causes, **event.onset._asdict())
         else:
             alarm = self._raised(event.since_us, event)
             named = replace(alarm, stage="named", updated_us=event.time_us, causes=causes)

@@ -176,7 +176,9 @@ def _size(measured: Measured) -> float:
 def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple[Stem, ...]:
     """Chains with one mass more, ``problem``'s, grown out of shorter ones; the best first."""
     slots = Slots(problem)
-    return tuple(distinct(one for stem in stems for one in _grown(problem, slots, stem, measured)))[:_BEAM]
+    return tuple(distinct(chain for stem in stems for chain in _grown(problem, slots, stem, measured)))[
+        :_BEAM
+    ]
 
 
 def stems(measured: Measured, masses: int) -> tuple[Stem, ...]:

@@ -168,7 +168,7 @@ def best_fit(
     Raises:
         ValueError: none can be fitted from.
     """
-    rivals = [one for one in candidates[:_RIVALS] if one.cost <= _DOUBTFUL * candidates[0].cost]
+    rivals = [c for c in candidates[:_RIVALS] if c.cost <= _DOUBTFUL * candidates[0].cost]
     ends, problems = list[tuple[Estimate, Candidate]](), list[ValueError]()
     for i, rival in enumerate(rivals):
 

@@ -77,12 +77,12 @@ def _parameter(
     first = next((use for use in uses if use.is_name), uses[0])
     meaning = meanings.get(name) or first.meaning(first.origin.component.replace("_", " "))
     value = nominal.get(name, first.number)
-    said = f"nominal value of {name} ({meaning}) is"
+    subject = f"nominal value of {name} ({meaning}) is"
     if value is not None and not (isinstance(value, int | float) and math.isfinite(value)):
-        raise ModelError(f"{said} {value!r}: it must be finite", first.origin)
+        raise ModelError(f"{subject} {value!r}: it must be finite", first.origin)
     positive = is_positive(name, uses, value)
     if positive and value is not None and value <= 0:
-        raise ModelError(f"{said} {value:g}: it must be greater than zero", first.origin)
+        raise ModelError(f"{subject} {value:g}: it must be greater than zero", first.origin)
     return FlatParameter(name, unit, meaning, value, positive, first.origin)
 
 

@@ -120,17 +120,17 @@ _FEW = 12
 """So many names are listed; more are counted."""
 
 
-def _sentences(told: Identifiability) -> Iterator[str]:
-    if told.identifiable:
-        yield f"{listed(told.identifiable)} can be found."
-    alone = not told.identifiable and len(told.groups) == 1
-    for names, seen, more in zip(told.groups, told.seen, told.unnamed, strict=True):
+def _sentences(result: Identifiability) -> Iterator[str]:
+    if result.identifiable:
+        yield f"{listed(result.identifiable)} can be found."
+    alone = not result.identifiable and len(result.groups) == 1
+    for names, seen, more in zip(result.groups, result.seen, result.unnamed, strict=True):
         yield _group(names, seen, more, alone)
-    for name in told.invisible:
+    for name in result.invisible:
         yield f"{name} cannot be seen at all: whatever its value, the sensors show the same."
-    held = [name for name in told.suggestion if name not in told.invisible]
+    held = [name for name in result.suggestion if name not in result.invisible]
     if held:
-        rest = [name for names in told.groups for name in names if name not in held]
+        rest = [name for names in result.groups for name in names if name not in held]
         found = listed(rest) if len(rest) <= _FEW else f"the other {len(rest)}"
         yield f"Hold {listed(held)} known and {found} can be found."
 

@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.detection import Alarm, Crossing, Direction, Evidence, Name, Recovered
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
-from monitor_core.detection.cusum.evidence import CusumEvent
+from monitor_core.detection.cusum.cusum_evidence import CusumEvent
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AlarmTracker
 
