@@ -36,7 +36,7 @@ class Deviations:
     seeding: int
     """Samples before P(0) was found"""
     confounded: tuple[str, ...]
-    """What could not be told apart at the end, in words"""
+    """What could not be distinguished at the end, in words"""
 
 
 def without_tests(settings: Settings) -> Settings:

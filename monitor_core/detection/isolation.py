@@ -20,7 +20,7 @@ from scipy.special import chdtrc, chdtri  # not scipy.stats: to import that take
 from monitor_core.arrays import Floats
 
 RIDGE = 1e-9
-"""Beside a correlation of one: what cannot be told apart at all stays a matrix that can be inverted."""
+"""Beside a correlation of one: what cannot be distinguished at all stays a matrix that can be inverted."""
 
 LEAST_TOLERANCE = 3.3
 """Standard deviations; one estimate in a thousand is farther off."""

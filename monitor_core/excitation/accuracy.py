@@ -180,10 +180,12 @@ def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> 
     poor = {name: percent(sd) for name, sd in deviations.items() if POOR < sd < np.inf}
     if len(poor) == 1:
         ((name, sd),) = poor.items()
-        yield Finding((name,), False, f"{name} cannot be told from this record (standard deviation {sd}).")
+        yield Finding(
+            (name,), False, f"{name} cannot be determined from this record (standard deviation {sd})."
+        )
     elif poor:
         names = listed([f"{name} ({sd})" for name, sd in poor.items()])
-        sentence = f"{names} cannot be told from this record (standard deviations in brackets)."
+        sentence = f"{names} cannot be determined from this record (standard deviations in brackets)."
         yield Finding(tuple(poor), False, sentence)
 
 
@@ -191,7 +193,7 @@ def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[Pair]) -> Iterato
     for first, second, r in pairs:
         if max(deviations[first], deviations[second]) > FAIR:
             sentence = (
-                f"{first} and {second} cannot both be told from this record: their estimates correlate by {r:.2f}"
+                f"{first} and {second} cannot both be determined from this record: their estimates correlate by {r:.2f}"
                 f" (standard deviations {percent(deviations[first])} and {percent(deviations[second])})."
             )
             yield Finding((first, second), False, sentence)
@@ -228,7 +230,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
                 first, other, r = inside[0]
                 effect += f", and the estimates of {first} and {other} correlate by {r:.2f}"
         sentence = (
-            f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be told from this record:"
+            f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be determined from this record:"
             f" the joint change {change} {effect}."
         )
         yield Finding(names, direction.size == 0, sentence)

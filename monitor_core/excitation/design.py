@@ -1,4 +1,4 @@
-"""Design of an experiment: signal, motion within the limits, predicted accuracy, and what it will not tell."""
+"""Design of an experiment: signal, motion within the limits, predicted accuracy, and what it will not determine."""
 
 from __future__ import annotations
 
@@ -230,7 +230,7 @@ def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
         best = optimal_powers(information(responses[:, seen]), costs, wanted).powers
     except np.linalg.LinAlgError:
         raise ExcitationError(
-            f"{len(task.grid)} lines do not tell {len(seen)} parameters apart: widen the band or lengthen the period"
+            f"{len(task.grid)} lines do not determine {len(seen)} parameters: widen the band or lengthen the period"
         ) from None
     even = np.full(len(best), 1 / costs.sum(axis=1).max())
     return np.asarray(np.sqrt(2 * ((1 - _EVERYWHERE) * best + _EVERYWHERE * even)))
@@ -275,13 +275,13 @@ def _poor(experiment: Experiment) -> Iterator[str]:
     for name, sd in zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True):
         if sd > FAIR and np.isfinite(sd):
             yield (
-                f"{name} cannot be told to better than {percent(sd)} in {seconds:.3g} s:"
+                f"{name} cannot be determined to better than {percent(sd)} in {seconds:.3g} s:"
                 f" {_remedy(task, accuracy.names, name, sd)}."
             )
 
 
 def _remedy(task: Task, names: tuple[str, ...], name: str, sd: float) -> str:
-    longer = f"{(sd / FAIR) ** 2:.2g} times as long a record would tell it to {percent(FAIR)}"
+    longer = f"{(sd / FAIR) ** 2:.2g} times as long a record would determine it to {percent(FAIR)}"
     if names.index(name) not in linear_part(task.estimation.responses(names, task.frequency_hz)):
         return longer
     top = _better_band(task, names, name)

@@ -115,7 +115,7 @@ def told_apart(estimation: Estimation, inputs: Floats, wanted: Sequence[str] = (
 
 def _not_beside(wanted: Sequence[str], others: Sequence[str]) -> str:
     beside = listed(others) if others else "one another"
-    return f"{listed(wanted)} cannot be told beside {beside}: say which are estimated (free), the others are held"
+    return f"{listed(wanted)} cannot be estimated beside {beside}: say which are estimated (free), the others are held"
 
 
 def linear_part(responses: Complex) -> list[int]:

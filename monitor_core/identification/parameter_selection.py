@@ -114,7 +114,7 @@ def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> Param
     held = {**{name: "known from the data sheet" for name in RELATIVE if name in names}, **fixed}
     drawn = [p.name for p in space.drawn if p.name not in held]
     for name in structural(space, drawn).suggestion if drawn else ():
-        held.setdefault(name, "the sensors cannot tell it from the others")
+        held.setdefault(name, "the sensors cannot distinguish it from the others")
     return ParameterSelection(
         tuple(n for n in names if n not in held), {n: held[n] for n in names if n in held}
     )
@@ -136,7 +136,7 @@ def _check_identifiable(space: StateSpace, free: Sequence[str], inputs: Sequence
     found = structural(space, bases, inputs=inputs)
     if found.suggestion:
         raise IdentificationError(
-            f"{len(bases)} parameters are free, but torque and motion can tell only {found.count} numbers:"
+            f"{len(bases)} parameters are free, but torque and motion can determine only {found.count} numbers:"
             f" {' '.join(found.words())}"
         )
 

@@ -124,7 +124,7 @@ def _check_ratios(ss: StateSpace) -> None:
     for k, u in enumerate(ss.inputs):
         if u.angle and (k, 0) not in ss.ratio:
             raise ModelError(
-                f"the motion at {u.angle}, which {u.name} depends on, cannot be told from what the sensor measures: "
+                f"the motion at {u.angle}, which {u.name} depends on, does not follow from what the sensor measures: "
                 "no springs or dampers join the two, or one of them is held",
                 u.origin,
             )

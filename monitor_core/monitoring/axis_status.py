@@ -82,7 +82,7 @@ class AxisStatus:
     innovation_variance: float
     """Running estimate of lambda_0, in the output's unit squared"""
     confounded: tuple[str, ...]
-    """What cannot be told apart now, in words; empty where all is observed"""
+    """What cannot be distinguished now, in words; empty where all is observed"""
     counters: Mapping[str, int]
     """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
     detectors: tuple[DetectorStatus, ...] = ()
@@ -110,7 +110,7 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
 def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """Why nothing is tested, where the nominal values do not allow it."""
     return tuple(
-        f"{first} and {second} cannot be told apart by the record of their nominal values: nothing is tested"
+        f"{first} and {second} cannot be distinguished by the record of their nominal values: nothing is tested"
         for first, second in pairs
     )
 
@@ -118,4 +118,4 @@ def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
 def _words(names: Sequence[str]) -> str:
     if len(names) == 1:
         return f"{names[0]} is not observed"
-    return f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart"
+    return f"{', '.join(names[:-1])} and {names[-1]} cannot be distinguished"

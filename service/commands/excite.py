@@ -88,7 +88,7 @@ def excite(
     svg: Picture = None,
     png: Picture = None,
 ) -> None:
-    """Plan a motion for identification: a multisine as large as the limits allow, and what it will tell.
+    """Plan a motion for identification: a multisine as large as the limits allow, and what it will determine.
 
     From rest and back to it: a warm-up, then whole periods. At least one of --torque-limit, --speed-limit and
     --angle-limit is needed. The predicted standard deviations hold for the configured drive and noise.

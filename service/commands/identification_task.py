@@ -116,7 +116,7 @@ def prepare(
         request: what the user asks for.
 
     Raises:
-        IdentificationError: an unknown name, parameters that cannot be told apart, a record that is refused.
+        IdentificationError: an unknown name, parameters that cannot be distinguished, a record that is refused.
         ModelError: the axis has no drive.
         RecordError, DbcError, IngestError: a record cannot be read.
     """

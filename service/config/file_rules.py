@@ -124,7 +124,7 @@ def told_apart(axis: AxisConfig) -> Iterator[Finding]:
     """Parameters that the nominal values do not distinguish cannot be distinguished by a detector."""
     if axis.detector.alarm_source == "multimodel" and (doubtful := untold(axis)):
         pairs = ", ".join(" and ".join(pair) for pair in doubtful)
-        yield Finding(SOURCE, f"the nominal values cannot tell {pairs} apart: identify the axis again")
+        yield Finding(SOURCE, f"the nominal values cannot distinguish {pairs}: identify the axis again")
 
 
 # --- Thresholds -------------------------------------------------------------------------------------------------------

@@ -174,4 +174,4 @@ def _bars(axes: Axes, experiment: Experiment) -> None:
     axes.set_xlim(sd[known].min(initial=np.inf) / 3, widest.max(initial=0.0) * 40)
     axes.set_yticks(rows, [names[i] + (" *" if names[i] in experiment.task.find else "") for i in known])
     axes.set_xlabel("predicted standard deviation [%]" + (";  * to be found" if experiment.task.find else ""))
-    axes.set_title("what it will tell", loc="left", fontsize=10)
+    axes.set_title("what it will determine", loc="left", fontsize=10)

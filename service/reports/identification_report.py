@@ -52,7 +52,7 @@ class IdentificationReport:
             )
         if result.rejection is Rejection.NOT_IDENTIFIABLE:
             names = ", ".join(result.not_identifiable)
-            return f"{names} cannot be told from these records: hold one of them with --fix"
+            return f"{names} cannot be determined from these records: hold one of them with --fix"
         if result.rejection is Rejection.DELAY_OUT_OF_RANGE:
             return (
                 f"the torque acts {1e3 * result.delay_s:.3g} ms late, but the daemon can follow delays of 0 to one"
@@ -210,7 +210,7 @@ def slope_words(report: IdentificationReport) -> Iterator[str]:
     for s in report.result.slopes():
         f, unit = s.scheduled, report.result.estimate.drive.parameter(s.scheduled.parameter).unit
         ends = " and ".join(f"{number(s.at(x))} where it is {x:.4g}" for x in (f.low, f.high))
-        doubt = "" if s.is_significant else ", which cannot be told from none"
+        doubt = "" if s.is_significant else ", which cannot be distinguished from none"
         slope = f"by {number(s.slope, s.sd)} {unit} for each 1 of it (sd {plain(s.sd, 2)}){doubt}"
         yield f"{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
 

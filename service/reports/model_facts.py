@@ -19,7 +19,7 @@ _MOST_STATES = 100
 _MOST_MERGED = 60
 """Parameters that stand only inside of merged ones; each of them takes a further pass."""
 _MOST_LOCAL = 40
-"""Beyond that it takes long to find what a record tells."""
+"""Beyond that it takes long to find what a record determines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Facts:
 
     ``missing``: parameters without a nominal value; with any of them there is no ``motion``.
     ``motion``: poles [1/s], resonances and anti-resonances from the torque to the first output.
-    ``identifiability``: sentences.  ``local``: what a record tells of the parameters, if one torque and one sensor
+    ``identifiability``: sentences.  ``local``: what a record determines of the parameters, if one torque and one sensor
     and all nominal values are there; ``untold``: why the record could not be simulated.
     """
 
@@ -142,7 +142,7 @@ def as_json(facts: Facts) -> str:
 
 
 def _local(local: LocalIdentifiability) -> dict[str, Any]:
-    """What a record tells; null where a parameter is not told at all."""
+    """What a record determines; null where a parameter is not determined at all."""
     accuracy = local.accuracy
     deviations = zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True)
     return {

@@ -46,7 +46,10 @@ def _print(facts: Facts, console: Console) -> None:
         ("Poles at nominal", _poles(facts, "+-" if ascii_only else "±")),
         ("Resonances at nominal", _resonances(facts.motion) if facts.motion else None),
         ("Identifiability", _sentences(facts.identifiability)),
-        ("What a record tells", _told(facts.local) if facts.local else _lines(filter(None, [facts.untold]))),
+        (
+            "What a record determines",
+            _told(facts.local) if facts.local else _lines(filter(None, [facts.untold])),
+        ),
         ("Notes", _sentences(space.notes)),
     ]
     for title, content in sections:
@@ -131,7 +134,7 @@ def _resonances(motion: Resonances) -> RenderableType:
 
 
 def _told(local: LocalIdentifiability) -> RenderableType:
-    """The standard deviation of each parameter, side by side to save lines, and what is not told, in words."""
+    """The standard deviation of each parameter, side by side to save lines, and what is not determined, in words."""
     cells = list(_deviation_cells(local))
     starts = range(0, len(cells), _SIDE_BY_SIDE)
     table = _grid(tuple(cells[start : start + _SIDE_BY_SIDE]) for start in starts)
@@ -148,7 +151,7 @@ def _sentences(sentences: Iterable[str]) -> RenderableType | None:
     return table if table.row_count else None
 
 
-# --- What goes into a drive and comes out, and what a record tells of its parameters, in words ------------------------
+# --- What goes into a drive and comes out, and what a record determines of its parameters, in words -----------------
 
 
 _INPUTS = {
@@ -183,7 +186,7 @@ def _experiment_words(local: LocalIdentifiability) -> str:
 def _deviation_cells(local: LocalIdentifiability) -> Iterator[str]:
     """``Jm 0.3 %`` for each parameter."""
     for name, sd in zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True):
-        yield f"{name} {100 * sd:.2g} %" if sd < math.inf else f"{name}: not told"
+        yield f"{name} {100 * sd:.2g} %" if sd < math.inf else f"{name}: not determined"
 
 
 def _local_words(local: LocalIdentifiability) -> tuple[str, ...]:

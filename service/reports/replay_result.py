@@ -37,7 +37,7 @@ class ReplayedAxis(NamedTuple):
     stamps: Stamps | None
     trends: Sequence[ParameterTrend]
     notes: Sequence[str]
-    """What cannot be told, and what its time stamps say, in words"""
+    """What cannot be determined, and what its time stamps say, in words"""
     course: Course | None
     """None: it is not to be drawn"""
 

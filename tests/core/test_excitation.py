@@ -400,7 +400,7 @@ def test_what_cannot_be_told_apart_is_held_pure_numbers_first(seed: int) -> None
     assert "kT" in x.held
     assert set(x.held) <= {"kT", "r"}
     assert np.isfinite(x.accuracy.standard_deviations).all()
-    with pytest.raises(ExcitationError, match=r"^(kT|r|kT and r) cannot be told beside"):
+    with pytest.raises(ExcitationError, match=r"^(kT|r|kT and r) cannot be estimated beside"):
         told_apart(x.task.estimation, x.motion.inputs, ("kT", "r"))
 
 

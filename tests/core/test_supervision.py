@@ -136,7 +136,7 @@ def test_a_constant_speed_shows_friction_only(settings: Settings, seed: int) -> 
     assert monitor.status().confounded == ()
     monitor.update(SampleBlock(*part(rec, LIVELY)))
     assert {p.observation for p in monitor.status().parameters} == {Observation.UNSEEN}
-    assert "kT and fm cannot be told apart" in monitor.status().confounded
+    assert "kT and fm cannot be distinguished" in monitor.status().confounded
     i = MODEL.monitored.index("1/Ja")
     shown, g = monitor.status().parameters[i].estimate, monitor.batch.state.g.copy()
     monitor.batch.state.theta[i] *= 2  # as far off as can be

@@ -5,8 +5,8 @@ pinion of 1 m radius, gear ratio 1.  So N m stand for N, J in kg m^2 for M in kg
 
 First the values against the published ones.  Then identified and calibrated on one half of the record and watched on
 the other, exactly as the commands do it, either half for the other: quiet, faults named.  Watched are the force
-constant kT and the friction: in twelve seconds of this motion dry and viscous friction cannot be told apart, so one of
-the two stands for both, and an alarm of fc means that "friction has changed".
+constant kT and the friction: in twelve seconds of this motion dry and viscous friction cannot be distinguished, so one
+of the two stands for both, and an alarm of fc means that "friction has changed".
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def test_simulation(simulation: Estimate) -> None:
     assert simulation.converged
     assert simulation.interval_s == 0.0005
     assert simulation.fit_simulation[0] >= SIMULATES
-    assert any(word.startswith("fm and fc cannot both be told") for word in simulation.words)
+    assert any(word.startswith("fm and fc cannot both be determined") for word in simulation.words)
     i = simulation.names.index("fm")
     said = simulation.accuracy.standard_deviations[i]
     assert said == pytest.approx(simulation.sd[i] / simulation.theta[i], rel=0.2)

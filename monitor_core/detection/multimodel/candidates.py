@@ -1,6 +1,6 @@
 """Candidate changes: the monitored parameters up and down in several sizes, and faults of the sensors.
 
-Also their units outside of a bank (``quantity_of``), and which of them can be told apart (``default_hypotheses``).
+Also their units outside of a bank (``quantity_of``), and which of them can be distinguished (``default_hypotheses``).
 """
 
 import math

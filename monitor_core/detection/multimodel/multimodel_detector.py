@@ -79,7 +79,7 @@ def least_delay(healthy: Floats, faulty: Floats, lam0: float, samples_between: f
 def reason_unavailable(model: AxisModel, settings: Settings) -> str:
     """Why the detector is not available for an axis, in words; empty: it is."""
     if settings.unidentifiable:
-        return "its nominal values cannot tell some of the parameters apart"
+        return "its nominal values cannot distinguish some of the parameters"
     gain = settings.gain(len(model.drive.states))
     if not math.isfinite(slowest_time_constant(model, gain, settings.interval_s)):
         return "its predictor is not stable"

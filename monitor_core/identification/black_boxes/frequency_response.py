@@ -115,7 +115,7 @@ def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Compl
 _LINES, _DEGREE = 21, 2
 """Lines of the longest record in the band around each frequency, and degree of the polynomials there."""
 _HIDDEN = 1e-10
-"""Of the strongest line of the record: polynomials told apart by less are not told at all."""
+"""Of the strongest line of the record: polynomials told apart by less are not determined at all."""
 
 
 def spectral_response(

@@ -28,7 +28,7 @@ class Estimate:
         problem: the problem with the estimates in place of what it started from; see ``compare``.
         names: (p,) free parameters, "Td" if it is free, "fm per temperature" of varying ones, "delay" if it is free.
         theta: (p,) estimates, SI.
-        covariance: (p, p); infinite variance where a direction cannot be told, NaN beside it.
+        covariance: (p, p); infinite variance where a direction cannot be determined, NaN beside it.
         values: all parameters of the drive.
         delay_s: skew between torque and output, estimated or as given.
         K: (n,) filter gain in the drive's states; zeros for output error.
@@ -84,7 +84,7 @@ class Estimate:
 
     @property
     def correlation(self) -> Floats:
-        """(p, p) of the estimates; NaN where a parameter cannot be told."""
+        """(p, p) of the estimates; NaN where a parameter cannot be determined."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.covariance / np.outer(self.sd, self.sd))
 
@@ -137,7 +137,7 @@ def _singular(accuracy: Accuracy) -> Iterator[str]:
         if len(names) > 1:
             hold = next((name for name in _USUAL if name in names), names[0])
             yield (
-                f"The information matrix is singular: {listed(names)} cannot all be told. Fix one of them, best"
+                f"The information matrix is singular: {listed(names)} cannot all be determined. Fix one of them, best"
                 f" {hold}: values and deviations of the others then mean something."
             )
 
@@ -170,11 +170,9 @@ def _level(found: Estimate, name: str) -> str:
     """There is hardly any torque noise, or so much that the noise of the output is invisible."""
     output = found.noise["output"]
     if name == "torque" and output**2 < _SMALL * found.lam0:
-        return (
-            f"Noise on the output cannot be told from none: {output:.2g}; all errors are laid to the torque."
-        )
+        return f"Noise on the output cannot be distinguished from none: {output:.2g}; all errors are laid to the torque."
     what = "white torque noise" if name == "torque" else "slow torque disturbance"
-    return f"The {what} cannot be told from none: {found.noise[name]:.2g} N m."
+    return f"The {what} cannot be distinguished from none: {found.noise[name]:.2g} N m."
 
 
 def _residuals(found: Estimate) -> Iterator[str]:

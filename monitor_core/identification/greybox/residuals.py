@@ -147,7 +147,7 @@ class Information(NamedTuple):
     """Information in the records."""
 
     accuracy: Accuracy  # the same, relative to the sizes, with what is not determined
-    covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be told
+    covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be determined
     order: int  # of the errors' autoregressive model; 0: white
 
 

@@ -92,7 +92,7 @@ def measure(records: Sequence[Record]) -> Measured:
     sure = (medfilt(_relative(arx, wide), 5) < _SURE) & _excited(arx, series, wide)
     known = wide[_longest(sure)]
     if known.size < 5:
-        raise ValueError("the records do not tell a frequency response: the torque hardly moves the axis, or all that"
+        raise ValueError("the records do not give a frequency response: the torque hardly moves the axis, or all that"
                          " was measured is noise")  # fmt: skip
     f = np.linspace(known[0], known[-1], _POINTS)
     sd = _relative(arx, f)

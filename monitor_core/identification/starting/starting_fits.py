@@ -59,7 +59,7 @@ def fit_from_scratch(
     ``progress`` is called with the steps done and their maximum.
 
     Raises:
-        ValueError: the records tell no frequency response; the motor does not see a chain of masses that are all free,
+        ValueError: the records give no frequency response; the motor does not see a chain of masses that are all free,
             or the response shows no chain of so many; as ``fit``.
     """
     return _fit(problem, records, from_records, progress)
@@ -71,7 +71,7 @@ def fit_from(problem: Problem, records: Sequence[Record], *, progress: Progress 
     ``progress`` is called with the steps done and their maximum.
 
     Raises:
-        ValueError: the records tell no frequency response; as ``fit``.
+        ValueError: the records give no frequency response; as ``fit``.
     """
     return _fit(problem, records, around_nominal, progress)
 

@@ -123,7 +123,9 @@ def _notes(
         "has no influence on what is measured": [
             p.name for p in reduction.flat.parameters if p.name not in seen
         ],
-        "merged, since its parts cannot be told apart": [name for name in definitions if name in occurring],
+        "merged, since its parts cannot be distinguished": [
+            name for name in definitions if name in occurring
+        ],
     }
     return tuple(f"{what}: {', '.join(names)}" for what, names in lines.items() if names)
 

@@ -25,7 +25,7 @@ _HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
 class Identifiability:
     """What any record, however exciting, can tell at most of the parameters that are not known already.
 
-    ``identifiable``: seen by themselves (up to a finite number of values).  ``groups``: parameters that cannot be told
+    ``identifiable``: seen by themselves (up to a finite number of values).  ``groups``: parameters that cannot be determined
     apart; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts those that have
     no simple form.  ``invisible``: no sensor shows them at all.  ``suggestion``: a smallest set to hold known so that
     all others can be found; none of the ``invisible`` can, so they belong to it.
@@ -141,7 +141,7 @@ def _group(names: Sequence[str], seen: Sequence[str], more: int, alone: bool) ->
     if not kinds:
         return f"Nothing of {who} can be seen."
     start = "Only" if alone else f"Of {who} only"
-    end = f": {who} cannot be told apart." if alone else "."
+    end = f": {who} cannot be distinguished." if alone else "."
     return f"{start} {listed(kinds)} can be seen{end}"
 
 

@@ -110,7 +110,7 @@ def test_records_that_are_too_short_or_do_not_move(
 
 
 def test_nominal_values_that_cannot_be_told() -> None:
-    with pytest.raises(CalibrationError, match="fm and fc cannot be told apart"):
+    with pytest.raises(CalibrationError, match="fm and fc cannot be distinguished"):
         check_settings(replace(SETTINGS, unidentifiable=(("fm", "fc"),)))
     check_settings(SETTINGS)
 

@@ -39,7 +39,7 @@ def test_one_mass(seed: int) -> None:
     assert free.groups == (("Jm", "kT"),)
     assert free.suggestion == ("kT",)
     assert free.words() == (
-        "Only kT/Jm can be seen: Jm and kT cannot be told apart.",
+        "Only kT/Jm can be seen: Jm and kT cannot be distinguished.",
         "Hold kT known and Jm can be found.",
     )
     friction = structural(table({(0, 0): "-fm/Jm"}, {(0, 0): "kT/Jm"}, {(0, 0): "1"}), seed=seed)
@@ -140,7 +140,7 @@ def test_what_has_no_simple_form_is_counted(seed: int) -> None:
     found = structural(ss, seed=seed)
     assert found.combinations == ()
     assert found.unnamed == (1,)
-    assert found.words()[0] == ("Only one combination can be seen: a, b, c, d and r cannot be told apart.")
+    assert found.words()[0] == ("Only one combination can be seen: a, b, c, d and r cannot be distinguished.")
     without_ratio = structural(ss, "abcd", seed)
     assert without_ratio.unnamed == (1,)
     plain = table({(0, 1): "a + b", (1, 0): "-c - d"}, {(0, 0): "1"}, {(0, 0): "1"})

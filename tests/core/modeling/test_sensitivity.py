@@ -269,7 +269,7 @@ def test_a_pair(seed: int) -> None:
     sd = 0.05 / np.sqrt(1 - cosine**2)
     np.testing.assert_allclose(told.standard_deviations, [sd, sd, 0.05])
     assert told.words() == (
-        "kg and ka cannot both be told from this record: their estimates correlate by -0.99"
+        "kg and ka cannot both be determined from this record: their estimates correlate by -0.99"
         " (standard deviations 35 % and 35 %).",
     )
     ((size, parts),) = told.directions()
@@ -284,10 +284,10 @@ def test_a_pair(seed: int) -> None:
 
 def test_a_weak_parameter(seed: int) -> None:
     told = Accuracy(("Jm", "fm"), columns(seed, [5.0, 0], [0, 0.1]), noise=0.12)
-    assert told.words() == ("fm cannot be told from this record (standard deviation 120 %).",)
+    assert told.words() == ("fm cannot be determined from this record (standard deviation 120 %).",)
     both = Accuracy(("a", "b", "c"), columns(seed, [5.0, 0, 0], [0, 0.1, 0], [0, 0, 0.05]), noise=0.12)
     assert both.words() == (
-        "b (120 %) and c (240 %) cannot be told from this record (standard deviations in brackets).",
+        "b (120 %) and c (240 %) cannot be determined from this record (standard deviations in brackets).",
     )
 
 
@@ -299,7 +299,7 @@ def test_a_group_of_three(seed: int) -> None:
     assert size < 0.01
     (*_, last) = told.words()
     assert last == (
-        "a, b and c cannot all be told from this record: the joint change +a +b -c moves the output by only "
+        "a, b and c cannot all be determined from this record: the joint change +a +b -c moves the output by only "
         "0.71 % of what they would one by one."
     )
 
@@ -317,15 +317,15 @@ def test_pairs_that_a_group_explains_are_not_said_twice(seed: int) -> None:
         ("d", "e"),
     }
     pair, group = told.words()
-    assert pair.startswith("d and e cannot both be told")
-    assert group.startswith("a, b and c cannot all be told")
+    assert pair.startswith("d and e cannot both be determined")
+    assert group.startswith("a, b and c cannot all be determined")
 
 
 def test_the_only_pair_in_a_group_is_told_with_its_number(seed: int) -> None:
     told = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0.95, 0.3, 0], [0.3, -0.2, 0.15]), 0.1)
     assert [pair[:2] for pair in told.pairs()] == [("a", "b")]
     assert told.words() == (
-        "a, b and c cannot all be told from this record: the joint change +a -b -c moves the output by only "
+        "a, b and c cannot all be determined from this record: the joint change +a -b -c moves the output by only "
         "11 % of what they would one by one, and the estimates of a and b correlate by -0.98.",
     )
 
@@ -336,7 +336,7 @@ def test_a_group_that_says_nothing_new_is_left_out(seed: int) -> None:
     told = Accuracy(tuple("abcde"), columns(seed, *([1, *(0.001 * v for v in row)] for row in apart)), 0.01)
     assert [len(d.names) for d in told.directions()] == [5, 3, 3, 2]
     (group,) = [text for text in told.words() if "joint change" in text]
-    assert group.startswith("a, b, c, d and e cannot all be told")
+    assert group.startswith("a, b, c, d and e cannot all be determined")
 
 
 def test_hidden_directions_are_named_apart(seed: int) -> None:
@@ -347,8 +347,8 @@ def test_hidden_directions_are_named_apart(seed: int) -> None:
     np.testing.assert_array_equal(told.standard_deviations[[0, 1, 2, 3, 5]], np.inf)
     assert told.standard_deviations[4] == pytest.approx(0.01)
     assert set(told.words()) == {
-        "a and b cannot both be told from this record: the joint change +a +b does not move the output at all.",
-        "c and d cannot both be told from this record: the joint change +c -d does not move the output at all.",
+        "a and b cannot both be determined from this record: the joint change +a +b does not move the output at all.",
+        "c and d cannot both be determined from this record: the joint change +c -d does not move the output at all.",
         "f does not show in this record at all.",
     }
     assert told.pairs() == ()

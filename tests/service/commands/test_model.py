@@ -185,7 +185,7 @@ def test_the_shipped_drawings_are_the_library() -> None:
     assert {**by_file, "name": "two-mass"} == by_name
 
 
-# --- what a record tells -------------------------------------------------------------------------------
+# --- what a record determines -------------------------------------------------------------------------------
 
 
 def irb_config(folder: Path) -> Path:
@@ -213,6 +213,6 @@ def test_the_record_and_the_configured_noise_are_what_is_asked_about(tmp_path: P
     assert told["held_known"] == ["kT", "r"]
     usual = as_json("--config", config, "--json")["local"]
     assert usual["relative_standard_deviations"] != told["relative_standard_deviations"]
-    section = shown("--config", config, "--record", record).split("What a record tells")[1]
+    section = shown("--config", config, "--record", record).split("What a record determines")[1]
     for name in ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0"):
         assert f"{name} " in section

@@ -79,7 +79,7 @@ def test_what_cannot_be_told_makes_no_nominal_values(found: IdentificationReport
     covariance = found.result.estimate.covariance.copy()
     covariance[2, 2] = np.inf
     lost = with_estimate(found, covariance=covariance)
-    assert "Ja cannot be told" in lost.rejection
+    assert "Ja cannot be determined" in lost.rejection
     stuck = with_estimate(found, converged=False)
     assert "not converged" in stuck.rejection
 
