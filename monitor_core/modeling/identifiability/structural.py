@@ -25,10 +25,10 @@ _HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
 class Identifiability:
     """What any record, however exciting, can tell at most of the parameters that are not known already.
 
-    ``identifiable``: seen by themselves (up to a finite number of values).  ``groups``: parameters that cannot be determined
-    apart; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts those that have
-    no simple form.  ``invisible``: no sensor shows them at all.  ``suggestion``: a smallest set to hold known so that
-    all others can be found; none of the ``invisible`` can, so they belong to it.
+    ``identifiable``: seen by themselves (up to a finite number of values). ``groups``: parameters that cannot be
+    determined apart; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts
+    those that have no simple form. ``invisible``: no sensor shows them at all. ``suggestion``: a smallest set to
+    hold known so that all others can be found; none of the ``invisible`` can, so they belong to it.
     """
 
     identifiable: tuple[str, ...]
