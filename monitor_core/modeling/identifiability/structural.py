@@ -26,7 +26,7 @@ class Identifiability:
     """What any record, however exciting, can tell at most of the parameters that are not known already.
 
     ``identifiable``: seen by themselves (up to a finite number of values). ``groups``: parameters that cannot be
-    determined apart; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts
+    distinguished; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts
     those that have no simple form. ``invisible``: no sensor shows them at all. ``suggestion``: a smallest set to
     hold known so that all others can be found; none of the ``invisible`` can, so they belong to it.
     """
