@@ -1,8 +1,8 @@
 """How the functions of the kernel are compiled.
 
-Only ``entry`` and ``allocating`` functions count references to arrays.  All others use the arrays that they are given:
-without counting, a named tuple of arrays costs no more as an argument than each array by itself, so what travels
-together is one argument, and there is a fifth less to compile.  They must not return an array of their own.
+Only ``entry``, ``array_function`` and ``allocating`` functions count references to arrays.  All others use the arrays
+that they are given: without counting, a named tuple of arrays costs no more as an argument than each array by itself,
+so what travels together is one argument, and there is less to compile.  They must not make or return arrays.
 
 No fast-math: one axis and many axes give the same bits.  Division as in numpy: a test for zero would prevent SIMD.
 """
@@ -35,6 +35,11 @@ def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
 def outlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """As ``kernel``, for functions that are called seldom or are long: compiled once, not into every caller."""
     return _compiled(function, no_cpython_wrapper=True, _nrt=False)
+
+
+def array_function(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """As ``outlined``, for functions that calculate with arrays as a whole: numba makes arrays for the results."""
+    return _compiled(function, no_cpython_wrapper=True)
 
 
 def allocating(function: Callable[_P, _R]) -> Callable[_P, _R]:

@@ -9,13 +9,13 @@ the polynomial is taken at h / 2^s and squared s times:  [Ad Bd] -> [Ad Ad, Ad B
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.kernel.compile import entry, outlined
+from monitor_core.kernel.compile import array_function, entry
 
 TERMS = 19
 """r^k / k! with r = 1: the first term left out of the derivative is below 1e-16."""
 
 
-@outlined
+@array_function
 def _times(left: Floats, right: Floats, out: Floats) -> None:
     """Out += left right, for left (n, n), right and out (n, q)."""
     for r in range(left.shape[0]):
@@ -25,7 +25,7 @@ def _times(left: Floats, right: Floats, out: Floats) -> None:
                     out[r, j] += left[r, c] * right[c, j]
 
 
-@outlined
+@array_function
 def _series(A: Floats, B: Floats, dA: Floats, dB: Floats, T: Floats, dT: Floats) -> None:
     """T (TERMS, n, n + m) and dT (TERMS, p, n, n + m); dA (p, n, n), dB (p, n, m)."""
     n = A.shape[0]
@@ -44,7 +44,7 @@ def _series(A: Floats, B: Floats, dA: Floats, dB: Floats, T: Floats, dT: Floats)
             dT[k, i] /= k
 
 
-@outlined
+@array_function
 def _square(X: Floats, dX: Floats, Y: Floats, dY: Floats) -> None:
     """X <- X X and dX_i <- dX_i X + X dX_i for the upper rows of matrices [X; 0 I]; Y, dY are scratch."""
     n = X.shape[0]
@@ -83,7 +83,7 @@ def hold_intervals(A: Floats, B: Floats, dA: Floats, dB: Floats, h: Floats, X: F
             _square(X[g], dX[g], Y, dY)
 
 
-@outlined
+@array_function
 def _terms(r: float) -> int:
     """How many terms a series with that ratio needs."""
     k, left = 2, r
@@ -93,7 +93,7 @@ def _terms(r: float) -> int:
     return k
 
 
-@outlined
+@array_function
 def _polynomial(coefficients: Floats, h: float, terms: int, out: Floats) -> None:
     """Horner's scheme, of all elements side by side."""
     for e in range(out.size):

@@ -120,14 +120,10 @@ def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
     assert (found["A"], found["B"], found["C"]) == (library["A"], library["B"], library["C"])
 
 
-def test_latex_and_the_matlab_function(drawing: Path, tmp_path: Path) -> None:
+def test_latex() -> None:
     latex = shown("two-mass", "--latex")
     assert r"\left[\begin{matrix}" in latex
     assert "flat equations" not in latex
-    function = tmp_path / "press.m"
-    assert shown(drawing, "--matlab", function).startswith("Press\n")
-    assert function.read_text(encoding="utf-8").startswith("function [A,B,C,D,K,x0] = press(")
-    assert shown("two-mass", "--matlab", "-").startswith("function [A,B,C,D,K,x0] = drive(")
 
 
 MISTAKES = [
@@ -145,9 +141,6 @@ MISTAKES = [
     (["three-mass", "--output", "torque"], ["torque", "speed", "angle"]),
     (["three-mass", "--latex", "--json"], ["--latex and --json", "standard output"]),
     (["three-mass", "--json=DRAWING"], ["--json", "will not be overwritten"]),
-    (["three-mass", "--matlab", "my-drive.m"], ["my_drive.m"]),
-    (["three-mass", "--matlab", "end.m"], ["call it end_2.m"]),
-    (["three-mass", "--matlab", "drive.txt"], ["drive.m"]),
     (["three-mass", "--json=nowhere/a.json"], ["cannot write nowhere/a.json", "No such file or directory"]),
     (["three-mass", "five-mass"], ["five-mass"]),
     (["three-mass", "--record", "x.csv"], ["--record", "goes with --config"]),
