@@ -170,7 +170,7 @@ def _level(found: Estimate, name: str) -> str:
     """There is hardly any torque noise, or so much that the noise of the output is invisible."""
     output = found.noise["output"]
     if name == "torque" and output**2 < _SMALL * found.lam0:
-        return f"Noise on the output cannot be distinguished from none: {output:.2g}; all errors are laid to the torque."
+        return f"Noise on the output cannot be distinguished from none: {output:.2g}; the torque takes all errors."
     what = "white torque noise" if name == "torque" else "slow torque disturbance"
     return f"The {what} cannot be distinguished from none: {found.noise[name]:.2g} N m."
 
