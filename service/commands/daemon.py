@@ -10,7 +10,7 @@ import structlog
 
 from service.can.bus_reader import CanReader
 from service.can.log_files import FrameRecorder
-from service.commands.exit_codes import stopped_by_signals
+from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
 from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
@@ -24,10 +24,6 @@ from service.web.app import create_app
 from service.web.server import serve
 
 log = structlog.get_logger(__name__)
-
-
-class DaemonFailedError(Exception):
-    """The daemon ended by an internal fault, which is in the log."""
 
 
 def run_daemon(

@@ -16,6 +16,10 @@ Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, i
 file; 3 a bus cannot be opened or written to; 4 the port is taken or the state directory cannot be used."""
 
 
+class DaemonFailedError(Exception):
+    """The daemon ended by an internal fault, which is in the log."""
+
+
 @contextmanager
 def explained(*mistakes: type[Exception]) -> Iterator[None]:
     """Turn the errors that a user can cause into a message and an exit code.
@@ -43,7 +47,6 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
     from monitor_core.modeling import ModelError
     from service.can.dbc import DbcError
     from service.can.user_errors import BusError, IngestError
-    from service.commands.daemon import DaemonFailedError
     from service.config.axis_settings import AxisError
     from service.simulation.robot import FaultError
     from service.store.database import StoreError

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 import structlog
 
-from service.commands.daemon import DaemonFailedError, run_daemon
+from service.commands.daemon import run_daemon
+from service.commands.exit_codes import DaemonFailedError
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.warming import CacheFiller
 from service.store.journal import Journal
