@@ -22,7 +22,8 @@ find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat 
 ahead() {
   .venv/bin/python -c "import tests.conftest
 from service.commands.warm import compile_offline
-from service.pipeline.warming import FEWEST_LANES, HYPOTHESES, compile_kernel
+from monitor_core.monitoring import FEWEST_LANES
+from service.pipeline.warming import HYPOTHESES, compile_kernel
 $1"
 }
 if [ $# = 0 ]; then

@@ -15,7 +15,7 @@ from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, loss_messages, restore, restore_trends
-from service.pipeline.warming import CacheFiller
+from service.pipeline.warming import EARLY, CacheFiller
 from service.pipeline.worker import BusIntake, Recording, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
@@ -85,7 +85,7 @@ def _in_background(config: Config, stack: ExitStack) -> Future[None]:
     This uses separate monitors: those of the worker are used by one thread only.
     """
     done: Future[None] = Future()
-    filler = CacheFiller()
+    filler = EARLY if EARLY.begun else CacheFiller()
     stack.callback(filler.stop)
 
     def compile_kernel() -> None:

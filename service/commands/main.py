@@ -1,6 +1,7 @@
 """The command line.  Each command is a module of this folder, imported only when it is used."""
 
 import os
+import sys
 from importlib import import_module
 from typing import Any
 
@@ -10,6 +11,7 @@ from typer.core import TyperGroup
 from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import EXIT_CODES
 from service.pipeline.kernel_cache import choose
+from service.pipeline.warming import EARLY, MOSTLY
 
 COMMANDS = (
     "demo",
@@ -72,6 +74,10 @@ def main() -> None:
     for library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     choose(os.environ)
+    if sys.argv[1:2] in (["demo"], ["run"]) and {"-h", "--help"}.isdisjoint(sys.argv):
+        EARLY.begin(
+            MOSTLY
+        )  # a cold start: the compiler need not wait until this process has loaded its libraries
     app()
 
 

@@ -1,5 +1,9 @@
-"""Compiles the kernel in advance, in separate processes, into the cache of the daemon."""
+"""Compiles the kernel in advance, in separate processes, into the cache of the daemon.
 
+Large libraries are imported where they are used, so that these processes can be started before they are loaded.
+"""
+
+import atexit
 import os
 import subprocess
 import sys
@@ -7,13 +11,8 @@ import threading
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
 import structlog
 
-from monitor_core.detection import HypothesisBank
-from monitor_core.modeling import INTERVAL_S, reference_model
-from monitor_core.monitoring import FEWEST_LANES, AxisBatch
-from monitor_core.settings import Settings
 from service.pipeline.kernel_cache import VARIABLE
 
 _CHILD = """
@@ -29,10 +28,19 @@ _FAILED = "the kernel could not be compiled in a process of its own"
 
 HYPOTHESES = 0
 """Instead of a number of axes: the kernel of the multi-model detector."""
+MOSTLY = (1, HYPOTHESES)
+"""What nearly every daemon needs: a robot has few axes."""
 
 
 def compile_kernel(lanes: int) -> None:
     """Compile the kernel for batches of this number of axes, or load it from its cache; then mark the cache."""
+    import numpy as np
+
+    from monitor_core.detection import HypothesisBank
+    from monitor_core.modeling import INTERVAL_S, reference_model
+    from monitor_core.monitoring import AxisBatch
+    from monitor_core.settings import Settings
+
     settings, empty = Settings(interval_s=INTERVAL_S), np.zeros((0, lanes))
     if lanes == HYPOTHESES:
         HypothesisBank(reference_model(), settings).run(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
@@ -45,6 +53,8 @@ def compile_kernel(lanes: int) -> None:
 
 def compile_all() -> None:
     """Compile all shapes of the kernel: few axes, many axes, multi-model detector."""
+    from monitor_core.monitoring import FEWEST_LANES
+
     for lanes in (1, FEWEST_LANES, HYPOTHESES):
         compile_kernel(lanes)
 
@@ -57,8 +67,20 @@ class CacheFiller:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._children: list[subprocess.Popen[str]] = []
+        self._children: dict[str, subprocess.Popen[str]] = {}
         self._stopped = False
+
+    @property
+    def begun(self) -> bool:
+        """Whether a process has been started, and no ``stop`` has ended it."""
+        return bool(self._children) and not self._stopped
+
+    def begin(self, lanes: Iterable[int]) -> None:
+        """Start to fill the cache where it is empty; ``fill`` waits for it.  It ends with the program."""
+        atexit.register(self.stop)
+        for n in lanes:
+            if not _is_cached(n):
+                self._start(n)
 
     def fill(self, lanes: Iterable[int]) -> bool:
         """Fill the cache for batches of these numbers of axes, where it is empty; False when ``stop`` ended that.
@@ -66,7 +88,7 @@ class CacheFiller:
         A failure is only logged: the kernel is then compiled where it is called.
         """
         missing = {_shape(n): n for n in lanes if not _is_cached(n)}
-        for child in [self._start(n) for n in missing.values()]:
+        for child in [self._children.get(shape) or self._start(n) for shape, n in missing.items()]:
             if child is not None:
                 self._wait(child)
         return not self._stopped
@@ -75,7 +97,7 @@ class CacheFiller:
         """End the compilation, if there is one, from another thread."""
         with self._lock:
             self._stopped = True
-            for child in self._children:
+            for child in self._children.values():
                 child.kill()
 
     def _start(self, lanes: int) -> subprocess.Popen[str] | None:
@@ -92,7 +114,7 @@ class CacheFiller:
             except OSError as error:
                 log.warning(_FAILED, reason=str(error))
                 return None
-            self._children.append(child)
+            self._children[_shape(lanes)] = child
             return child
 
     def _wait(self, child: subprocess.Popen[str]) -> None:
@@ -125,6 +147,12 @@ def _mark(lanes: int) -> Path | None:
 
 
 def _shape(lanes: int) -> str:
-    if lanes == HYPOTHESES:
-        return "hypotheses"
+    if lanes in MOSTLY:
+        return "hypotheses" if lanes == HYPOTHESES else "few-axes"
+    from monitor_core.monitoring import FEWEST_LANES
+
     return "few-axes" if lanes < FEWEST_LANES else "many-axes"
+
+
+EARLY = CacheFiller()
+"""Of this process, for a start before its libraries are loaded."""

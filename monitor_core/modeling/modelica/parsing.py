@@ -123,7 +123,9 @@ class _Listener(ASTListener):  # type: ignore[misc]
         name = self.ast[ctx].name
         if ctx.condition_attribute() is not None:
             self._refuse(
-                "a component with a condition is not supported: leave it out, or write it without", ctx, name
+                "a component with a condition is not supported: leave it out, or remove the condition",
+                ctx,
+                name,
             )
         if self._file and (
             ctx.declaration().array_subscripts() or ctx.parentCtx.parentCtx.array_subscripts()
