@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.bode import Bode, bode_of
 from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit, traces_of
@@ -82,6 +83,14 @@ class IdentificationResult:
     colour: float
     growth: Growth | None
     options: IdentificationOptions
+
+    def model(self, monitored: Sequence[str]) -> AxisModel:
+        """The axis with the estimates as its nominal values.
+
+        Raises:
+            KeyError, ValueError: what ``AxisModel`` refuses.
+        """
+        return self.estimate.model(tuple(monitored))
 
     @property
     def rejection(self) -> Rejection | None:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import allocating, entry, outlined
+from monitor_core.kernel.compile import array_function, entry, outlined
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 
 FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
@@ -247,7 +247,7 @@ def width(p: int) -> int:
     return (p + 7) // 8 * 8
 
 
-@allocating
+@array_function
 def padded(X: Floats) -> Floats:
     """X (G, n, n + m) with padded columns."""
     out = np.zeros((X.shape[0], X.shape[1], room(X.shape[2])))
@@ -258,7 +258,7 @@ def padded(X: Floats) -> Floats:
     return out
 
 
-@allocating
+@array_function
 def padded_slopes(dX: Floats, n: int, p: int) -> Floats:
     """dX (G, n + m, n q) as (G, n + m, n p) with padded rows; zero for parameters without derivatives."""
     G, rows, q = dX.shape[0], dX.shape[1], dX.shape[2] // n

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import allocating, kernel, outlined
+from monitor_core.kernel.compile import array_function, kernel, outlined
 from monitor_core.kernel.llvm_vectors import EIGHT, load8, spread8, store
 from monitor_core.kernel.propagate import choose_substeps, evaluate_inputs, propagate
 from monitor_core.kernel.sample_interval import interval_gain, restart_integral, split_at_mean
@@ -82,7 +82,7 @@ def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now:
         held[a] = h - before[a] - now[a]
 
 
-@allocating
+@array_function
 def _over(
     lanes: Any, T: Tables, P: Predictors, torque: float, h: Floats, u: Floats, X: Floats, work: Floats, more: Floats
 ) -> None:  # fmt: skip
@@ -106,7 +106,7 @@ def _over(
     propagate(lanes, F, V, G, h, steps, terms, X_flat, work, more)
 
 
-@allocating
+@array_function
 def propagate_interval(
     lanes: Any, T: Tables, P: Predictors, h: float, torque_before: float, torque_held: float, torque_now: float,
     u: Floats, x: Floats, over: Floats, K: Floats,

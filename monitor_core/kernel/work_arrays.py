@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
-from monitor_core.kernel.compile import allocating, kernel, outlined
+from monitor_core.kernel.compile import allocating, array_function, kernel, outlined
 from monitor_core.kernel.tables import Product
 
 
@@ -37,7 +37,7 @@ def flags(rows: int, W: int) -> Ints:
     return np.zeros((rows, W), np.int64)
 
 
-@allocating
+@array_function
 def strided(indices: Indices, W: int) -> Indices:
     """Indices of flat arrays with W numbers a row."""
     out = np.empty_like(indices)
@@ -46,7 +46,7 @@ def strided(indices: Indices, W: int) -> Indices:
     return out
 
 
-@allocating
+@array_function
 def strided_product(F: Product, p: int, wide: int, W: int) -> Product:
     """The product for ``p`` parameters, its indices those of arrays of lanes: ``wide`` side by side, W in a row."""
     at_A, more_at, part_at = strided(F.A_at, wide), strided(F.more_at, wide), strided(F.part_at, wide)
@@ -75,7 +75,7 @@ def copy_rows(source: Floats, target: Floats, row: int) -> None:
             target[row + r, a] = source[r, a]
 
 
-@allocating
+@array_function
 def take_columns(bank: Any, first: int, W: int) -> Any:
     """A contiguous copy of W columns from ``first`` on; the last column is repeated where there are no more."""
     out = np.empty((bank.shape[0], W), bank.dtype)

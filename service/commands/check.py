@@ -13,6 +13,7 @@ from service.config import Config, ModelConfig, NamedAxis, in_words, nominal_fil
 from service.config.axis_settings import detectors_in_words
 from service.config.base_table import SUFFIX
 from service.config.remarks import remarks
+from service.config.thresholds_file import thresholds_file_of
 
 
 def check(config: ConfigPath) -> None:
@@ -46,8 +47,8 @@ def _axes(config: Config) -> Table:
 
 def _cells(axis: NamedAxis) -> tuple[str, ...]:
     config = axis.config
-    file = nominal_file_of(config)
-    nominal = () if file is None else (file.path.name, f"of {file.date[:10]}")
+    found = [file for file in (nominal_file_of(config), thresholds_file_of(config)) if file is not None]
+    files = [line for file in found for line in (file.path.name, f"of {file.date[:10]}")]
     watched = ", ".join(config.model.monitor)
     return (
         axis.id,
@@ -55,7 +56,7 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
         f"{config.torque.message}.{config.torque.signal}\n"
         f"{config.motion.message}.{config.motion.signal} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
-        "\n".join((_drive(config.model), watched, *nominal, *in_words(config), detectors_in_words(axis))),
+        "\n".join((_drive(config.model), watched, *files, *in_words(config), detectors_in_words(axis))),
     )
 
 

@@ -467,7 +467,7 @@ def test_what_cannot_be_planned(seed: int) -> None:
         planned(seed, task(Limits(1.0), band_hz=(0.6, 0.9)))
     with pytest.raises(ExcitationError, match="must be among the free parameters"):
         planned(seed, task(Limits(1.0), free=("Ja",), find=("fm",)))
-    with pytest.raises(ExcitationError, match=r"do not tell .* parameters apart"):
+    with pytest.raises(ExcitationError, match=r"do not determine .* parameters"):
         planned(seed, task(Limits(1.0), free=NAMES, find=("fm",), band_hz=(1.4, 1.6)))
     with pytest.raises(ValueError, match="angle as output"):
         Plant(three_mass("speed"), REFERENCE_VALUES, H)

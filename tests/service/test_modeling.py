@@ -123,10 +123,11 @@ def test_a_mistake_is_found_once_and_told_each_time(tmp_path: Path, monkeypatch:
 
 
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "folder.mo").mkdir()
     (tmp_path / "latin.mo").write_bytes(b"model M\n  Real x;\n  // \xe4\nend M;\n")
     cases = {
         "none.mo": r"none\.mo: cannot read the drawing: No such file",
-        ".": "cannot read the drawing: Is a directory",
+        "folder.mo": "cannot read the drawing: Is a directory",
         "latin.mo": r"latin\.mo:3: the file must be UTF-8 text",
         "a\0.mo": "zero byte",
     }

@@ -14,7 +14,7 @@ from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of
 from service.config.schema import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.axis import PERIOD_S, ControlledAxis, SimulatedConditions
+from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, SimulatedConditions
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot
 from tests.service.ingest.plant import axis1, axis2, make_config
 from tests.service.pipeline.robots import changed, demo
@@ -133,7 +133,7 @@ def slope(parameter: str, signal: str, reference: float, **more: Any) -> dict[st
 
 def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
     one = SimulatedConditions(axis(tmp_path, [], [slope("fm", "s", 30.0, range=[20.0, 60.0])]))
-    course = [one.signals(t, {})[0] for t in np.linspace(0, PERIOD_S, 200)]
+    course = [one.signals(t, {})[0] for t in np.linspace(0, SIGNAL_PERIOD_S, 200)]
     assert (min(course), max(course)) == pytest.approx((22.0, 58.0), abs=0.1)
 
 

@@ -307,5 +307,5 @@ def test_where_there_can_be_no_bank(seed: int) -> None:
     case = BY_NAME["angle-paper"]
     with pytest.raises(ValueError, match="not stable"):
         MultiModelDetector(case.model, replace(case.settings(), K=()), DAY)
-    with pytest.raises(ValueError, match="apart"):
+    with pytest.raises(ValueError, match="cannot distinguish some"):
         MultiModelDetector(MODEL, replace(settings_of("speed", seed), unidentifiable=(("kT", "fm"),)), DAY)
