@@ -10,7 +10,12 @@ No fast-math: one axis and many axes give the same bits.  Division as in numpy: 
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
+from llvmlite import binding as llvm
 from numba import njit
+
+# Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long runs
+# that never come: the code would be twice as long and no faster, and a quarter of the compile time would go into it.
+llvm.set_option("axiswatch", "-unroll-runtime=false")
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
