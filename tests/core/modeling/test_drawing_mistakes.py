@@ -119,7 +119,11 @@ def test_expressions_are_checked_where_all_values_are_known(
         ([], {}, "the drive has no components"),
         ([part("fixed", "a", "n"), part("fixed", "b", "n")], {}, "the node 'n' is fixed already"),
         ([part("inertia", "ground", "ground")], {}, "2 components are called 'ground'"),
-        ([part("inertia", "arm", "a")], {"meanings": {"J": "x"}}, "meaning of 'J', no parameter: there is arm.J"),
+        (
+            [part("inertia", "arm", "a")],
+            {"meanings": {"J": "x"}},
+            "meaning of 'J', which is no parameter: there is arm.J",
+        ),
         ([part("inertia", "arm", "a")], {"units": {"J": "x"}}, "unit of 'J', which is no parameter"),
         ([part("inertia", "arm", "a", J="J")], {"units": {"J": "mm"}}, "unit 'mm': mm is not among"),
         ([part("damper", "d", "a", "b", d="J"), part("inertia", "arm", "a", J="J")], {}, "but J is in N m s/rad"),
