@@ -2,7 +2,7 @@
 
     drawing in Python (drawing/) or Modelica texts (modelica/), both of components/
       -> flat equations (flat)
-      -> elimination/ -> minimal state space, exact, in symbols (statespace), or in sympy's (symbolic)
+      -> elimination/ -> minimal state space, exact, in symbols (statespace)
       -> Drive: the Laurent terms that the kernel takes (numbers)
 
 Which parameters can be identified at all: identifiability/.  Drives of the library: standard_drives, drive_drawings.

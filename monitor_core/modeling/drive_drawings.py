@@ -9,17 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from monitor_core.modeling.drawing import (
-    CoulombFriction,
-    Drawing,
-    IdealGear,
-    Inertia,
-    SpeedSensor,
-    SpringDamper,
-    Torque,
-    TorqueOffset,
-    ViscousFriction,
-)
+from monitor_core.modeling.drawing import Drawing, part
 
 _MOTOR = {
     "fm": "viscous friction of the motor",
@@ -72,17 +62,17 @@ def chain(name: str, links: Sequence[Link]) -> Drawing:
     meanings |= {link.k: f"stiffness of the {link.spring}" for link in links}
     meanings |= {link.d: f"damping of the {link.spring}" for link in links}
     components = [
-        Torque("torque", "motor", kT="kT"),
-        Inertia("motor", "motor", J="Jm"),
-        ViscousFriction("bearing", "motor", d="fm"),
-        CoulombFriction("friction", "motor", fc="fc"),
-        TorqueOffset("offset", "motor", tau0="tau0"),
-        SpeedSensor("encoder", "motor"),
-        IdealGear("gear", "motor", "gear", ratio="1/r"),
+        part("torque", "torque", "motor", kT="kT"),
+        part("inertia", "motor", "motor", J="Jm"),
+        part("viscous-friction", "bearing", "motor", d="fm"),
+        part("coulomb-friction", "friction", "motor", fc="fc"),
+        part("torque-offset", "offset", "motor", tau0="tau0"),
+        part("speed-sensor", "encoder", "motor"),
+        part("ideal-gear", "gear", "motor", "gear", ratio="1/r"),
     ]
     before = "gear"
     for link in links:
-        components.append(SpringDamper(f"{link.name}_spring", link.name, before, c=link.k, d=link.d))
-        components.append(Inertia(link.name, link.name, J=link.J))
+        components.append(part("spring-damper", f"{link.name}_spring", link.name, before, c=link.k, d=link.d))
+        components.append(part("inertia", link.name, link.name, J=link.J))
         before = link.name
     return Drawing(name, components, meanings=meanings | _MOTOR)

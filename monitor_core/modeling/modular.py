@@ -7,14 +7,14 @@ this in practice.  With 31 bits a product of two residues fits into numpy's int6
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Ints
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.statespace import Definition, StateSpace
+from monitor_core.modeling.statespace import StateSpace
 
 PRIMES = (2**31 - 1, 2**31 - 19)
 POINTS = (*PRIMES, PRIMES[0])
@@ -29,26 +29,19 @@ class Point(NamedTuple):
     values: Mapping[str, int]
 
 
-def random_points(
-    names: Iterable[str], definitions: Sequence[Definition], seed: Seed, primes: Sequence[int] = POINTS
-) -> Iterator[Point]:
-    """A point for each of the primes: ``names`` at random, then the values of ``definitions``."""
-    rng = np.random.default_rng(seed)
-    free = sorted(set(names) - {d.name for d in definitions})
-    for prime in primes:
-        values = dict(zip(free, rng.integers(1, prime, len(free)).tolist(), strict=True))
-        for definition in definitions:
-            values[definition.name] = residue(definition.value, Point(prime, values))
-        yield Point(prime, values)
-
-
 def points_of(ss: StateSpace, seed: Seed, primes: Sequence[int] = POINTS) -> Iterator[Point]:
-    """Random points for all names of a state space."""
+    """A point for each of the primes: all names of a state space at random, then the values of its definitions."""
+    rng = np.random.default_rng(seed)
     names = {p.name for p in (*ss.parameters, *ss.drawn)}
     for entries in (ss.A, ss.B, ss.C):
         names.update(*(entry.names for entry in entries.values()))
     names.update(*(d.value.names for d in ss.definitions))
-    return random_points(names, ss.definitions, seed, primes)
+    free = sorted(names - {d.name for d in ss.definitions})
+    for prime in primes:
+        values = dict(zip(free, rng.integers(1, prime, len(free)).tolist(), strict=True))
+        for definition in ss.definitions:
+            values[definition.name] = residue(definition.value, Point(prime, values))
+        yield Point(prime, values)
 
 
 def terms_at(entry: Laurent, point: Point) -> Iterator[tuple[int, dict[str, int]]]:

@@ -55,7 +55,6 @@ OutputOption = Annotated[
     Literal["speed", "angle"] | None,
     typer.Option("--output", help="Measured quantity, overriding the drawing or the configuration."),
 ]
-Latex = Annotated[bool, typer.Option("--latex", help="Print A, B, C as LaTeX instead.")]
 Record = Annotated[
     Path | None,
     typer.Option(
@@ -82,7 +81,6 @@ def model(
     config: ConfigOption = None,
     axis: AxisName = None,
     output: OutputOption = None,
-    latex: Latex = False,
     json: JsonFile = None,
     record: Record = None,
 ) -> None:
@@ -91,28 +89,21 @@ def model(
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
     distinguish, in principle and from a record. A report on standard output replaces the text.
     """
-    _check_output(latex, json)
+    _check_output(json)
     _check_source(drive, name, config, axis, record)
     with explained():
         if config is not None:
             found = _drive_of_axis(config, axis, output, record)
         else:
             found = Drive(model_called(drive or "", name, output).space, {})
-        if latex:
-            from monitor_core.modeling.symbolic import as_latex
-
-            write(STDOUT, as_latex(found.space))
-        if json is not None or not latex:
-            facts = facts_of(*found)
-            if json is not None:
-                write(json, as_json(facts))
-            if not latex and json != STDOUT:
-                print_text(facts, Console(highlight=False))
+        facts = facts_of(*found)
+        if json is not None:
+            write(json, as_json(facts))
+        if json != STDOUT:
+            print_text(facts, Console(highlight=False))
 
 
-def _check_output(latex: bool, json: Path | None) -> None:
-    if latex and json == STDOUT:
-        raise typer.BadParameter("--latex and --json cannot both write to standard output")
+def _check_output(json: Path | None) -> None:
     if json is not None and json.suffix == SUFFIX:
         raise typer.BadParameter(f"{json} is a drawing, it will not be overwritten", param_hint="--json")
 

@@ -1,51 +1,17 @@
 """A drive drawn in Python: components at named nodes; those at the same node are connected there.
 
 two_mass = Drawing("two-mass", [
-    Torque("torque", "shaft", kT="kT"),
-    Inertia("motor", "shaft", J="Jm"),
-    ViscousFriction("bearing", "shaft", d="fm"),
-    SpringDamper("belt", "shaft", "load", c="k", d="d"),
-    Inertia("arm", "load", J="Ja"),
-    SpeedSensor("encoder", "shaft"),
+    part("torque", "torque", "shaft", kT="kT"),
+    part("inertia", "motor", "shaft", J="Jm"),
+    part("viscous-friction", "bearing", "shaft", d="fm"),
+    part("spring-damper", "belt", "shaft", "load", c="k", d="d"),
+    part("inertia", "arm", "load", J="Ja"),
+    part("speed-sensor", "encoder", "shaft"),
 ])
 flat = two_mass.flat()
 """
 
-from monitor_core.modeling.drawing.drawn_components import (
-    AngleSensor,
-    CoulombFriction,
-    Damper,
-    Fixed,
-    Gravity,
-    IdealGear,
-    Inertia,
-    Part,
-    SpeedSensor,
-    Spring,
-    SpringDamper,
-    Torque,
-    TorqueOffset,
-    Value,
-    ViscousFriction,
-)
+from monitor_core.modeling.drawing.drawn_components import Part, part
 from monitor_core.modeling.drawing.netlist import Drawing, from_tables
 
-__all__ = [
-    "AngleSensor",
-    "CoulombFriction",
-    "Damper",
-    "Drawing",
-    "Fixed",
-    "Gravity",
-    "IdealGear",
-    "Inertia",
-    "Part",
-    "SpeedSensor",
-    "Spring",
-    "SpringDamper",
-    "Torque",
-    "TorqueOffset",
-    "Value",
-    "ViscousFriction",
-    "from_tables",
-]
+__all__ = ["Drawing", "Part", "from_tables", "part"]

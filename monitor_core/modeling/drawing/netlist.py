@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from monitor_core.modeling.components import Fragment, fragment, join
+from monitor_core.modeling.components import KINDS, Fragment, fragment, join
 from monitor_core.modeling.components.fragments import End, Joint, connect
 from monitor_core.modeling.components.units import Use
-from monitor_core.modeling.drawing.drawn_components import Fixed, Part, parts_of
+from monitor_core.modeling.drawing.drawn_components import Part, parts_of
 from monitor_core.modeling.drawing.parameter_table import parameters, uses_of
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin
 
@@ -62,7 +62,8 @@ class Drawing:
         """The components, and a fixed one at the node "ground" if that is used."""
         used = any(GROUND in part.nodes for part in self.components)
         fixed = any(part.kind.name == "fixed" and GROUND in part.nodes for part in self.components)
-        return [*self.components, *([Fixed(GROUND, GROUND)] if used and not fixed else [])]
+        ground = Part(KINDS["fixed"], GROUND, (GROUND,), {}, Origin(GROUND))
+        return [*self.components, ground] if used and not fixed else list(self.components)
 
 
 def from_tables(

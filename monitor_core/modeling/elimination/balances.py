@@ -11,20 +11,17 @@ from dataclasses import dataclass
 
 from monitor_core.modeling.elimination.substitution import (
     ANGLE,
-    Coefficient,
     Line,
-    Operator,
     Row,
     System,
     add_multiple,
     degree,
-    is_unit,
     substitute_all,
 )
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.laurent import Laurent
 
-Sum = dict[tuple[str, int], Coefficient]
+Sum = dict[tuple[str, int], Laurent]
 """(angle, power of s) or (input, 0) -> coefficient."""
 
 
@@ -42,7 +39,7 @@ def balances_of(system: System) -> Balances:
 
     Raises:
         ModelError: too few or too many equations, or no solution.
-        NotLaurentError: rational coefficients are needed.
+        NotLaurentError: a sum of terms would have to be divided by, and cannot be made a parameter.
     """
     while True:
         substitute_all(system)
@@ -65,9 +62,10 @@ def _solve_for(system: System, power: int, names: list[str], used: Collection[in
         rows = {k: row for k, row in rows.items() if power in row.get(name, {})}
         if not rows:
             continue
-        pivot = min(rows, key=lambda k: (not is_unit(rows[k][name][power]), _weight(rows[k], power)))
+        pivot = min(rows, key=lambda k: (not rows[k][name][power].is_unit, _weight(rows[k], power)))
         found[name] = pivot
-        _merge(system, rows[pivot][name], power)
+        if not rows[pivot][name][power].is_unit:
+            system.merge(rows[pivot][name][power])
         _clear_column(system, name, power, rows[pivot])
     return found
 
@@ -76,32 +74,9 @@ def _weight(row: Row, power: int) -> int:
     return sum(power in operator for operator in row.values())
 
 
-def _merge(system: System, operator: Operator, power: int) -> None:
-    """Rigidly joined inertias: their sum, if it occurs nowhere else, becomes one parameter: J1 + r^2 J2.
-
-    If all of its parts occur elsewhere, too, it would depend on them: this is left to rational functions.
-    """
-    c = operator[power]
-    if is_unit(c) or not isinstance(c, Laurent):
-        return
-    rows = [line.row for line in system.lines] + list(system.watched.values())
-    others = (other for row in rows for other in row.values() if other is not operator)
-    free = c.names - {name for other in others for entry in other.values() for name in entry.names}
-    inertias = [name for name in system.drawn if name in free and name not in c.derivative(name).names]
-    if not inertias:
-        return
-    factor = c.derivative(inertias[0])
-    if not factor.is_unit:
-        return
-    total = c / factor
-    name = total.sum_text()
-    system.definitions[name] = total
-    operator[power] = factor * Laurent.symbol(name)
-
-
 def _clear_column(system: System, name: str, power: int, solution: Row) -> None:
     c = solution[name][power]
-    for row in [line.row for line in system.lines] + list(system.watched.values()):
+    for row in system.rows():
         if row is not solution and power in row.get(name, {}):
             add_multiple(row, {0: -(row[name][power] / c)}, solution)
 

@@ -11,16 +11,16 @@ from typing import TypeVar
 
 from monitor_core.drive.structure import Quantity
 from monitor_core.modeling.elimination.balances import Balances, Sum
-from monitor_core.modeling.elimination.substitution import Coefficient, System, is_unit
+from monitor_core.modeling.elimination.substitution import System
 from monitor_core.modeling.flat import FlatModel, FlatSensor, ModelError
-from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
 K = TypeVar("K")
 
-Angles = dict[str, Coefficient]
+Angles = dict[str, Laurent]
 """A combination of angles: name -> coefficient."""
 
-Dense = dict[tuple[int, int], Coefficient]
+Dense = dict[tuple[int, int], Laurent]
 """A matrix by its entries that are not zero."""
 
 
@@ -35,7 +35,7 @@ class Reduction:
     def __init__(
         self, flat: FlatModel, sensors: tuple[FlatSensor, ...], system: System, balances: Balances
     ) -> None:
-        self.flat, self.sensors, self.balances, self.unit = flat, sensors, balances, system.unit
+        self.flat, self.sensors, self.balances = flat, sensors, balances
         self.inputs = tuple(sorted(flat.inputs, key=lambda u: u.kind))
         declared = {v.name: k for k, v in enumerate(flat.variables)}
         angles = [*balances.masses, *balances.massless]
@@ -98,7 +98,7 @@ class Reduction:
         total: Sum = {}
         for name, c in angle.items():
             massless = self.balances.massless.get(name)
-            total = _plus(total, {(name, 1): self.unit} if massless is None else massless, c)
+            total = _plus(total, {(name, 1): Laurent.number(1)} if massless is None else massless, c)
         return total
 
     def _put(self, A: Dense, B: Dense, row: int, total: Sum) -> None:
@@ -149,11 +149,11 @@ class Basis:
     def __init__(self, order: Mapping[str, int]) -> None:
         self.rows: list[Angles] = []
         self._order = order
-        self._echelon: list[tuple[str, Angles, dict[int, Coefficient]]] = []
+        self._echelon: list[tuple[str, Angles, dict[int, Laurent]]] = []
 
-    def express(self, row: Angles) -> tuple[dict[int, Coefficient], Angles]:
+    def express(self, row: Angles) -> tuple[dict[int, Laurent], Angles]:
         """Coordinates in the basis, and the part that is not in its span."""
-        rest, coordinates = dict(row), dict[int, Coefficient]()
+        rest, coordinates = dict(row), dict[int, Laurent]()
         for pivot, reduced, combination in self._echelon:
             if pivot in rest:
                 factor = rest[pivot] / reduced[pivot]
@@ -166,21 +166,18 @@ class Basis:
         coordinates, rest = self.express(row)
         if not rest:
             return
-        if not any(_is_single(c) for c in rest.values()):
+        if not any(c.is_unit for c in rest.values()):
             # A loop through different gears: an absolute angle shows in a deflection, times (1 - ratio).  The angle
             # itself is the better state.
             row = rest = _over_nearest(rest, self._order)
             coordinates = {}
-        unit = next(iter(rest.values())) / next(iter(rest.values()))
-        combination = _plus({len(self.rows): unit}, coordinates, -unit)
-        pivot = min(rest, key=lambda name: (not is_unit(rest[name]), -self._order[name]))
+        combination = _plus({len(self.rows): Laurent.number(1)}, coordinates, Laurent.number(-1))
+        pivot = min(rest, key=lambda name: (not rest[name].is_unit, -self._order[name]))
         self._echelon.append((pivot, rest, combination))
         self.rows.append(row)
 
 
-def _plus(
-    left: Mapping[K, Coefficient], right: Mapping[K, Coefficient], factor: Coefficient
-) -> dict[K, Coefficient]:
+def _plus(left: Mapping[K, Laurent], right: Mapping[K, Laurent], factor: Laurent) -> dict[K, Laurent]:
     """Left + factor * right of sparse sums."""
     out = dict(left)
     for key, c in right.items():
@@ -198,9 +195,12 @@ def _angles_of(total: Sum, names: Iterable[str]) -> Angles:
 
 
 def _over_nearest(row: Angles, order: Mapping[str, int]) -> Angles:
-    """The row divided by the coefficient of the angle nearest to the motor."""
+    """The row divided by the coefficient of the angle nearest to the motor, where that is possible."""
     nearest = row[min(row, key=lambda name: order[name])]
-    return {name: c / nearest for name, c in row.items()}
+    try:
+        return {name: c / nearest for name, c in row.items()}
+    except NotLaurentError:
+        return row
 
 
 def _towards_motor(row: Angles, order: Mapping[str, int]) -> Angles:
@@ -209,13 +209,7 @@ def _towards_motor(row: Angles, order: Mapping[str, int]) -> Angles:
     Where the coefficients are sums (of stiffnesses: a massless node was eliminated), the row is divided by that of the
     nearest angle.
     """
-    if not all(_is_single(c) for c in row.values()):
+    if not all(c.is_unit for c in row.values()):
         return _over_nearest(row, order)
     nearest = row[min(row, key=lambda name: order[name])]
-    terms = nearest.terms if isinstance(nearest, Laurent) else dict(nearest.numer)
-    return {name: -c for name, c in row.items()} if next(iter(terms.values())) < 0 else row
-
-
-def _is_single(c: Coefficient) -> bool:
-    """One term in the numerator, one in the denominator."""
-    return c.is_unit if isinstance(c, Laurent) else len(c.numer.terms()) == len(c.denom.terms()) == 1
+    return {name: -c for name, c in row.items()} if next(iter(nearest.terms.values())) < 0 else row

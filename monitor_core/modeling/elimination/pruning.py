@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 
 from monitor_core.arrays import Ints
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.components.units import parse
+from monitor_core.modeling.elimination.merging import needed
 from monitor_core.modeling.elimination.minimal import Angles, Dense, Reduction
-from monitor_core.modeling.elimination.rational import Field, merge, needed
-from monitor_core.modeling.elimination.substitution import Coefficient, System
+from monitor_core.modeling.elimination.substitution import System
 from monitor_core.modeling.flat import FlatParameter, ModelError
-from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modular import krylov_basis, null_space, points_of, residues
-from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
+from monitor_core.modeling.statespace import Definition, Report, StateSpace
 
 
-def pruned(reduction: Reduction, system: System, field: Field | None) -> StateSpace:
+def pruned(reduction: Reduction, system: System) -> StateSpace:
     """The state space of the part that the inputs move and the sensors observe.
 
     Raises:
         ModelError: the torque does not reach the sensors.
-        NotLaurentError: an entry cannot be written as a sum of Laurent terms.
+        NotLaurentError: what the first sensor measures would have to be divided by.
     """
     A, B = reduction.A_B()
     C, rigid = reduction.C(), rigid_angles(reduction)
@@ -38,8 +39,9 @@ def pruned(reduction: Reduction, system: System, field: Field | None) -> StateSp
         "rest": _cut(rest(reduction, rigid), kept, every),
         "ratio": _cut(ratio(reduction, rigid), acting, every),
     }
-    exact, definitions = _laurent(matrices, system.definitions, field)
-    occurring = {name for entries in exact.values() for entry in entries.values() for name in entry.names}
+    entries = [entry for matrix in matrices.values() for entry in matrix.values()]
+    occurring = {name for entry in entries for name in entry.names}
+    definitions = needed(system.definitions, entries)
     flat, quantities = reduction.flat, reduction.quantities()
     equations = len(system.lines) + len(reduction.sensors)
     return StateSpace(
@@ -47,7 +49,7 @@ def pruned(reduction: Reduction, system: System, field: Field | None) -> StateSp
         states=tuple(quantities[k] for k in kept),
         inputs=tuple(reduction.inputs[k] for k in acting),
         sensors=reduction.sensors,
-        **exact,
+        **matrices,
         speed_states=tuple(_speed_state(reduction, sensor.angle, kept) for sensor in reduction.sensors),
         parameters=parameters_of(flat.parameters, definitions, occurring),
         drawn=flat.parameters,
@@ -85,21 +87,6 @@ def _cut(matrix: Dense, rows: Sequence[int], columns: Sequence[int]) -> Dense:
     """The entries in these rows and columns, numbered anew."""
     row, column = ({old: new for new, old in enumerate(kept)} for kept in (rows, columns))
     return {(row[i], column[j]): c for (i, j), c in matrix.items() if i in row and j in column}
-
-
-def _laurent(
-    matrices: Mapping[str, Dense], definitions: Mapping[str, Laurent], field: Field | None
-) -> tuple[dict[str, Entries], dict[str, Laurent]]:
-    """The matrices in Laurent sums, and the definitions of merged parameters in them."""
-    places = [(name, place) for name, matrix in matrices.items() for place in matrix]
-    entries = [matrices[name][place] for name, place in places]
-    if field is None:
-        return dict(matrices), needed(definitions, entries)
-    merging = merge(field, entries)
-    exact: dict[str, dict[tuple[int, int], Laurent]] = {name: {} for name in matrices}
-    for (name, place), entry in zip(places, merging.entries, strict=True):
-        exact[name][place] = entry
-    return dict(exact), needed(merging.definitions, merging.entries)
 
 
 def _speed_state(reduction: Reduction, angle: str, kept: list[int]) -> int:
@@ -183,7 +170,7 @@ def rigid_angles(reduction: Reduction) -> Angles:
     if len(sensor) != 1:
         return {}
     ((name, c),) = sensor.items()
-    found: Angles = {name: reduction.unit / c}
+    found: Angles = {name: Laurent.number(1) / c}
     links = [reduction.angle_of(v.name) for v in reduction.flat.variables if v.relative]
     pairs = [
         pair for link in links if len(link) == 2 for pair in (tuple(link.items()), tuple(link.items())[::-1])
@@ -193,11 +180,14 @@ def rigid_angles(reduction: Reduction) -> Angles:
         before = len(found)
         for (near, a), (far, b) in pairs:
             if near in found and far not in found:
-                found[far] = -(found[near] * a / b)
+                with suppress(
+                    NotLaurentError
+                ):  # a sum of stiffnesses: something holds the part, it does not follow
+                    found[far] = -(found[near] * a / b)
     return found
 
 
-def _total(angles: Angles, rigid: Angles) -> Coefficient | None:
+def _total(angles: Angles, rigid: Angles) -> Laurent | None:
     """A combination of angles in rigid motion; None where that is zero or not known."""
     terms = [c * rigid[name] for name, c in angles.items() if name in rigid]
     if len(terms) < len(angles) or not terms:

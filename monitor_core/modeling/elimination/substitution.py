@@ -12,34 +12,21 @@ eliminated by the law of its spring (c phi + d s phi), never an angle by a torqu
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from monitor_core.kernel.tables import TORQUE
+from monitor_core.modeling.elimination.merging import merge
 from monitor_core.modeling.flat import FlatEquation, FlatModel, ModelError, Origin
-from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.modeling.laurent import Laurent
 
 # --- Equations as rows of operators: variable -> polynomial in s ------------------------------------------------------
 
-Coefficient = Any
-"""A Laurent sum, or an element of the field of rational functions (rational.py) where sums do not suffice."""
-
-Operator = dict[int, Coefficient]
+Operator = dict[int, Laurent]
 """Power of s -> coefficient, none of them zero."""
 
 Row = dict[str, Operator]
 """Variable or input -> operator, none of them empty: their sum is zero."""
-
-
-def is_unit(c: Coefficient) -> bool:
-    """Whether division by it stays within its ring."""
-    return c.is_unit if isinstance(c, Laurent) else bool(c)
-
-
-def is_number(c: Coefficient) -> bool:
-    """Whether it contains no parameter."""
-    return c.is_number if isinstance(c, Laurent) else bool(c.numer.is_ground and c.denom.is_ground)
 
 
 def degree(operator: Operator) -> int:
@@ -82,11 +69,11 @@ class System:
 
     ``far``: how many equations lie between each variable and the motor torque.  ``stiff``: the relative angles of
     springs, near the motor first.  ``flat_states``: how many variables are differentiated in the flat equations.
-    ``definitions``: inertias that were merged on the way.  ``element``: from a Laurent sum to a coefficient.
+    ``definitions``: parameters that were merged on the way.
     """
 
-    def __init__(self, flat: FlatModel, element: Callable[[Laurent], Coefficient]) -> None:
-        rows = [_row(equation, lambda c: c) for equation in flat.equations]
+    def __init__(self, flat: FlatModel) -> None:
+        rows = [_row(equation) for equation in flat.equations]
         moving = {v.name for v in flat.variables if v.unit.startswith("rad")}
         law = [any(name not in moving for name in row) for row in rows]
         self.inputs = frozenset(u.name for u in flat.inputs)
@@ -106,18 +93,25 @@ class System:
         self.flat_states = len(
             {name for row in rows for name, operator in row.items() if degree(operator) > 0}
         )
-        self.unit = element(Laurent.number(1))
         self.lines = [
-            Line(_row(equation, element), equation.origin, kinematic=not is_law)
-            for equation, is_law in zip(flat.equations, law, strict=True)
+            Line(row, equation.origin, kinematic=not is_law)
+            for row, equation, is_law in zip(rows, flat.equations, law, strict=True)
         ]
         known = (*relative, *(s.angle for s in flat.sensors), *(u.angle for u in flat.inputs if u.angle))
-        self.watched: dict[str, Row] = {name: {name: {0: self.unit}} for name in known}
+        self.watched: dict[str, Row] = {name: {name: {0: Laurent.number(1)}} for name in known}
         self.definitions: dict[str, Laurent] = {}
 
     def distance(self, name: str) -> int:
         """From the motor torque; what is not joined to it comes last."""
         return self.far.get(name, len(self.far))
+
+    def rows(self) -> list[Row]:
+        """The equations that are left, and those that only watch."""
+        return [line.row for line in self.lines] + list(self.watched.values())
+
+    def merge(self, total: Laurent) -> None:
+        """Make a coefficient a single term: a merged parameter (merging.py)."""
+        merge(total, self.rows(), self.drawn, self.definitions)
 
     def unknowns(self) -> list[str]:
         """The variables that still occur, in a settled order."""
@@ -125,11 +119,11 @@ class System:
         return sorted(names, key=lambda name: (self.keep[name], name), reverse=True)
 
 
-def _row(equation: FlatEquation, element: Callable[[Laurent], Coefficient]) -> Row:
+def _row(equation: FlatEquation) -> Row:
     row: Row = {}
     for (name, power), c in equation.terms.items():
         if c:
-            row.setdefault(name, {})[power] = element(c)
+            row.setdefault(name, {})[power] = c
     return row
 
 
@@ -172,13 +166,10 @@ def substitute_all(system: System) -> None:
 
     Raises:
         ModelError: equations contradict each other, or something is locked.
-        NotLaurentError: a sum of terms would have to be divided by; possible with rational coefficients only.
+        NotLaurentError: a sum of terms would have to be divided by, and cannot be made a parameter.
     """
     _Substitution(system).run()
     system.lines = [line for line in system.lines if line.row]
-    for line in system.lines:
-        if _pivots(system, line.row, bool):
-            raise NotLaurentError(str(line.origin))
 
 
 class _Substitution:
@@ -186,7 +177,7 @@ class _Substitution:
 
     def __init__(self, system: System) -> None:
         self.system = system
-        self.rows: list[Row] = [line.row for line in system.lines] + list(system.watched.values())
+        self.rows = system.rows()
         self.alive = set(range(len(system.lines)))
         self.version = [0] * len(self.rows)
         self.where: dict[str, set[int]] = {}
@@ -202,9 +193,24 @@ class _Substitution:
             if k not in self.alive or version != self.version[k]:
                 continue
             _check(self.system.lines[k], self.system)
-            for name in _pivots(self.system, self.rows[k], is_unit)[:1]:
+            name = self._pivot(k)
+            if name is not None:
                 for changed in self._eliminate(k, name):
                     heapq.heappush(heap, (len(self.rows[changed]), changed, self.version[changed]))
+
+    def _pivot(self, k: int) -> str | None:
+        """The variable that row k is solved for.
+
+        A sum before it becomes a parameter, unless another variable, no better a coordinate, has a single term.
+        """
+        row, keep = self.rows[k], self.system.keep
+        candidates = _pivots(self.system, row)
+        single = [name for name in candidates if row[name][0].is_unit]
+        if single and keep[single[0]][0] <= keep[candidates[0]][0]:
+            return single[0]
+        if candidates:
+            self.system.merge(row[candidates[0]][0])
+        return candidates[0] if candidates else None
 
     def _eliminate(self, k: int, name: str) -> list[int]:
         """Substitute the solution of row k for the variable everywhere; the rows that have changed."""
@@ -226,18 +232,18 @@ class _Substitution:
         return sorted(i for i in affected if i in self.alive)
 
 
-def _pivots(system: System, row: Row, usable: Callable[[Coefficient], bool]) -> list[str]:
+def _pivots(system: System, row: Row) -> list[str]:
     """The variables that the row may be solved for, best first: divided by numbers, far from the motor."""
     worth = {name: degree(op) + system.orders[name] for name, op in row.items()}
     highest = max(worth.values(), default=0)
     candidates = [
         name
         for name, op in row.items()
-        if name not in system.inputs and set(op) == {0} and usable(op[0]) and worth[name] == highest
+        if name not in system.inputs and set(op) == {0} and worth[name] == highest
     ]
     if highest == ANGLE:
         return sorted(candidates, key=lambda name: system.keep[name])
-    return sorted(candidates, key=lambda name: (not is_number(row[name][0]), system.keep[name]))
+    return sorted(candidates, key=lambda name: (not row[name][0].is_number, system.keep[name]))
 
 
 def _check(line: Line, system: System) -> None:
@@ -248,14 +254,9 @@ def _check(line: Line, system: System) -> None:
         )
     if len(line.row) == 1 and line.kinematic:
         (operator,) = line.row.values()
-        if set(operator) == {0} and not _is_product(operator[0]):
+        if set(operator) == {0} and not operator[0].is_unit:
             raise ModelError(
                 f"the drive is locked: its equations let {unknown[0]} stand still only "
                 "(two rigid connections of different ratio in parallel?)",
                 line.origin,
             )
-
-
-def _is_product(c: Coefficient) -> bool:
-    """Setting a single term to zero says something about its variable, not about the parameters."""
-    return c.is_unit if isinstance(c, Laurent) else len(c.numer.terms()) == 1

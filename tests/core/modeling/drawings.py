@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from monitor_core.modeling.drawing import Drawing, Inertia, SpeedSensor, SpringDamper, Torque, ViscousFriction
+from monitor_core.modeling.drawing import Drawing, part
 
 TABLES: list[dict[str, Any]] = [
     {"type": "torque", "name": "torque", "at": "shaft", "kT": "kT"},
@@ -20,12 +20,12 @@ def two_mass(**nominal: float) -> Drawing:
     return Drawing(
         "two-mass",
         [
-            Torque("torque", "shaft", kT="kT"),
-            Inertia("motor", "shaft", J="Jm"),
-            ViscousFriction("bearing", "shaft", d="fm"),
-            SpringDamper("belt", "shaft", "load", c="k", d="d"),
-            Inertia("arm", "load", J="Ja"),
-            SpeedSensor("encoder", "shaft"),
+            part("torque", "torque", "shaft", kT="kT"),
+            part("inertia", "motor", "shaft", J="Jm"),
+            part("viscous-friction", "bearing", "shaft", d="fm"),
+            part("spring-damper", "belt", "shaft", "load", c="k", d="d"),
+            part("inertia", "arm", "load", J="Ja"),
+            part("speed-sensor", "encoder", "shaft"),
         ],
         nominal,
     )

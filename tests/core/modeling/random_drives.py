@@ -45,6 +45,21 @@ class RandomDrive:
         self.exact.update({f"{name}.{role}": value for role, value in roles.items()})
         return name
 
+    def behind_a_gear(self, node: str, ratio: Fraction) -> str:
+        """Another node: phi_node = ratio * phi_other."""
+        other = self.node({i: c / ratio for i, c in self.nodes[node].items()})
+        self.add("ideal-gear", [node, other], ratio=ratio)
+        return other
+
+    def join(self, kind: str, at: list[str], **roles: Fraction) -> None:
+        """A spring, a damper or both between two nodes; "ground" is one.  A role that the kind lacks is ignored."""
+        a, b = (self.nodes.get(node, {}) for node in at)
+        stretch = minus(a, b)
+        used = {role: roles[role] for role in ("c", "d") if kind != {"c": "damper", "d": "spring"}[role]}
+        for role, value in used.items():
+            (self.springs if role == "c" else self.dampers).append((value, stretch))
+        self.add(kind, at, **used)
+
     def form(self, which: str) -> list[list[Fraction]]:
         """M, D or K: the sum of c a a' over the parts."""
         out = [[Fraction(0)] * self.free for _ in range(self.free)]
@@ -75,25 +90,12 @@ def inertia(draw: st.DrawFn, drive: RandomDrive, node: str) -> None:
 
 
 def geared(draw: st.DrawFn, drive: RandomDrive, node: str) -> str:
-    """Another node behind an ideal gear: phi_node = ratio * phi_other."""
-    rho = draw(ratio)
-    other = drive.node({i: c / rho for i, c in drive.nodes[node].items()})
-    drive.add("ideal-gear", [node, other], ratio=rho)
-    return other
+    return drive.behind_a_gear(node, draw(ratio))
 
 
 def compliance(draw: st.DrawFn, drive: RandomDrive, a: str, b: str) -> None:
-    """A spring, a damper or both between two nodes; "ground" is one."""
     kind = draw(st.sampled_from(["spring-damper", "spring-damper", "spring", "damper"]))
-    stretch = minus(drive.nodes[a], drive.nodes.get(b, {}))
-    roles: dict[str, Fraction] = {}
-    if kind != "damper":
-        roles["c"] = draw(parameter)
-        drive.springs.append((roles["c"], stretch))
-    if kind != "spring":
-        roles["d"] = draw(parameter)
-        drive.dampers.append((roles["d"], stretch))
-    drive.add(kind, draw(st.permutations([a, b])), **roles)
+    drive.join(kind, draw(st.permutations([a, b])), c=draw(parameter), d=draw(parameter))
 
 
 def branch(draw: st.DrawFn, drive: RandomDrive, parent: str, massless: bool) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from monitor_core.modeling.components import KINDS
-from monitor_core.modeling.drawing import Damper, Drawing, Fixed, Inertia, Part, from_tables
+from monitor_core.modeling.drawing import Drawing, Part, from_tables, part
 from monitor_core.modeling.flat import ModelError, Origin
 from tests.core.modeling.drawings import TABLES, two_mass
 
@@ -106,23 +106,27 @@ def test_expressions_are_checked_where_all_values_are_known(
     J: str, nominal: dict[str, float], problem: str
 ) -> None:
     with pytest.raises(ModelError) as caught:
-        Drawing("arm", [Inertia("arm", "arm", J=J)], nominal).flat()
+        Drawing("arm", [part("inertia", "arm", "arm", J=J)], nominal).flat()
     assert problem in str(caught.value)
     assert caught.value.origin.component == "arm"
     some = dict(list(nominal.items())[1:])
-    Drawing("arm", [Inertia("arm", "arm", J=J)], some).flat()
+    Drawing("arm", [part("inertia", "arm", "arm", J=J)], some).flat()
 
 
 @pytest.mark.parametrize(
     ("parts", "more", "problem"),
     [
         ([], {}, "the drive has no components"),
-        ([Fixed("a", "n"), Fixed("b", "n")], {}, "the node 'n' is fixed already"),
-        ([Inertia("ground", "ground")], {}, "2 components are called 'ground'"),
-        ([Inertia("arm", "a")], {"meanings": {"J": "x"}}, "meaning of 'J', which is no parameter: there is arm.J"),
-        ([Inertia("arm", "a")], {"units": {"J": "x"}}, "unit of 'J', which is no parameter"),
-        ([Inertia("arm", "a", J="J")], {"units": {"J": "mm"}}, "unit 'mm': mm is not among"),
-        ([Damper("d", "a", "b", d="J"), Inertia("arm", "a", J="J")], {}, "but J is in N m s/rad"),
+        ([part("fixed", "a", "n"), part("fixed", "b", "n")], {}, "the node 'n' is fixed already"),
+        ([part("inertia", "ground", "ground")], {}, "2 components are called 'ground'"),
+        (
+            [part("inertia", "arm", "a")],
+            {"meanings": {"J": "x"}},
+            "meaning of 'J', which is no parameter: there is arm.J",
+        ),
+        ([part("inertia", "arm", "a")], {"units": {"J": "x"}}, "unit of 'J', which is no parameter"),
+        ([part("inertia", "arm", "a", J="J")], {"units": {"J": "mm"}}, "unit 'mm': mm is not among"),
+        ([part("damper", "d", "a", "b", d="J"), part("inertia", "arm", "a", J="J")], {}, "but J is in N m s/rad"),
     ],
 )  # fmt: skip
 def test_mistakes_in_drawings(parts: list[Part], more: dict[str, Any], problem: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy import QQ
@@ -88,6 +89,39 @@ def test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal(
     check_transfer_function(ss, drive, points)
     check_characteristic_polynomial(ss, drive)
     check_minimal(ss, drive)
+
+
+@pytest.mark.parametrize("grounded", [False, True])
+@pytest.mark.parametrize(
+    "kinds", [("spring",), ("damper",), ("spring", "damper"), ("spring-damper", "spring")]
+)
+@pytest.mark.parametrize("arms", [2, 3, 4])
+def test_a_flange_without_inertia_between_several_masses(
+    arms: int, kinds: tuple[str, ...], grounded: bool
+) -> None:
+    """To solve for its motion divides by the sum of its springs, or of its dampers."""
+    drive = star(arms, kinds, grounded)
+    ss = reduced(drive)
+    check_transfer_function(ss, drive, [Fraction(1, 3), Fraction(2), Fraction(7, 5)])
+    check_characteristic_polynomial(ss, drive)
+
+
+def star(arms: int, kinds: tuple[str, ...], grounded: bool) -> RandomDrive:
+    drive = RandomDrive()
+    middle, ends = drive.node(), [drive.node() for _ in range(arms)]
+    for k, end in enumerate(ends):
+        J, kind = Fraction(k + 2), kinds[k % len(kinds)]
+        drive.add("inertia", [end], J=J)
+        drive.inertias.append((J, drive.nodes[end]))
+        start = drive.behind_a_gear(end, Fraction(3)) if k == 0 else end
+        drive.join(kind, [start, middle], c=Fraction(5 + k), d=Fraction(7 + k))
+    if grounded:
+        drive.join("spring", [middle, "ground"], c=Fraction(11))
+    drive.add("torque", [ends[0]], kT=Fraction(13))
+    drive.torque = {i: 13 * c for i, c in drive.nodes[ends[0]].items()}
+    drive.add("speed-sensor", [ends[-1]])
+    drive.sensor = drive.nodes[ends[-1]]
+    return drive
 
 
 def check_transfer_function(ss: StateSpace, drive: RandomDrive, points: list[Fraction]) -> None:

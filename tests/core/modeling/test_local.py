@@ -14,7 +14,7 @@ from monitor_core.excitation.sensitivity import (
     local_identifiability,
     usual_experiment,
 )
-from monitor_core.modeling.drawing import Drawing, Inertia, SpeedSensor, Torque, ViscousFriction
+from monitor_core.modeling.drawing import Drawing, part
 from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
@@ -41,7 +41,12 @@ def test_noise_given_goes_before_the_share_and_deviations_grow_with_it() -> None
 def test_the_share_is_that_of_the_output() -> None:
     """A mass alone, moved by a square wave: its speed is a triangle of known rms value."""
     drawing = Drawing(
-        "one", [Torque("torque", "m", kT=1), Inertia("motor", "m", J="J"), SpeedSensor("s", "m")]
+        "one",
+        [
+            part("torque", "torque", "m", kT=1),
+            part("inertia", "motor", "m", J="J"),
+            part("speed-sensor", "s", "m"),
+        ],
     )
     N, h, J = 1000, 0.01, 2.0
     torque = np.tile(np.repeat([1.0, -1.0], 50), N // 100)
@@ -63,10 +68,10 @@ def test_a_slow_torque_cannot_tell_springs() -> None:
 def test_friction_and_inertia_from_a_constant_torque_that_only_heats() -> None:
     """After the start nothing changes any more: one number, the final speed, tells the friction."""
     parts = [
-        Torque("torque", "m", kT=1),
-        Inertia("motor", "m", J="J"),
-        ViscousFriction("b", "m", d="d"),
-        SpeedSensor("s", "m"),
+        part("torque", "torque", "m", kT=1),
+        part("inertia", "motor", "m", J="J"),
+        part("viscous-friction", "b", "m", d="d"),
+        part("speed-sensor", "s", "m"),
     ]
     ss = eliminate(Drawing("one", parts).flat())
     values = {"J": 1e-3, "d": 1.0, "torque.kT": 1.0}

@@ -120,12 +120,6 @@ def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
     assert (found["A"], found["B"], found["C"]) == (library["A"], library["B"], library["C"])
 
 
-def test_latex() -> None:
-    latex = shown("two-mass", "--latex")
-    assert r"\left[\begin{matrix}" in latex
-    assert "flat equations" not in latex
-
-
 MISTAKES = [
     (["thre-mass"], ['did you mean "three-mass"?']),
     (["none.mo"], ["none.mo", "No such file"]),
@@ -139,7 +133,6 @@ MISTAKES = [
     (["three-mass", "--model", "A"], ["--model", "FILE.mo"]),
     (["DRAWING", "--model", "Pres"], ["Pres", "Press"]),
     (["three-mass", "--output", "torque"], ["torque", "speed", "angle"]),
-    (["three-mass", "--latex", "--json"], ["--latex and --json", "standard output"]),
     (["three-mass", "--json=DRAWING"], ["--json", "will not be overwritten"]),
     (["three-mass", "--json=nowhere/a.json"], ["cannot write nowhere/a.json", "No such file or directory"]),
     (["three-mass", "five-mass"], ["five-mass"]),
