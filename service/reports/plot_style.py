@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from service.reports.formats import TEMPLATES
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -43,6 +42,8 @@ _STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
+    "figure.constrained_layout.h_pad": 0.04,
+    "figure.constrained_layout.w_pad": 0.04,
     "figure.facecolor": "none",
     "grid.color": GRID,
     "grid.linewidth": 0.6,
@@ -54,15 +55,14 @@ _STYLE: dict[Any, Any] = {
 
 
 @contextmanager
-def figure(height: float, room: float = 0.04) -> Iterator[Figure]:
-    """An empty picture of that height and that room around its panels, inches, in the style of the reports."""
+def figure(height: float) -> Iterator[Figure]:
+    """An empty picture of that height, inches, in the style of the reports."""
     # Without pyplot: it would look for a window system and keep figures in memory.
     import matplotlib as mpl
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     with mpl.rc_context(_STYLE):
-        yield Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=room, h_pad=room))
+        yield Figure(figsize=(WIDTH, height), layout="constrained")
 
 
 def as_svg(drawn: Figure, label: str, salt: str) -> str:
@@ -80,15 +80,6 @@ def as_svg(drawn: Figure, label: str, salt: str) -> str:
         text = text.replace(colour, f"var(--{name})")
     text = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[0]), text)
     return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
-
-
-def as_document(drawn: Figure, label: str, salt: str) -> str:
-    """The picture as a file of its own, with its colours, light or dark as the reader's system is."""
-    colours = (TEMPLATES / "colours.css").read_text(encoding="utf-8")
-    style = f"<style>{colours}svg {{ background: var(--panel); }}</style>"
-    element = as_svg(drawn, label, salt)
-    end = element.index(">", element.index("<svg")) + 1
-    return f"{element[:end]}{style}{element[end:]}"
 
 
 def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str], rows: int) -> None:
