@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import io
-import itertools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-
-from monitor_core.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -24,7 +19,6 @@ _NAMES = ("ink", "line", "measured", "found", "simulated", "other", "before", "b
 COLOURS = {f"#01010{k}": name for k, name in enumerate(_NAMES, 1)}
 WIDTH = 9.0
 """Of a picture, inches; the page scales it."""
-_MOST_POINTS = 1200
 _HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
 _DIGITS = re.compile(r"(\d+\.\d\d)\d+")
@@ -51,6 +45,7 @@ _STYLE: dict[Any, Any] = {
     "ytick.color": INK,
     "legend.frameon": False,
     "lines.linewidth": 1.2,
+    "path.simplify_threshold": 0.5,  # of a pixel: a long line looks the same, with far fewer points
 }
 
 
@@ -103,16 +98,3 @@ def add_percent(axes: Axes, nominal: float) -> None:
 def with_unit(name: str, unit: str) -> str:
     """What stands at the axis of a quantity."""
     return name if unit == "1" else f"{name} [{unit}]"
-
-
-def thinned(t: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """A long line by its least and largest values in short stretches: it looks the same, with far fewer points."""
-    if t.size <= 2 * _MOST_POINTS:
-        return t, y
-    edges = np.linspace(0, t.size, _MOST_POINTS + 1).astype(int)
-    keep: list[int] = []
-    for start, end in itertools.pairwise(edges.tolist()):
-        part = y[start:end]
-        if np.isfinite(part).any():
-            keep += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
-    return t[keep], y[keep]
