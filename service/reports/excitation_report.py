@@ -1,9 +1,9 @@
-"""A planned experiment: the table for the terminal, the rows of the CSV file, and the picture."""
+"""A planned experiment: the table for the terminal, the CSV file, and the picture."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from io import BytesIO
+from io import BytesIO, StringIO
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,8 +20,8 @@ UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
 
 
-def as_csv(experiment: Experiment) -> Iterator[str]:
-    """Lines of the file: time, the predicted torque, speed and angle, and the reference where one is followed."""
+def as_csv(experiment: Experiment) -> str:
+    """Time, the predicted torque, speed and angle, and the reference where one is followed."""
     motion, task = experiment.motion, experiment.task
     columns = {
         "t_s": np.arange(len(motion.torque)) * task.plant.interval_s,
@@ -31,9 +31,10 @@ def as_csv(experiment: Experiment) -> Iterator[str]:
     }
     if experiment.trial.reference is not None:
         columns[REFERENCE[task.command]] = experiment.trial.reference[0 if task.command == "angle" else 1]
-    yield ",".join(columns) + "\n"
-    for row in zip(*columns.values(), strict=True):
-        yield ",".join(f"{value:.9g}" for value in row) + "\n"
+    out = StringIO()
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(out, rows, "%.9g", ",", header=",".join(columns), comments="")
+    return out.getvalue()
 
 
 def print_text(experiment: Experiment, axis: str, console: Console) -> None:

@@ -77,14 +77,14 @@ def as_svg(drawn: Figure, label: str, salt: str) -> str:
     return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
 
 
-def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str], rows: int) -> None:
-    """One above all panels, each kind of line once, in the order of these names."""
+def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str]) -> None:
+    """One above all panels, in three rows: each kind of line once, in the order of these names."""
     known: dict[str, Artist] = {}
     for axes in panels:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
             known.setdefault(name, handle)
     names = sorted(known, key=order.index)
-    columns = -(-len(names) // rows)  # the legend is filled column by column
+    columns = -(-len(names) // 3)  # the legend is filled column by column
     handles = [known[name] for name in names]
     drawn.legend(handles, names, loc="outside upper left", ncols=columns, fontsize=9, handlelength=2.2)
 
@@ -93,8 +93,3 @@ def add_percent(axes: Axes, nominal: float) -> None:
     """A scale on the right: the change from a nominal value, which is not 0."""
     functions = (lambda value: 100 * (value / nominal - 1), lambda share: nominal * (1 + share / 100))
     axes.secondary_yaxis("right", functions=functions).set_ylabel("change [%]")
-
-
-def with_unit(name: str, unit: str) -> str:
-    """What stands at the axis of a quantity."""
-    return name if unit == "1" else f"{name} [{unit}]"

@@ -25,7 +25,6 @@ from service.reports.plot_style import (
     as_svg,
     figure,
     legend_of,
-    with_unit,
 )
 from service.reports.replay_course import SIGMAS, Course, time_unit
 from service.reports.replay_result import ReplayedAxis
@@ -107,7 +106,7 @@ class _Drawing:
                 self._mark_pauses(axes, named=axes is panels[0])
             end = max(float(self._edges[-1]), 1e-6 / self._unit.seconds)
             panels[-1].set(xlabel=f"time since the first sample [{self._unit.name}]", xlim=(0.0, end))
-            legend_of(drawn, panels, _LINES, rows=3)
+            legend_of(drawn, panels, _LINES)
             names = ", ".join(p.name for p in chosen)
             return as_svg(drawn, f"{self._axis.id}: course of the estimates of {names}, and of g", salt)
 
@@ -124,7 +123,8 @@ class _Drawing:
         between = course.low(kinds.ESTIMATE, p.name), course.high(kinds.ESTIMATE, p.name)
         axes.fill_between(t, *between, color=FOUND, alpha=0.45, lw=0)
         axes.plot(t, course.mean(p.name), color=FOUND, lw=1.3, label=_ESTIMATED)
-        axes.set(ylabel=with_unit(p.name, p.unit), ylim=self._limits(p.name))
+        label = p.name if p.unit == "1" else f"{p.name} [{p.unit}]"
+        axes.set(ylabel=label, ylim=self._limits(p.name))
         axes.set_title(f"{p.name}: {p.meaning}")
         if p.nominal:
             add_percent(axes, p.nominal)
