@@ -182,10 +182,10 @@ def test_equations_where_the_matrices_do_not_fit() -> None:
         "  x2' = x4 - x5",
         f"  x3' = -kg*r/Jm*x1 - {-space().A[2, 2]}*x3 + dg*r/Jm*x4 +",
         "        kT/Jm*u1 - fc/Jm*u2 + tau0/Jm*u3",
-        "  x4' = kg/Jg*x1 - ka/Jg*x2 + dg*r/Jg*x3 - (da + dg)/Jg*x4 +",
-        "        da/Jg*x5",
+        "  x4' = kg/Jg*x1 - ka/Jg*x2 + dg*r/Jg*x3 - (da + dg)/Jg*x4",
+        "        + da/Jg*x5",
         "  x5' = ka/Ja*x2 + da/Ja*x4 - da/Ja*x5",
-        "  y1  = x3",
+        "  y1 =  x3",
     ]
 
 
