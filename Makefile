@@ -44,7 +44,7 @@ format: $(READY) ## let ruff correct what it can
 	@$(BIN)/ruff format .
 
 docs: $(READY) ## write the generated part of docs/ (API schema, figures), if docs/build.py is there
-	@if [ -f docs/build.py ]; then $(BIN)/python docs/build.py $(ARGS); \
+	@if [ -f docs/build.py ]; then $(BIN)/python -m docs.build $(ARGS); \
 	else echo "docs/build.py is not there: nothing is generated"; fi
 
 lock: $(READY) ## pin again: newest versions that pyproject.toml admits, for every Python and platform

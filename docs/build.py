@@ -4,8 +4,8 @@ import json
 import tempfile
 from pathlib import Path
 
+from docs.reference_figures import figure_5, figure_6, numbers, reference
 from service.pipeline.snapshot import Histogram, Snapshot
-from service.reports.reference_figures import figure_5, figure_6, numbers, reference
 from service.store.journal import Journal
 from service.web.app import create_app
 

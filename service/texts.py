@@ -242,11 +242,6 @@ def iso(t_us: int) -> str:
     return (_EPOCH + t_us * _MICROSECOND).isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
-def maybe_iso(t_us: int | None) -> str | None:
-    """``iso``, or None for a time that is not known."""
-    return None if t_us is None else iso(t_us)
-
-
 def microseconds(moment: datetime | None) -> int | None:
     """Microseconds since 1970 of a datetime with a time zone."""
     return None if moment is None else (moment - _EPOCH) // _MICROSECOND

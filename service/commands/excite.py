@@ -101,7 +101,7 @@ def excite(
         names = names_in(free), names_in(find)
         asked = Asked(found, seconds, periods, band_hz, lines, as_, *names, Limits(*limits), controller)
         experiment = planned(asked, seed)
-    write(output, "".join(as_csv(experiment)))
+    write(output, as_csv(experiment))
     for form, path in (("svg", svg), ("png", png)):
         if path is not None:
             write(path, as_picture(experiment, f"Experiment for {found.id}", form))

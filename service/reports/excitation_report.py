@@ -1,9 +1,9 @@
-"""A planned experiment: the table for the terminal, the rows of the CSV file, and the picture."""
+"""A planned experiment: the table for the terminal, the CSV file, and the picture."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from io import BytesIO
+from io import BytesIO, StringIO
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,8 +20,8 @@ UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
 
 
-def as_csv(experiment: Experiment) -> Iterator[str]:
-    """Lines of the file: time, the predicted torque, speed and angle, and the reference where one is followed."""
+def as_csv(experiment: Experiment) -> str:
+    """Time, the predicted torque, speed and angle, and the reference where one is followed."""
     motion, task = experiment.motion, experiment.task
     columns = {
         "t_s": np.arange(len(motion.torque)) * task.plant.interval_s,
@@ -31,9 +31,10 @@ def as_csv(experiment: Experiment) -> Iterator[str]:
     }
     if experiment.trial.reference is not None:
         columns[REFERENCE[task.command]] = experiment.trial.reference[0 if task.command == "angle" else 1]
-    yield ",".join(columns) + "\n"
-    for row in zip(*columns.values(), strict=True):
-        yield ",".join(f"{value:.9g}" for value in row) + "\n"
+    out = StringIO()
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(out, rows, "%.9g", ",", header=",".join(columns), comments="")
+    return out.getvalue()
 
 
 def print_text(experiment: Experiment, axis: str, console: Console) -> None:
@@ -94,10 +95,10 @@ def _gained(experiment: Experiment) -> Iterator[str]:
     yield f"The spectrum is made for what is to be found: so many times as accurate as a flat one: {each}."
 
 
-# --- The picture: its motion within the limits, its spectrum, its predicted accuracy ----------------------------------
+# --- The picture: its motion within the limits, and its spectrum ------------------------------------------------------
 
 
-_INK, _LIMIT, _FLAT, _BAND = "#1f4e79", "#b3261e", "#9aa5b1", "#e8eef4"
+_INK, _LIMIT, _BAND = "#1f4e79", "#b3261e", "#e8eef4"
 
 
 def as_picture(experiment: Experiment, title: str, form: str) -> bytes:
@@ -106,11 +107,9 @@ def as_picture(experiment: Experiment, title: str, form: str) -> bytes:
 
     figure = Figure(figsize=(11, 8.2), layout="constrained")
     figure.suptitle(title, x=0.01, ha="left", fontsize=13)
-    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.7, 1)))
-    _course(np.asarray(left.subplots(3, 1, sharex=True)), experiment)
-    spectrum, bars = np.asarray(right.subplots(2, 1, height_ratios=(1, 1.2)))
-    _spectrum(spectrum, experiment)
-    _bars(bars, experiment)
+    motion, spectrum = np.asarray(figure.subfigures(2, 1, height_ratios=(3, 1)))
+    _course(np.asarray(motion.subplots(3, 1, sharex=True)), experiment)
+    _spectrum(spectrum.subplots(), experiment)
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(labelsize=9)
@@ -154,24 +153,3 @@ def _spectrum(axes: Axes, experiment: Experiment) -> None:
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("amplitude of torque [N m]")
     axes.set_title(f"spectrum; crest factor {experiment.crests['optimised']:.2f}", loc="left", fontsize=10)
-
-
-def _bars(axes: Axes, experiment: Experiment) -> None:
-    names, sd = experiment.accuracy.names, 100 * experiment.accuracy.standard_deviations
-    known = [int(i) for i in np.argsort(-sd) if np.isfinite(sd[i])]
-    rows, widest = range(len(known)), sd[known].copy()
-    axes.barh(rows, sd[known], color=_INK, height=0.55, label="this spectrum")
-    compared = None
-    if experiment.flat is not experiment.accuracy:
-        compared = flat = 100 * experiment.flat.standard_deviations[known]
-        axes.plot(flat, rows, "d", color=_LIMIT, markersize=5, label="flat spectrum")
-        axes.legend(fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-        widest = np.maximum(widest, flat)
-    for row, i in enumerate(known):
-        other = "" if compared is None else f" (flat {compared[row]:.2g} %)"
-        axes.annotate(f"  {sd[i]:.2g} %{other}", (widest[row], row), va="center", fontsize=8)
-    axes.set_xscale("log")
-    axes.set_xlim(sd[known].min(initial=np.inf) / 3, widest.max(initial=0.0) * 40)
-    axes.set_yticks(rows, [names[i] + (" *" if names[i] in experiment.task.find else "") for i in known])
-    axes.set_xlabel("predicted standard deviation [%]" + (";  * to be found" if experiment.task.find else ""))
-    axes.set_title("what it will determine", loc="left", fontsize=10)

@@ -21,7 +21,7 @@ from monitor_core.identification import (
 from service.reports import identification_report as content
 from service.reports.formats import percent, render, safe
 from service.reports.identification_report import IdentificationReport
-from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure, thinned
+from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,9 +124,9 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
         part = _lively(trace)
         _lines(detail, trace, part)
         detail.set(title="In detail", ylabel=quantity, xlim=trace.t[part][[0, -1]])
-        run.plot(*thinned(trace.t, trace.y - trace.simulated), color=SIMULATED, lw=0.9)
+        run.plot(trace.t, trace.y - trace.simulated, color=SIMULATED, lw=0.9)
         run.set(title="Errors of the simulation", ylabel="error")
-        ahead.plot(*thinned(trace.t, trace.y - trace.predicted), color=FOUND, lw=0.9)
+        ahead.plot(trace.t, trace.y - trace.predicted, color=FOUND, lw=0.9)
         ahead.set(title="Errors one step ahead", ylabel="error", xlabel="time [s]")
         for axes in (full, run, ahead):
             axes.set_xlim(trace.t[0], trace.t[-1])
@@ -135,15 +135,10 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
 
 def _lines(axes: Axes, trace: Trace, part: slice) -> None:
     t = trace.t[part]
-    axes.plot(*thinned(t, trace.y[part]), color=MEASURED, lw=2.6, label="measured")
-    axes.plot(*thinned(t, trace.simulated[part]), color=SIMULATED, lw=1.2, label="simulated")
-    axes.plot(
-        *thinned(t, trace.predicted[part]),
-        color=FOUND,
-        lw=1.0,
-        ls=(0, (4, 2)),
-        label="predicted one step ahead",
-    )
+    axes.plot(t, trace.y[part], color=MEASURED, lw=2.6, label="measured")
+    axes.plot(t, trace.simulated[part], color=SIMULATED, lw=1.2, label="simulated")
+    dashes, label = (0, (4, 2)), "predicted one step ahead"
+    axes.plot(t, trace.predicted[part], color=FOUND, lw=1.0, ls=dashes, label=label)
 
 
 def _lively(trace: Trace) -> slice:

@@ -42,7 +42,7 @@ def _print(facts: Facts, console: Console) -> None:
             "Merged parameters",
             _lines(f"{d.name} = {d.value}" for d in space.definitions if str(d.value) != d.name),
         ),
-        ("x' = A x + B u,  y = C x", _lines(matrix_lines(space, console.width - _INDENT, ascii_only))),
+        ("x' = A x + B u,  y = C x", _state_space(space, console.width - _INDENT, ascii_only)),
         ("Poles at nominal", _poles(facts, "+-" if ascii_only else "±")),
         ("Resonances at nominal", _resonances(facts.motion) if facts.motion else None),
         ("Identifiability", _sentences(facts.identifiability)),
@@ -206,12 +206,12 @@ def _local_words(local: LocalIdentifiability) -> tuple[str, ...]:
 _GAP = 3
 
 
-def matrix_lines(space: StateSpace, width: int, ascii_only: bool = False) -> list[str]:
-    """The three matrices, or x' and y row by row, in lines of at most ``width`` characters where that can be."""
+def _state_space(space: StateSpace, width: int, ascii_only: bool) -> RenderableType | None:
+    """The three matrices if they fit, else x' and y row by row."""
     blocks = [matrix(letter, cells, ascii_only) for letter, cells in matrices(space).items()]
     if all(len(line) <= width for block in blocks for line in block):
-        return [line for block in blocks for line in (*block, "")][:-1]
-    return [line for equation in equations(space) for line in wrapped(equation, width)]
+        return _lines([line for block in blocks for line in (*block, "")][:-1])
+    return _grid(((left, " ".join(terms)) for left, *terms in equations(space)), gap=1)
 
 
 def matrix(letter: str, cells: list[list[str]], ascii_only: bool = False) -> list[str]:
@@ -261,14 +261,3 @@ def product(coefficient: Laurent, symbol: str) -> str:
     text = str(coefficient)
     bare = not coefficient.is_unit and coefficient.common_factor()[0] == Laurent.number(1)
     return f"({text})*{symbol}" if bare else f"{text}*{symbol}"
-
-
-def wrapped(equation: list[str], width: int) -> Iterator[str]:
-    """The terms of an equation over lines, the following ones below the first term."""
-    line = equation[0]
-    for number, term in enumerate(equation[1:]):
-        if number and len(line) + 1 + len(term) > width:
-            yield line
-            line = " " * len(equation[0])
-        line = f"{line} {term}"
-    yield line

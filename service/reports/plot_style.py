@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import io
-import itertools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-
-from monitor_core.arrays import Floats
-from service.reports.formats import TEMPLATES
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -25,7 +19,6 @@ _NAMES = ("ink", "line", "measured", "found", "simulated", "other", "before", "b
 COLOURS = {f"#01010{k}": name for k, name in enumerate(_NAMES, 1)}
 WIDTH = 9.0
 """Of a picture, inches; the page scales it."""
-_MOST_POINTS = 1200
 _HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
 _DIGITS = re.compile(r"(\d+\.\d\d)\d+")
@@ -43,6 +36,8 @@ _STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
+    "figure.constrained_layout.h_pad": 0.04,
+    "figure.constrained_layout.w_pad": 0.04,
     "figure.facecolor": "none",
     "grid.color": GRID,
     "grid.linewidth": 0.6,
@@ -50,19 +45,19 @@ _STYLE: dict[Any, Any] = {
     "ytick.color": INK,
     "legend.frameon": False,
     "lines.linewidth": 1.2,
+    "path.simplify_threshold": 0.5,  # of a pixel: a long line looks the same, with far fewer points
 }
 
 
 @contextmanager
-def figure(height: float, room: float = 0.04) -> Iterator[Figure]:
-    """An empty picture of that height and that room around its panels, inches, in the style of the reports."""
+def figure(height: float) -> Iterator[Figure]:
+    """An empty picture of that height, inches, in the style of the reports."""
     # Without pyplot: it would look for a window system and keep figures in memory.
     import matplotlib as mpl
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     with mpl.rc_context(_STYLE):
-        yield Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=room, h_pad=room))
+        yield Figure(figsize=(WIDTH, height), layout="constrained")
 
 
 def as_svg(drawn: Figure, label: str, salt: str) -> str:
@@ -82,23 +77,14 @@ def as_svg(drawn: Figure, label: str, salt: str) -> str:
     return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
 
 
-def as_document(drawn: Figure, label: str, salt: str) -> str:
-    """The picture as a file of its own, with its colours, light or dark as the reader's system is."""
-    colours = (TEMPLATES / "colours.css").read_text(encoding="utf-8")
-    style = f"<style>{colours}svg {{ background: var(--panel); }}</style>"
-    element = as_svg(drawn, label, salt)
-    end = element.index(">", element.index("<svg")) + 1
-    return f"{element[:end]}{style}{element[end:]}"
-
-
-def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str], rows: int) -> None:
-    """One above all panels, each kind of line once, in the order of these names."""
+def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str]) -> None:
+    """One above all panels, in three rows: each kind of line once, in the order of these names."""
     known: dict[str, Artist] = {}
     for axes in panels:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
             known.setdefault(name, handle)
     names = sorted(known, key=order.index)
-    columns = -(-len(names) // rows)  # the legend is filled column by column
+    columns = -(-len(names) // 3)  # the legend is filled column by column
     handles = [known[name] for name in names]
     drawn.legend(handles, names, loc="outside upper left", ncols=columns, fontsize=9, handlelength=2.2)
 
@@ -107,21 +93,3 @@ def add_percent(axes: Axes, nominal: float) -> None:
     """A scale on the right: the change from a nominal value, which is not 0."""
     functions = (lambda value: 100 * (value / nominal - 1), lambda share: nominal * (1 + share / 100))
     axes.secondary_yaxis("right", functions=functions).set_ylabel("change [%]")
-
-
-def with_unit(name: str, unit: str) -> str:
-    """What stands at the axis of a quantity."""
-    return name if unit == "1" else f"{name} [{unit}]"
-
-
-def thinned(t: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """A long line by its least and largest values in short stretches: it looks the same, with far fewer points."""
-    if t.size <= 2 * _MOST_POINTS:
-        return t, y
-    edges = np.linspace(0, t.size, _MOST_POINTS + 1).astype(int)
-    keep: list[int] = []
-    for start, end in itertools.pairwise(edges.tolist()):
-        part = y[start:end]
-        if np.isfinite(part).any():
-            keep += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
-    return t[keep], y[keep]

@@ -6,14 +6,16 @@ Nothing that crosses a line between two bins' ends is lost.  When the bins are f
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Iterable
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection import Crossing, HypothesisBank
+from monitor_core.detection import Crossing
 from monitor_core.monitoring import (
     DOUBTED,
     GATED,
@@ -30,93 +32,111 @@ from monitor_core.monitoring import (
     standard_deviation,
 )
 
+Counts = NDArray[np.int64]
+Times = NDArray[np.int64]
 MOST_BINS = 1600
 SIGMAS = 2.0
 """Half the width of the band around an estimate, in reported standard deviations."""
 FATES = (RESTART, SETTLE, SEED, GATED, IDLE, DOUBTED, TRACK)
 ESTIMATE, BELOW, NOMINAL, TOLERATED_BELOW, ABOVE, TOLERATED_ABOVE, UP, DOWN = range(8)
-"""Rows of ``Course.low`` and ``Course.high``: theta, ends of its band, theta_0(s), theta_0(s) -+ nu, g of both
-directions."""
-_ROWS = 8
+"""Of each parameter: theta, ends of its band, theta_0(s), theta_0(s) -+ nu, g of both directions."""
+EVIDENCE = 8
+"""Of each cause that the multi-model detector knows: the largest g / h of its sizes."""
 
 
 class Course:
-    """What the recursion of one axis did, bin by bin."""
+    """What the recursion of one axis did, bin by bin.
+
+    Signals are called by their kind, such as UP, and the name of their parameter or cause.
+    """
 
     def __init__(self, monitor: AxisMonitor, most: int = MOST_BINS) -> None:
-        self._most, self._monitor = most - most % 2, monitor
-        self._names = monitor.model.monitored
-        p = len(self._names)
-        self.h: Floats = monitor.batch.thresholds[:, monitor.lane].copy()
-        """Thresholds (p,)"""
-        self.beside: BankCourse | None = None
-        """Of the multi-model detector; None: there is none, or it has taken no sample"""
+        self._monitor, self._most = monitor, most - most % 2
+        names = monitor.model.monitored
+        self.h: dict[str, float] = dict(
+            zip(names, monitor.batch.thresholds[:, monitor.lane].tolist(), strict=True)
+        )
+        """Threshold of each parameter"""
+        self.causes = () if monitor.multimodel is None else monitor.multimodel.causes
+        """Those of the multi-model detector; none: there is none"""
         self.timeline = Timeline()
         self._width = max(1, round(monitor.settings.interval_s * 1e6))
-        self._extremes = Extremes(_ROWS, p, self._most)
-        self._sum = np.zeros((p, self._most))
-        self._fates = np.zeros((len(FATES), self._most), np.int64)
-        self._unseen = np.zeros((p, self._most), np.int64)
-        self._gaps = np.zeros(self._most, np.bool_)
+        kinds = [
+            *((kind, name) for kind in range(EVIDENCE) for name in names),
+            *((EVIDENCE, c) for c in self.causes),
+        ]
+        self._rows = {signal: row for row, signal in enumerate(kinds)}
+        self._low = Bins(np.minimum, np.full((len(kinds), self._most), np.inf))
+        self._high = Bins(np.maximum, np.full((len(kinds), self._most), -np.inf))
+        self._sums = Bins(np.add, np.zeros((len(names), self._most)))
+        self._fates = Bins(np.add, np.zeros((len(FATES), self._most), np.int64))
+        self._unseen = Bins(np.add, np.zeros((len(names), self._most), np.int64))
+        self._gaps = Bins(np.logical_or, np.zeros((1, self._most), np.bool_))
 
     # --- while it runs ---------------------------------------------------------------------------------
 
     def take(
-        self, t_us: Times, trace: Trace, crossings: Iterable[Crossing], beside: BankTrace | None = None
+        self, t_us: Times, trace: Trace, crossings: Iterable[Crossing], multimodel: BankTrace | None = None
     ) -> None:
         """Samples of the axis (N,), crossings of h, and the traces of the recursion and of the multi-model detector."""
         took = trace.mode != SKIP
         if not took.any():
             return
         before, fresh = self.timeline.end_us, self.timeline.start_us is None
-        t, does = t_us[took], trace.mode[took]
+        t, mode = t_us[took], trace.mode[took]
         where = self.timeline.take(t)
         while where[-1] // self._width >= self._most:
             self._merge()
         bins = where // self._width
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
-        self._extremes.take(bins[starts], starts, self._rows(trace, took))
-        if beside is not None:
-            self._of_the_bank().take(bins[starts], starts, beside.g[took])
-        self._sum[:, bins[starts]] += np.add.reduceat(trace.theta[took].T, starts, axis=1)
-        fates = np.stack([does == fate for fate in FATES])
-        self._fates[:, bins[starts]] += np.add.reduceat(fates, starts, axis=1, dtype=np.int64)
-        unseen = trace.observed[took].T == UNSEEN
-        self._unseen[:, bins[starts]] += np.add.reduceat(unseen, starts, axis=1, dtype=np.int64)
+        signals = self._signals(trace, took)
+        if multimodel is not None:
+            signals = np.concatenate([signals, self._evidence(multimodel.g[took])])
+        for kept, values in (
+            (self._low, signals),
+            (self._high, signals),
+            (self._sums, trace.theta[took].T),
+            (self._fates, np.stack([mode == fate for fate in FATES]).astype(np.int64)),
+            (self._unseen, (trace.observed[took].T == UNSEEN).astype(np.int64)),
+        ):
+            kept.take(bins[starts], starts, values)
         since = np.concatenate(([before], where[:-1])) // self._width
-        for k in np.flatnonzero(does == RESTART)[fresh:].tolist():
-            self._gaps[since[k] : bins[k] + 1] = True
+        for k in np.flatnonzero(mode == RESTART)[fresh:].tolist():
+            self._gaps.values[0, since[k] : bins[k] + 1] = True
         for crossing in crossings:  # at that very sample g has started again
-            row, i = UP if crossing.direction == "up" else DOWN, self._names.index(crossing.parameter)
-            self._extremes.raise_to(self.h[i], row, i, bins[int(np.argmax(t == crossing.time_us))])
+            row = self._rows[UP if crossing.direction == "up" else DOWN, crossing.parameter]
+            place = row, bins[int(np.argmax(t == crossing.time_us))]
+            self._high.values[place] = max(self._high.values[place], self.h[crossing.parameter])
 
-    def _rows(self, trace: Trace, took: NDArray[np.bool_]) -> Floats:
-        """All that is followed (rows, p, N), in the order of the rows."""
+    def _signals(self, trace: Trace, took: NDArray[np.bool_]) -> Floats:
+        """All signals of the parameters (kinds * p, N), in the order of the kinds."""
         theta, P, g = trace.theta[took], trace.P[took], trace.g[took]
         model, settings = self._monitor.model, self._monitor.settings
-        alpha1, _, allowance = settings.tests(len(self._names))
+        alpha1, _, allowance = settings.tests(len(self.h))
         nominal = model.theta0 + trace.shift[took]
         band = SIGMAS * standard_deviation(settings, 1.0) * np.sqrt(P)
         nu = alpha1 * np.sqrt(settings.lam0 * P) + allowance * model.scale
-        rows = (theta, theta - band, nominal, nominal - nu, theta + band, nominal + nu, g[:, 0], g[:, 1])
-        return np.stack([row.T for row in rows])
+        kinds = (theta, theta - band, nominal, nominal - nu, theta + band, nominal + nu, g[:, 0], g[:, 1])
+        return np.concatenate(kinds, axis=1).T
 
-    def _of_the_bank(self) -> BankCourse:
-        """Made with the first samples: by then there is a multi-model detector."""
-        if self.beside is None:
-            assert self._monitor.multimodel is not None
-            self.beside = BankCourse(self._monitor.multimodel.bank, self._names, self._most)
-        return self.beside
+    def _evidence(self, g: Floats) -> Floats:
+        """The largest g / h of each cause (causes, N), of those of its hypotheses (N, H)."""
+        h, members = self._hypotheses
+        return np.stack([(g[:, own] / h[own]).max(axis=1, initial=0.0) for own in members])
+
+    @cached_property
+    def _hypotheses(self) -> tuple[Floats, list[Counts]]:
+        """Thresholds of the hypotheses, and which are those of each cause; only with samples is there a bank."""
+        assert self._monitor.multimodel is not None
+        bank = self._monitor.multimodel.bank
+        causes = [hypothesis.cause for hypothesis in bank.hypotheses]
+        return bank.h, [np.flatnonzero([cause == name for cause in causes]) for name in self.causes]
 
     def _merge(self) -> None:
         """Two bins become one, twice as wide."""
         self._width *= 2
-        self._extremes.merge()
-        self._sum = joined(self._sum, np.add, 0)
-        self._fates, self._unseen = (joined(c, np.add, 0) for c in (self._fates, self._unseen))
-        self._gaps = joined(self._gaps, np.logical_or, 0)
-        if self.beside is not None:
-            self.beside.merge()
+        for kept in (self._low, self._high, self._sums, self._fates, self._unseen, self._gaps):
+            kept.merge()
 
     # --- afterwards ------------------------------------------------------------------------------------
 
@@ -126,115 +146,67 @@ class Course:
         return 0 if self.timeline.start_us is None else self.timeline.end_us // self._width + 1
 
     @property
-    def middles(self) -> Floats:
-        """Of the bins [s], since the first sample."""
-        return (np.arange(self.used, dtype=float) + 0.5) * (1e-6 * self._width)
-
-    @property
     def edges(self) -> Floats:
-        """Of the bins [s]: one more than there are bins."""
+        """Of the bins [s], since the first sample: one more than there are bins."""
         return np.arange(self.used + 1, dtype=float) * (1e-6 * self._width)
 
-    def low(self, row: int, i: int) -> Floats:
-        """The least values in each bin; NaN: none."""
-        return self._extremes.low(self.used, row, i)
+    def low(self, kind: int, name: str) -> Floats:
+        """The least values of a signal in each bin; NaN: none."""
+        return self._known(self._low, kind, name)
 
-    def high(self, row: int, i: int) -> Floats:
-        """The largest values in each bin; NaN: none."""
-        return self._extremes.high(self.used, row, i)
+    def high(self, kind: int, name: str) -> Floats:
+        """The largest values of a signal in each bin; NaN: none."""
+        return self._known(self._high, kind, name)
 
-    def mean(self, i: int) -> Floats:
+    def _known(self, bins: Bins, kind: int, name: str) -> Floats:
+        values = bins.values[self._rows[kind, name], : self.used]
+        return np.where(np.isfinite(values), values, np.nan)
+
+    def mean(self, name: str) -> Floats:
         """Of the estimates in each bin; NaN: none."""
-        count = self._fates[:, : self.used].sum(axis=0)
-        mean: Floats = self._sum[i, : self.used] / np.maximum(count, 1)
+        count = self._fates.values[:, : self.used].sum(axis=0)
+        mean: Floats = self._sums.values[list(self.h).index(name), : self.used] / np.maximum(count, 1)
         mean[count == 0] = np.nan
         return mean
 
-    def largest_g(self, i: int) -> float:
-        """Of both directions; h where it was crossed and g started again."""
-        values = np.concatenate([self.high(UP, i), self.high(DOWN, i)])
+    def largest(self, *kinds: int, name: str) -> float:
+        """The largest value of these signals; of g that is h where it was crossed and g started again."""
+        values = np.concatenate([self.high(kind, name) for kind in kinds])
         return float(np.nanmax(values, initial=0.0))
 
     def fate(self, fate: int) -> Counts:
         """How many samples of each bin had that fate, one of FATES."""
-        return self._fates[FATES.index(fate), : self.used]
+        return self._fates.values[FATES.index(fate), : self.used]
 
-    def unseen(self, i: int) -> Counts:
+    def unseen(self, name: str) -> Counts:
         """At how many samples of each bin a parameter was not observed."""
-        return self._unseen[i, : self.used]
+        return self._unseen.values[list(self.h).index(name), : self.used]
 
     @property
     def gaps(self) -> NDArray[np.bool_]:
         """Which bins have a part without samples after which the predictor restarted."""
-        return self._gaps[: self.used]
+        return self._gaps.values[0, : self.used]
 
 
-# --- The multi-model detector: the least and the largest g / h of each cause, bin by bin -----------------------------
+class Bins:
+    """Values of signals (rows, bins); those of the samples of a bin are joined by a function such as the minimum."""
 
+    def __init__(self, join: np.ufunc, empty: NDArray[Any]) -> None:
+        self._join, self._empty, self.values = join, empty[..., :1].copy(), empty
 
-EITHER = 0
-"""The way of a change that has none."""
-
-
-class Group(NamedTuple):
-    """Hypotheses that are drawn as one line: those of a cause, of a parameter those of an increase or of a decrease."""
-
-    cause: str
-    way: int
-    """1 up, -1 down, 0 either"""
-
-
-class BankCourse:
-    """At each sample the largest g / h of each group counts: an alarm is raised where one of them crosses 1.
-
-    Args:
-        bank: of the axis.
-        parameters: monitored; their increases and decreases are groups of their own.
-        most: bins.
-    """
-
-    def __init__(self, bank: HypothesisBank, parameters: Sequence[str], most: int) -> None:
-        self._h, self._most = bank.h, most
-        groups = [_group(hypothesis.cause, hypothesis.size, parameters) for hypothesis in bank.hypotheses]
-        self.groups: tuple[Group, ...] = tuple(dict.fromkeys(groups))
-        """What is drawn as one line each"""
-        self._members = [np.flatnonzero([group_of == group for group_of in groups]) for group in self.groups]
-        self._extremes = Extremes(len(self.groups), most)
-
-    def take(self, bins: Counts, starts: Counts, g: Floats) -> None:
-        """Take g (N, H) of samples; those from ``starts[k]`` on are of ``bins[k]``."""
-        share = g / self._h
-        largest = np.stack([share[:, members].max(axis=1) for members in self._members])
-        self._extremes.take(bins, starts, largest)
+    def take(self, bins: Counts, starts: Counts, values: NDArray[Any]) -> None:
+        """Take values (rows, N); those from ``starts[k]`` on are of ``bins[k]``."""
+        self.values[:, bins] = self._join(self.values[:, bins], self._join.reduceat(values, starts, axis=1))
 
     def merge(self) -> None:
-        """Two bins become one, twice as wide."""
-        self._extremes.merge()
-
-    def low(self, group: Group, used: int) -> Floats:
-        """The least values in the first bins; NaN: none."""
-        return self._extremes.low(used, self.groups.index(group))
-
-    def high(self, group: Group, used: int) -> Floats:
-        """The largest values in the first bins; NaN: none."""
-        return self._extremes.high(used, self.groups.index(group))
-
-    def largest(self, cause: str) -> float:
-        """g / h of a cause, of all samples."""
-        values = [
-            self._extremes.high(self._most, k) for k, own in enumerate(self.groups) if own.cause == cause
-        ]
-        return float(np.nanmax(values, initial=0.0))
-
-
-def _group(cause: str, size: float, parameters: Sequence[str]) -> Group:
-    return Group(cause, (1 if size > 0 else -1) if cause in parameters else EITHER)
+        """Neighbours are joined in the first half of the bins, the second one becomes empty."""
+        joined = self._join(self.values[:, ::2], self.values[:, 1::2])
+        self.values = np.concatenate([joined, np.repeat(self._empty, joined.shape[1], axis=1)], axis=1)
 
 
 # --- Times on a line that always goes on: pauses are cut out, and clocks that were set back go on ---------------------
 
 
-Times = NDArray[np.int64]
 PAUSE_S = 60.0
 """A longer time without samples is cut out, so that what is before and after it can be seen."""
 _MOST_STRETCHES = 4096
@@ -274,81 +246,44 @@ class Timeline:
         steps = np.diff(t_us, prepend=before)
         cut = (steps < 0) | (steps > PAUSE_S * 1e6)
         where = self.end_us + np.cumsum(np.where(cut, 0, steps))
-        edges = np.concatenate(([0], np.flatnonzero(cut), [t_us.size]))
-        for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-            if first < end:
-                self._go_on(t_us, where, first, end - 1, steps, bool(cut[first]))
+        if self.start_us is None:
+            self.start_us = int(t_us[0])
+            self._stretches.append(Stretch(self.start_us, self.start_us, 0, 0.0))
+        cuts = [*np.flatnonzero(cut).tolist(), t_us.size]
+        self.pauses += len(cuts) - 1
+        if cuts[0] > 0:
+            self._stretches[-1] = self._stretches[-1]._replace(last=int(t_us[cuts[0] - 1]))
+        for first, end in pairwise(cuts):
+            times = int(t_us[first]), int(t_us[end - 1])
+            self._stretches.append(Stretch(*times, int(where[first]), 1e-6 * int(steps[first])))
         self.end_us = int(where[-1])
         return where
-
-    def _go_on(self, t_us: Times, where: Times, first: int, last: int, steps: Times, new: bool) -> None:
-        if self._stretches and not new:
-            self._stretches[-1] = self._stretches[-1]._replace(last=int(t_us[last]))
-            return
-        self.pauses += bool(self._stretches)
-        self.start_us = int(t_us[first]) if self.start_us is None else self.start_us
-        stretch = int(t_us[first]), int(t_us[last]), int(where[first]), 1e-6 * int(steps[first])
-        self._stretches.append(Stretch(*stretch))
 
     def find(self, t_us: int | None) -> float | None:
         """Where on the line a time is [s], the latest place where it is; None: nowhere."""
         if t_us is None:
             return None
-        for _stretch in reversed(self._stretches):
-            if _stretch.first <= t_us <= _stretch.last:
-                return 1e-6 * (_stretch.at + t_us - _stretch.first)
+        for stretch in reversed(self._stretches):
+            if stretch.first <= t_us <= stretch.last:
+                return 1e-6 * (stretch.at + t_us - stretch.first)
         return None
 
 
-# --- Short stretches of a record, of which the least and the largest values are kept ----------------------------------
+class TimeUnit(NamedTuple):
+    """In which times of a record are written."""
+
+    name: str
+    seconds: float
+
+    def written(self, s: float) -> str:
+        """A time to four digits at least, such as 5.21 s."""
+        value = s / self.seconds
+        return f"{value:.{2 if value < 1000 else 0}f} {self.name}"
 
 
-Counts = NDArray[np.int64]
-_T = TypeVar("_T", bound=np.generic)
-
-
-class Extremes:
-    """The least and the largest values of signals (*shape) in each of so many bins."""
-
-    def __init__(self, *shape: int) -> None:
-        self._low, self._high = np.full(shape, np.inf), np.full(shape, -np.inf)
-
-    def take(self, bins: Counts, starts: Counts, values: Floats) -> None:
-        """Take values (.., N); those from ``starts[k]`` on are of ``bins[k]``."""
-        for which, least in ((self._low, np.minimum), (self._high, np.maximum)):
-            which[..., bins] = least(which[..., bins], least.reduceat(values, starts, axis=-1))
-
-    def merge(self) -> None:
-        """Two bins become one, twice as wide."""
-        self._low, self._high = joined(self._low, np.minimum, np.inf), joined(self._high, np.maximum, -np.inf)
-
-    def raise_to(self, value: float, *place: int) -> None:
-        """The largest value at a place is at least that."""
-        self._high[place] = max(self._high[place], value)
-
-    def low(self, used: int, *signal: int) -> Floats:
-        """The least values of a signal in the first bins; NaN: none."""
-        return _known(self._low[signal][:used])
-
-    def high(self, used: int, *signal: int) -> Floats:
-        """The largest values of a signal in the first bins; NaN: none."""
-        return _known(self._high[signal][:used])
-
-
-def _known(values: Floats) -> Floats:
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def zigzag(t: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """A line through the least and the largest value of each bin, at its time; down one, up the next."""
-    both = np.stack([low, high], axis=1)
-    both[1::2] = both[1::2, ::-1]
-    return np.repeat(t, 2), both.ravel()
-
-
-def joined(values: NDArray[_T], join: np.ufunc, empty: float) -> NDArray[_T]:
-    """Neighbours along the last axis joined in its first half, the second one empty."""
-    half = values.shape[-1] // 2
-    out = np.full_like(values, empty)
-    out[..., :half] = join(values[..., : 2 * half : 2], values[..., 1 : 2 * half : 2])
-    return out
+def time_unit(length_s: float) -> TimeUnit:
+    """That of a record of such a length."""
+    for name, seconds, most in (("s", 1.0, 600.0), ("min", 60.0, 4 * 3600.0), ("h", 3600.0, 4 * 86400.0)):
+        if length_s <= most:
+            return TimeUnit(name, seconds)
+    return TimeUnit("d", 86400.0)

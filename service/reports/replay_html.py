@@ -2,28 +2,47 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from monitor_core.detection import Alarm
-from monitor_core.monitoring import ParameterStatus, Status
-from monitor_core.trend import COVERED
-from service.reports.formats import percent, plain, render, safe
+from monitor_core.wording import duration
+from service.reports import replay_report as content
+from service.reports.formats import render, safe
 from service.reports.replay_course import SIGMAS, Course
 from service.reports.replay_plots import axis_pictures
-from service.reports.replay_result import (
-    REASONS,
-    Replayed,
-    ReplayedAxis,
-    dated,
-    duration,
-    time_unit,
-    trend_sentence,
-)
-from service.reports.trend_plots import trend_picture
+from service.reports.replay_report import dated
+from service.reports.replay_result import Replayed, ReplayedAxis
 
-_ARROWS = {"up": "↑ up", "down": "↓ down"}
+REASONS: Mapping[str, str] = {
+    "used": "learned from",
+    "seeding": "taken to find P(0)",
+    "settling": "while the predictor settled, after its start or after lost samples",
+    "gated": "while operating conditions forbade it, or were not known",
+    "outlier": "far from their prediction, passed over",
+    "starved": "while there was nothing to learn: the axis hardly moved",
+    "started": "the predictor started with them",
+    "gap": "after a gap, or a clock that was set: the predictor restarted",
+    "not_finite": "not finite",
+    "not_increasing": "not after the sample before",
+    "diverged": "at which the prediction left the finite numbers",
+    "projected": "at which a bound held an estimate (these are among the others, too)",
+    "absurd": "beyond physical limits",
+    "repeated": "the same again within half an interval",
+    "out_of_order": "not after the last sample",
+    "untimed": "the counter or the fitted clock contradicts the time of receipt",
+    "unpaired": "torque or motion without its partner",
+    "late": "arrived after its partner had been dropped",
+    "missing": "samples that never came",
+    "ambiguous": "more than half a turn since the sample before: which way is not known",
+    "unwanted": "no axis asks for them",
+    "too_short": "shorter than their message",
+    "undecodable": "contradict the DBC file",
+    "signal_absent": "of a multiplexed message, without the signal that was wanted",
+    "other_bus": "of a bus that the configuration does not have",
+    "clock_reanchored": "the time line of the samples restarted",
+    "clock_set_back": "the clock of the receiver was set back",
+}
+"""Of counters of samples, values, frames and clocks."""
 
 
 def as_html(replayed: Replayed) -> str:
@@ -36,11 +55,13 @@ def as_html(replayed: Replayed) -> str:
         outcome=_outcome(replayed),
         key_figures=_key_figures(replayed),
         notes=[note for axis in replayed.axes for note in axis.notes],
-        alarms=[_alarm(axis, alarm) for axis in replayed.axes for alarm in axis.alarms],
+        estimates=content.estimates(replayed.axes),
+        largest_g=content.largest_g(replayed.axes),
+        alarms=content.alarm_table(replayed.axes),
+        alarm_sentences=[words for axis in replayed.axes for words in content.alarm_sentences(axis)],
         axes=[_axis(axis, f"axis{k}") for k, axis in enumerate(replayed.axes)],
-        frames=[_counters(bus, counts, 0) for bus, counts in replayed.frames_dropped.items()],
+        reasons=REASONS,
         sigmas=f"{SIGMAS:g}",
-        covered=f"{100 * COVERED:.0f}",
     )
 
 
@@ -61,7 +82,7 @@ def _key_figures(replayed: Replayed) -> tuple[tuple[str, str], ...]:
     samples = sum(axis.status.samples for axis in replayed.axes)
     used = sum(axis.status.counters["used"] for axis in replayed.axes)
     longest = max((1e-6 * _course(axis).timeline.end_us for axis in replayed.axes), default=0.0)
-    dropped = sum(_without_missing(axis.dropped) for axis in replayed.axes)
+    dropped = sum(_without_missing(axis.snapshot.dropped) for axis in replayed.axes)
     dropped += sum(map(_without_missing, replayed.frames_dropped.values()))
     alarms, axes = sum(len(axis.alarms) for axis in replayed.axes), len(replayed.axes)
     return (
@@ -81,76 +102,31 @@ def _s(count: int) -> str:
     return "" if count == 1 else "s"
 
 
-def _alarm(axis: ReplayedAxis, alarm: Alarm) -> dict[str, Any]:
-    quantity, sized = axis.quantities[alarm.parameter], math.isfinite(alarm.size)
-    share = percent(alarm.size / quantity.nominal, signed=True) if quantity.nominal and sized else "-"
-    return {
-        "axis": axis.id,
-        "parameter": alarm.parameter,
-        "direction": _ARROWS[alarm.direction],
-        "times": [_time(axis, t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us)],
-        "size": f"{plain(alarm.size, 3)} ± {plain(alarm.size_sd, 2)}" if sized else "-",
-        "unit": quantity.unit,
-        "share": share,
-        "words": f"{axis.id}: {axis.words(alarm)}",
-    }
-
-
-def _time(axis: ReplayedAxis, t_us: int | None) -> tuple[str | None, str]:
-    if t_us is None:
-        return None, ""
-    line = _course(axis).timeline
-    return time_unit(1e-6 * line.end_us).written(line.find(t_us)), dated(t_us)
-
-
-def _axis(axis: ReplayedAxis, salt: str) -> dict[str, Any]:
-    status, course, trends = axis.status, _course(axis), axis.known_trends
-    beside = ("of the multi-model detector",) if course.beside is not None else ()
-    meanings = {p.name: p.meaning for p in status.parameters}
-    names = [meanings[trend.name] for trend in trends]
-    parameters = enumerate(status.parameters if status.samples else ())
-    return {
-        "id": axis.id,
-        "span": _span(axis),
-        "detectors": _detectors(axis),
-        "numbers": ("estimate", "sd", "change", "largest g / h", *beside, "alarms"),
-        "parameters": [_parameter(axis, i, p) for i, p in parameters],
-        "pictures": list(map(safe, axis_pictures(axis, course, salt))) if course.used else [],
-        "multimodel": bool(beside),
-        "trends": [trend_sentence(trend) for trend in trends],
-        "trend_picture": safe(trend_picture(axis.id, trends, names, f"{salt}-trend")) if trends else "",
-        "counters": [
-            _counters(f"of {status.samples} samples", status.counters, status.samples),
-            _counters("no samples", axis.dropped, 0),
-            _counters("clocks", axis.clock, 0),
-        ],
-    }
-
-
 def _course(axis: ReplayedAxis) -> Course:
     assert axis.course is not None, "a page is drawn of a replay that collects courses"
     return axis.course
 
 
-def _parameter(axis: ReplayedAxis, i: int, p: ParameterStatus) -> dict[str, Any]:
-    known, course = math.isfinite(p.estimate), _course(axis)
-    alarms = sum(alarm.parameter == p.name for alarm in axis.alarms)
-    numbers = [
-        plain(p.estimate, 5) if known else "invalid",
-        plain(p.standard_deviation, 2),
-        percent(p.estimate / p.nominal - 1, signed=True) if known and p.nominal else "",
-        f"{course.largest_g(i) / course.h[i]:.2f}",
-        *([] if course.beside is None else [f"{course.beside.largest(p.name):.2f}"]),
-        str(alarms or ""),
-    ]
+def _axis(axis: ReplayedAxis, salt: str) -> dict[str, Any]:
+    course = _course(axis)
     return {
-        "name": p.name,
-        "nominal": plain(p.nominal, 5),
-        "unit": p.unit,
-        "numbers": numbers,
-        "alarmed": p.status is Status.ALARM,
-        "status": str(p.status),
+        "id": axis.id,
+        "status": axis.status,
+        "dropped": axis.snapshot.dropped,
+        "clock": axis.snapshot.clock,
+        "span": f"{_span(axis)}{_detectors(axis)}",
+        "pictures": list(map(safe, axis_pictures(axis, course, salt))) if course.used else [],
+        "multimodel": bool(course.causes),
+        "trends": list(content.trend_sentences(axis)),
     }
+
+
+def _span(axis: ReplayedAxis) -> str:
+    line = _course(axis).timeline
+    words = f"Drive {axis.snapshot.drive}. {duration(1e-6 * line.end_us)} of samples"
+    start, end = (dated(t) for t in (line.start_us, axis.status.time_us))
+    words += f", from {start} to {end} UTC" if start and end else ""
+    return f"{words}, with {line.pauses} pause{_s(line.pauses)} cut out." if line.pauses else f"{words}."
 
 
 def _detectors(axis: ReplayedAxis) -> str:
@@ -163,27 +139,3 @@ def _detectors(axis: ReplayedAxis) -> str:
         elif detector.leading:
             text += f" The {name} ran in shadow mode; its strongest evidence at the end is that of {detector.leading}."
     return text
-
-
-def _span(axis: ReplayedAxis) -> str:
-    line = _course(axis).timeline
-    words = f"Drive {axis.drive}. {duration(1e-6 * line.end_us)} of samples"
-    start, end = (dated(t) for t in (line.start_us, axis.status.time_us))
-    words += f", from {start} to {end} UTC" if start and end else ""
-    return f"{words}, with {line.pauses} pause{_s(line.pauses)} cut out." if line.pauses else f"{words}."
-
-
-def _counters(title: str, counts: Mapping[str, int], samples: int) -> dict[str, Any]:
-    """Counts by reason, as shares of the samples if there are any; then the reasons that never occurred."""
-    return {
-        "title": title,
-        "rows": list(_counter_rows(counts, samples)),
-        "none": ", ".join(reason for reason, count in counts.items() if not count),
-    }
-
-
-def _counter_rows(counts: Mapping[str, int], samples: int) -> Iterator[dict[str, Any]]:
-    for reason, count in counts.items():
-        if count:
-            share = f"{100 * count / samples:.3g} %" if samples else ""
-            yield {"count": count, "share": share, "reason": reason, "meaning": REASONS.get(reason, "")}

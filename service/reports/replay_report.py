@@ -1,170 +1,158 @@
-"""Alarms and final estimates of a replay: tables on the terminal, and everything as JSON."""
+"""Alarms and final estimates of a replay in words and tables, on the terminal and for the page; everything as JSON."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
-from monitor_core.detection import Alarm, Name, Reach
-from monitor_core.monitoring import AxisStatus, ParameterStatus, ParameterTrend
-from service.reports.formats import fields_of, json_text
-from service.reports.replay_result import Replayed, ReplayedAxis, reached, trend_sentence
-from service.texts import iso, maybe_iso, reach_words, trend_words
-
-Json = dict[str, Any]
+from monitor_core.monitoring import ParameterStatus
+from service.reports.formats import Table, for_terminal, json_text, percent, plain
+from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
+from service.reports.replay_result import Replayed, ReplayedAxis
+from service.store.journal import RecordedAlarm
+from service.texts import DATED_US, episode_words, iso, reach_words, trend_words
+from service.web import views
 
 
 def print_text(replayed: Replayed, console: Console) -> None:
     """The estimates at the end, the alarms, trends, and what else is to be known."""
-    console.print(_estimates(replayed))
-    console.print(_alarms(replayed))
-    for axis in replayed.axes:
-        for trend in axis.known_trends:
-            words = f"{axis.id}: {trend_sentence(trend)}"
-            console.print(Text.assemble(("Trend: ", "bold"), words), soft_wrap=True)
-    for axis in replayed.axes:
-        for words in axis.notes:
-            console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+    axes = replayed.axes
+    for axis in axes:
+        gated = axis.status.counters["gated"]
+        console.print(
+            f"{axis.id}: {axis.status.samples} samples{f', {gated} of them gated' if gated else ''}"
+        )
+    console.print(for_terminal(estimates(axes), "Estimates at the end"))
+    alarms = alarm_table(axes)
+    still_open = [n for n, alarm in enumerate(alarm for a in axes for alarm in a.alarms) if alarm.active]
+    if alarms.rows:
+        console.print(for_terminal(alarms, "Alarms (times in UTC)", styles=dict.fromkeys(still_open, "red")))
+    else:
+        console.print("No alarms.")
+    for axis in axes:
+        for kind, style, sentences in (
+            ("Alarm", "bold red", alarm_sentences(axis)),
+            ("Trend", "bold", (f"{axis.id}: {words}" for words in trend_sentences(axis))),
+            ("Note", "bold yellow", axis.notes),
+        ):
+            for words in sentences:
+                console.print(Text.assemble((f"{kind}: ", style), words), soft_wrap=True)
 
 
-def _estimates(replayed: Replayed) -> Table:
-    columns = ("axis", "samples", "parameter", "unit", "nominal", "estimate", "change", "alarms")
-    table = Table(*columns, title="Estimates at the end", title_justify="left")
-    for axis in replayed.axes:
-        for p in axis.status.parameters:
-            count = sum(e.parameter == p.name for e in axis.alarms)
-            table.add_row(*map(escape, (axis.id, _samples(axis.status), *_cells(p), str(count or ""))))
-    return table
+# --- Sentences and tables ---------------------------------------------------------------------------------------------
 
 
-def _samples(status: AxisStatus) -> str:
-    """Number of samples, and of those that operating conditions excluded."""
-    gated = status.counters["gated"]
-    return f"{status.samples}, {gated} gated" if gated else str(status.samples)
+def estimates(axes: Sequence[ReplayedAxis]) -> Table:
+    """A row for each parameter."""
+    rows = [(axis.id, *_parameter(p)) for axis in axes for p in axis.status.parameters]
+    return Table(("axis", "parameter", "unit", "nominal", "estimate ± sd", "change", "status"), rows)
 
 
-def _cells(p: ParameterStatus) -> tuple[str, ...]:
-    unit, nominal = "" if p.unit == "1" else p.unit, f"{p.nominal:.4g}"
+def largest_g(axes: Sequence[ReplayedAxis]) -> Table:
+    """A row for each parameter: the largest g / h of both detectors, where the course is known."""
+    rows = [
+        (
+            axis.id,
+            name,
+            f"{course.largest(UP, DOWN, name=name) / h:.2f}",
+            f"{course.largest(EVIDENCE, name=name):.2f}" if course.causes else "",
+        )
+        for axis in axes
+        if (course := axis.course) is not None
+        for name, h in course.h.items()
+    ]
+    return Table(("axis", "parameter", "CUSUM", "multi-model"), rows)
+
+
+def _parameter(p: ParameterStatus) -> tuple[str, ...]:
+    unit, nominal = "" if p.unit == "1" else p.unit, plain(p.nominal, 5)
     if math.isnan(p.estimate):
-        return p.name, unit, nominal, "invalid", ""
-    estimate = f"{p.estimate:.4g} ± {p.standard_deviation:.1g}"
-    return p.name, unit, nominal, estimate, _percent(p.estimate - p.nominal, p.nominal)
+        return p.name, unit, nominal, "invalid", "", str(p.status)
+    change = percent(p.estimate / p.nominal - 1, signed=True) if p.nominal else ""
+    estimate = f"{plain(p.estimate, 5)} ± {plain(p.standard_deviation, 2)}"
+    return p.name, unit, nominal, estimate, change, str(p.status)
 
 
-def _alarms(replayed: Replayed) -> Table:
-    columns = ("axis", "parameter", "change", "onset", "raised", "ended")
-    table = Table(*columns, title="Alarms (times in UTC)", title_justify="left", caption_justify="left")
-    lines = list[str]()
-    for axis in replayed.axes:
-        for e in axis.alarms:
-            share = _percent(e.size, axis.quantities[e.parameter].nominal)
-            change = f"{e.size:+.3g} ± {e.size_sd:.1g} ({share})" if math.isfinite(e.size) else "-"
-            times = (_onset(e), _short(e.raised_us), _short(e.ended_us))
-            cells = (axis.id, e.parameter, change, *times)
-            table.add_row(*map(escape, cells), style="red" if e.ended_us is None else None)
-            lines.append(f"{axis.id}: {axis.words(e)}")
-    table.caption = Text("\n".join(lines))
-    if not table.row_count:
-        table.add_row("none")
-    return table
+def alarm_table(axes: Sequence[ReplayedAxis]) -> Table:
+    """A row for each alarm."""
+    rows = [
+        (
+            axis.id,
+            alarm.parameter,
+            _size(alarm),
+            f"{_when(axis, alarm.onset_us)}{_onset_within(alarm)}",
+            _when(axis, alarm.raised_us),
+            _when(axis, alarm.ended_us),
+        )
+        for axis in axes
+        for alarm in axis.alarms
+    ]
+    return Table(("axis", "parameter", "size ± sd", "onset", "raised", "ended"), rows)
 
 
-def _onset(e: Alarm) -> str:
-    """The onset, with half the length of its interval where it is known."""
-    if e.onset_low_us is None or e.onset_high_us is None:
-        return _short(e.onset_us)
-    return f"{_short(e.onset_us)} ± {(e.onset_high_us - e.onset_low_us) / 2e6:.1f} s"
+def _size(alarm: RecordedAlarm) -> str:
+    if not math.isfinite(alarm.size):
+        return "-"
+    sign, unit = "+" if alarm.size > 0 else "", "" if alarm.unit == "1" else f" {alarm.unit}"
+    share = f" ({percent(alarm.size / alarm.nominal, signed=True)})" if alarm.nominal else ""
+    return f"{sign}{plain(alarm.size, 3)} ± {plain(alarm.size_sd, 2)}{unit}{share}"
 
 
-def _short(t_us: int | None) -> str:
-    """A time for people, to a tenth of a second."""
-    return "open" if t_us is None else iso(t_us)[:21].replace("T", " ")
+def _onset_within(alarm: RecordedAlarm) -> str:
+    """Half the length of the interval of the onset, where it is known."""
+    if alarm.onset_low_us is None or alarm.onset_high_us is None:
+        return ""
+    return f" ± {(alarm.onset_high_us - alarm.onset_low_us) / 2e6:.1f} s"
 
 
-def _percent(change: float, nominal: float) -> str:
-    return f"{100 * change / nominal:+.1f} %" if nominal else "-"
+def _when(axis: ReplayedAxis, t_us: int | None) -> str:
+    """A time from the first sample on, as in the pictures, and in UTC; each where it is known."""
+    if t_us is None:
+        return "open"
+    date, line = dated(t_us), None if axis.course is None else axis.course.timeline
+    place = None if line is None else line.find(t_us)
+    if line is None or place is None:
+        return date or f"{t_us / 1e6:.2f} s"
+    since = time_unit(1e-6 * line.end_us).written(place)
+    return f"{since} ({date})" if date else since
+
+
+def dated(t_us: int | None) -> str:
+    """A time in UTC to a tenth of a second; empty where the times of the record have no date."""
+    return "" if t_us is None or t_us < DATED_US else iso(t_us)[:21].replace("T", " ")
+
+
+def alarm_sentences(axis: ReplayedAxis) -> Iterator[str]:
+    """What each alarm says."""
+    return (f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit)}" for alarm in axis.alarms)
+
+
+def trend_sentences(axis: ReplayedAxis) -> Iterator[str]:
+    """The trends that are known, and when limits are reached, counted from the last entry."""
+    for p in axis.snapshot.trends:
+        if p.trend is not None:
+            reached = [reach_words(r, p.entries[-1].end_us) for r in p.reaches]
+            yield "; ".join([trend_words(p.name, p.unit, p.trend), *reached])
 
 
 # --- JSON -------------------------------------------------------------------------------------------------------------
 
 
 def as_json(replayed: Replayed) -> str:
-    """All results; times are ISO 8601 UTC."""
-    axes = [_axis(axis) for axis in replayed.axes]
-    return json_text({"axes": axes, "frames_dropped": replayed.frames_dropped})
+    """All results, each as the daemon's API answers it."""
+    return json_text(
+        {"axes": [_axis(axis) for axis in replayed.axes], "frames_dropped": replayed.frames_dropped}
+    )
 
 
-def _axis(axis: ReplayedAxis) -> Json:
-    status = axis.status
+def _axis(axis: ReplayedAxis) -> dict[str, Any]:
+    now_us = axis.status.time_us or 0
     return {
-        "id": axis.id,
-        "samples": status.samples,
-        "last_sample": maybe_iso(status.time_us),
-        "innovation_variance": status.innovation_variance,
-        "confounded": status.confounded,
-        "gated_by": axis.gated_by or None,
-        "counters": status.counters,
-        "dropped": axis.dropped,
-        "clock": axis.clock,
-        "stamps": axis.stamps,
-        "parameters": [_parameter(p) for p in status.parameters],
-        "detectors": status.detectors,
-        "trends": [_trend(p) for p in axis.trends],
-        "alarms": [_alarm(e, axis) for e in axis.alarms],
-    }
-
-
-def _parameter(p: ParameterStatus) -> Json:
-    return {
-        "name": p.name,
-        "unit": p.unit,
-        "status": str(p.status),
-        "observation": str(p.observation),
-        "nominal": p.nominal,
-        "estimate": p.estimate,
-        "standard_deviation": p.standard_deviation,
-        "p_diagonal": p.p_diagonal,
-        "cusum_up": p.g_up,
-        "cusum_down": p.g_down,
-        "threshold": p.h,
-    }
-
-
-def _trend(p: ParameterTrend) -> Json:
-    t = p.trend
-    return {
-        "parameter": p.name,
-        "words": trend_words(p.name, p.unit, t),
-        "entries": len(p.entries),
-        "probability": None if t is None else t.probability,
-        "slope_per_day": None if t is None else t.slope * 86400,
-        "slope_per_day_sd": None if t is None else t.slope_sd * 86400,
-        "limits": [_limit(r, words) for r, words in zip(p.reaches, reached(p), strict=True)],
-    }
-
-
-def _limit(r: Reach, words: str) -> Json:
-    return {**_timed(r), "words": words}
-
-
-def _alarm(e: Alarm, axis: ReplayedAxis) -> Json:
-    reaches = [_limit(r, reach_words(r, e.updated_us)) for r in e.reaches]
-    return {
-        **_timed(e),
-        "words": axis.words(e),
-        "reaches": reaches,
-        "past": [_timed(name) for name in e.past],
-    }
-
-
-def _timed(record: Alarm | Reach | Name) -> Json:
-    """Its fields, with times such as onset_us written out as onset."""
-    return {
-        name.removesuffix("_us"): maybe_iso(value) if name.endswith("_us") else value
-        for name, value in fields_of(record).items()
+        **views.axis(axis.snapshot, now_us).model_dump(exclude={"last_sample_age_s"}),
+        "trends": [trend.model_dump() for trend in views.trend(axis.snapshot).parameters],
+        "alarms": [views.alarm(alarm).model_dump() for alarm in axis.alarms],
     }

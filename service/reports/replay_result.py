@@ -3,53 +3,44 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.detection import Alarm, AlarmKey
-from monitor_core.monitoring import AxisStatus, AxisTrace, ParameterTrend
+from monitor_core.monitoring import AxisStatus, AxisTrace
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
-from service.ingest.timestamp_jitter import Stamps, remarks
+from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
 from service.pipeline.alarms import Quantity, quantities
 from service.pipeline.axis_monitors import AxisMonitors
-from service.reports.formats import Provenance, plain
+from service.pipeline.snapshot import AxisSnapshot
+from service.reports.formats import Provenance, fields_of
 from service.reports.replay_course import Course
-from service.texts import DATED_US, episode_words, iso, reach_words, trend_words
+from service.store.journal import RecordedAlarm
 
 
 class ReplayedAxis(NamedTuple):
     """One axis after its records."""
 
-    id: str
-    drive: str
-    status: AxisStatus
-    gated_by: str
-    alarms: Sequence[Alarm]
+    snapshot: AxisSnapshot
+    """As the daemon would have published it, without its recent history"""
+    alarms: Sequence[RecordedAlarm]
     """In the order in which they were raised"""
-    quantities: Mapping[str, Quantity]
-    """Unit and nominal value of whatever its alarms may name; of parameters the present one"""
-    dropped: Mapping[str, int]
-    """What never reached the monitor, by reason"""
-    clock: Mapping[str, int]
-    """How often its time line restarted, by cause"""
-    stamps: Stamps | None
-    trends: Sequence[ParameterTrend]
     notes: Sequence[str]
     """What cannot be determined, and what its time stamps say, in words"""
     course: Course | None
     """None: it is not to be drawn"""
 
     @property
-    def known_trends(self) -> list[ParameterTrend]:
-        """Slow courses of parameters of which enough is known."""
-        return [trend for trend in self.trends if trend.trend is not None]
+    def id(self) -> str:
+        """As "robot.axis"."""
+        return self.snapshot.id
 
-    def words(self, alarm: Alarm) -> str:
-        """An alarm in a sentence."""
-        quantity = self.quantities[alarm.parameter]
-        return episode_words(alarm, quantity.nominal, quantity.unit)
+    @property
+    def status(self) -> AxisStatus:
+        """At the end."""
+        return self.snapshot.status
 
 
 class Replayed(NamedTuple):
@@ -111,103 +102,40 @@ class Replay:
         return Replayed(axes, self._frames_dropped, records, config, Provenance.now())
 
     def _axis(self, axis: NamedAxis) -> ReplayedAxis:
-        monitor, stamps = self._monitors.by_id[axis.id], self._stamps.get(axis.id)
-        status = monitor.status()
-        known = {name: quantity for (owner, name), quantity in self._quantities.items() if owner == axis.id}
-        now = {p.name: Quantity(p.unit, p.nominal) for p in status.parameters}
-        doubts = () if stamps is None else remarks(axis.id, axis.config.sample_interval_s, stamps)
-        return ReplayedAxis(
+        monitors, stamps = self._monitors, self._stamps.get(axis.id, NOT_KNOWN)
+        monitor = monitors.by_id[axis.id]
+        model, status = monitor.model, monitor.status()
+        alarms = self._recorded(axis.id, status)
+        snapshot = AxisSnapshot(
             id=axis.id,
-            drive=monitor.model.drive.name,
+            robot=axis.robot,
+            name=axis.config.name,
+            bus=axis.config.bus,
+            drive=model.drive.name,
+            output=model.drive.output,
+            interval_s=axis.config.sample_interval_s,
+            nominal={p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters},
             status=status,
-            gated_by=self._monitors.waits_for(axis.id),
-            alarms=[alarm for (owner, _), alarm in self._alarms.items() if owner == axis.id],
-            quantities={**known, **now},
-            dropped={**self._dropped[axis.id], **self._monitors.dropped(axis.id)},
+            open_alarms=tuple(alarm for alarm in alarms if alarm.active),
+            dropped={**self._dropped[axis.id], **monitors.dropped(axis.id)},
             clock=self._clock[axis.id],
+            history=(),
+            gated_by=monitors.waits_for(axis.id),
             stamps=stamps,
-            trends=self._monitors.trends.for_axis(axis.id),
-            notes=[*(f"{axis.id}: {words}" for words in status.confounded), *doubts],
-            course=self._courses.get(axis.id),
+            trends=monitors.trends.for_axis(axis.id),
         )
+        doubts = remarks(axis.id, axis.config.sample_interval_s, stamps)
+        notes = [*(f"{axis.id}: {words}" for words in status.confounded), *doubts]
+        return ReplayedAxis(snapshot, alarms, notes, self._courses.get(axis.id))
 
-
-# --- Times and reasons of a replay in words ---------------------------------------------------------------------------
-
-
-def reached(trend: ParameterTrend) -> Iterator[str]:
-    """When its limits are reached, counted from the end of the record."""
-    now_us = trend.entries[-1].end_us if trend.entries else 0
-    return (reach_words(reach, now_us) for reach in trend.reaches)
-
-
-def trend_sentence(trend: ParameterTrend) -> str:
-    """The trend of a parameter, and when its limits are reached."""
-    return "; ".join([trend_words(trend.name, trend.unit, trend.trend), *reached(trend)])
-
-
-REASONS: Mapping[str, str] = {
-    "used": "learned from",
-    "seeding": "taken to find P(0)",
-    "settling": "while the predictor settled, after its start or after lost samples",
-    "gated": "while operating conditions forbade it, or were not known",
-    "outlier": "far from their prediction, passed over",
-    "starved": "while there was nothing to learn: the axis hardly moved",
-    "started": "the predictor started with them",
-    "gap": "after a gap, or a clock that was set: the predictor restarted",
-    "not_finite": "not finite",
-    "not_increasing": "not after the sample before",
-    "diverged": "at which the prediction left the finite numbers",
-    "projected": "at which a bound held an estimate (these are among the others, too)",
-    "absurd": "beyond physical limits",
-    "repeated": "the same again within half an interval",
-    "out_of_order": "not after the last sample",
-    "untimed": "the counter or the fitted clock contradicts the time of receipt",
-    "unpaired": "torque or motion without its partner",
-    "late": "arrived after its partner had been dropped",
-    "missing": "samples that never came",
-    "ambiguous": "more than half a turn since the sample before: which way is not known",
-    "unwanted": "no axis asks for them",
-    "too_short": "shorter than their message",
-    "undecodable": "contradict the DBC file",
-    "signal_absent": "of a multiplexed message, without the signal that was wanted",
-    "other_bus": "of a bus that the configuration does not have",
-    "clock_reanchored": "the time line of the samples restarted",
-    "clock_set_back": "the clock of the receiver was set back",
-}
-"""Of counters of samples, values, frames and clocks."""
-
-
-class TimeUnit(NamedTuple):
-    """In which times of a record are written."""
-
-    name: str
-    seconds: float
-
-    def written(self, s: float | None) -> str:
-        """A time to four digits at least, such as 5.21 s."""
-        if s is None:
-            return ""
-        value = s / self.seconds
-        return f"{value:.{2 if value < 1000 else 0}f} {self.name}"
-
-
-def time_unit(length_s: float) -> TimeUnit:
-    """That of a record of such a length."""
-    for name, seconds, most in (("s", 1.0, 600.0), ("min", 60.0, 4 * 3600.0), ("h", 3600.0, 4 * 86400.0)):
-        if length_s <= most:
-            return TimeUnit(name, seconds)
-    return TimeUnit("d", 86400.0)
-
-
-def duration(s: float) -> str:
-    """A time such as 10 s, 3 h or 4 d, to two digits."""
-    for name, seconds, most in (("s", 1.0, 120.0), ("min", 60.0, 7200.0), ("h", 3600.0, 172800.0)):
-        if abs(s) <= most:
-            return f"{plain(abs(s) / seconds, 2)} {name}"
-    return f"{plain(abs(s) / 86400, 2)} d"
-
-
-def dated(t_us: int | None) -> str:
-    """A time in UTC to a tenth of a second; empty where the times of the record have no date."""
-    return "" if t_us is None or t_us < DATED_US else iso(t_us)[:21].replace("T", " ")
+    def _recorded(self, axis_id: str, status: AxisStatus) -> list[RecordedAlarm]:
+        """The alarms of an axis as a journal has them, with unit and nominal value; of parameters the present one."""
+        now = {(axis_id, p.name): Quantity(p.unit, p.nominal) for p in status.parameters}
+        known = {**self._quantities, **now}
+        return [
+            RecordedAlarm(
+                id=number, axis=axis_id, **known[axis_id, alarm.parameter]._asdict(), **fields_of(alarm)
+            )
+            for number, ((owner, _), alarm) in enumerate(self._alarms.items(), 1)
+            if owner == axis_id
+        ]

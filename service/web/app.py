@@ -7,8 +7,8 @@ from typing import Annotated
 from fastapi import APIRouter, FastAPI, Header, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.middleware.base import RequestResponseEndpoint
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
@@ -44,7 +44,7 @@ def create_app(
     app.include_router(_probes(state))
     app.include_router(_pages())
     app.mount("/static", StaticFiles(directory=STATIC))
-    app.add_middleware(SecurityHeaders)
+    _add_headers(app)
     _answer_errors(app)
     return app
 
@@ -93,22 +93,14 @@ def _pages() -> APIRouter:
     return pages
 
 
-class SecurityHeaders:
-    """Adds headers to every answer that forbid the browser everything that the pages do not need."""
+def _add_headers(app: FastAPI) -> None:
+    """Forbid the browser, in every answer, everything that the pages do not need."""
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-        self._headers = [(name.encode(), value.encode()) for name, value in _HEADERS.items()]
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
-
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                message["headers"] = [*message["headers"], *self._headers]
-            await send(message)
-
-        await self._app(scope, receive, send_with_headers)
+    @app.middleware("http")
+    async def add(request: Request, call_next: RequestResponseEndpoint) -> Response:
+        response = await call_next(request)
+        response.headers.update(_HEADERS)
+        return response
 
 
 def _answer_errors(app: FastAPI) -> None:

@@ -21,6 +21,8 @@ def _iso(value: object) -> object:
 Number = Annotated[float | None, BeforeValidator(_finite)]
 Time = Annotated[str, BeforeValidator(_iso), Field(json_schema_extra={"format": "date-time"})]
 """Given as text, or in microseconds since 1970"""
+TextOrNull = Annotated[str | None, BeforeValidator(lambda text: text or None)]
+"""An empty text becomes null"""
 Direction = Literal["up", "down"]
 
 
@@ -106,7 +108,7 @@ class Detector(Body):
 
     name: DetectorName = Field(description="cusum: tests of the estimates; multimodel: parallel hypotheses")
     alarms: bool = Field(description="true: it raises the alarms of the axis; false: it runs in shadow mode")
-    leading: str | None = Field(
+    leading: TextOrNull = Field(
         description="the cause nearest to its threshold, a parameter or a sensor fault; null: none yet"
     )
     evidence: Number = Field(description="test statistic of that cause divided by its threshold")
@@ -126,7 +128,7 @@ class Axis(Body):
     innovation_unit: str = Field(description="unit of the output: rad or rad/s")
     samples: int = Field(description="samples received since the start, used or not")
     confounded: list[str] = Field(description="sentences on parameters that are not observed now")
-    gated_by: str | None = Field(
+    gated_by: TextOrNull = Field(
         description="operating condition that excluded the last sample, e.g. mode = 2; null: none"
     )
     counters: dict[str, int] = Field(

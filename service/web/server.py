@@ -1,6 +1,5 @@
 """Runs uvicorn in the calling thread, until a stop event."""
 
-import asyncio
 import contextlib
 import errno
 import socket
@@ -11,7 +10,6 @@ import uvicorn
 from fastapi import FastAPI
 
 _GRACE_S = 3
-_POLL_S = 0.1
 
 
 class CannotListenError(Exception):
@@ -21,9 +19,20 @@ class CannotListenError(Exception):
 class _Server(uvicorn.Server):
     """A server that leaves signals to the program: the stop event ends it."""
 
+    def __init__(self, config: uvicorn.Config, ready: Callable[[], None], stop: threading.Event) -> None:
+        super().__init__(config)
+        self._ready, self._stop = ready, stop
+
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         yield
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self._ready()
+
+    async def on_tick(self, counter: int) -> bool:
+        return await super().on_tick(counter) or self._stop.is_set()
 
 
 def serve(app: FastAPI, host: str, port: int, ready: Callable[[int], None], stop: threading.Event) -> None:
@@ -39,30 +48,12 @@ def serve(app: FastAPI, host: str, port: int, ready: Callable[[int], None], stop
     Raises:
         CannotListenError: the port is taken, or the address is not one of this machine.
     """
-    listener = listen(host, port)
     config = uvicorn.Config(
         app, log_config=None, access_log=False, lifespan="off", timeout_graceful_shutdown=_GRACE_S
     )
-    with listener:
-        asyncio.run(_serve(_Server(config), listener, ready, stop))
-
-
-async def _serve(
-    server: uvicorn.Server,
-    listener: socket.socket,
-    ready: Callable[[int], None],
-    stop: threading.Event,
-) -> None:
-    port = listener.getsockname()[1]
-    serving = asyncio.create_task(server.serve([listener]))
-    while not (server.started or serving.done()):
-        await asyncio.sleep(0.01)
-    if server.started:
-        ready(port)
-    while not (stop.is_set() or serving.done()):
-        await asyncio.sleep(_POLL_S)
-    server.should_exit = True
-    await serving
+    with listen(host, port) as listener:
+        actual = listener.getsockname()[1]
+        _Server(config, lambda: ready(actual), stop).run([listener])
 
 
 def listen(host: str, port: int) -> socket.socket:

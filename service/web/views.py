@@ -1,7 +1,7 @@
 """Snapshots and alarms converted to the bodies of answers."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 from monitor_core.detection import Reach
@@ -18,10 +18,18 @@ OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 _B = TypeVar("_B", bound=models.Body)
 
 
-def _body(kind: type[_B], source: object, **own: object) -> _B:
-    """A body with these fields of its own; all others are the attributes of the source that have their names."""
-    same = {name: getattr(source, name) for name in kind.model_fields.keys() - own.keys()}
+def _body(kind: type[_B], *sources: object, **own: object) -> _B:
+    """A body with these fields of its own; all others are attributes of the sources.
+
+    They have the names of the fields, or, as times such as ``onset``, are called ``onset_us``.
+    """
+    same = {name: _attribute(sources, name) for name in kind.model_fields.keys() - own.keys()}
     return kind.model_validate(same | own)
+
+
+def _attribute(sources: Iterable[object], name: str) -> object:
+    places = [(source, known) for source in sources for known in (f"{name}_us", name)]
+    return next(getattr(source, known) for source, known in places if hasattr(source, known))
 
 
 def axes(snapshot: Snapshot, now_us: int) -> models.Axes:
@@ -31,27 +39,22 @@ def axes(snapshot: Snapshot, now_us: int) -> models.Axes:
 
 def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
     """One axis."""
-    status = a.status
     constants = [{"name": name, "value": value, "unit": unit} for name, (value, unit) in a.nominal.items()]
     return _body(
         models.Axis,
         a,
-        last_sample=status.time_us,
+        a.status,
+        last_sample=a.status.time_us,
         last_sample_age_s=sample_age_s(a, now_us),
-        parameters=[_parameter(p) for p in status.parameters],
-        innovation_variance=status.innovation_variance,
+        parameters=[parameter(p) for p in a.status.parameters],
         innovation_unit=OUTPUT_UNITS[a.output],
-        samples=status.samples,
-        confounded=status.confounded,
-        gated_by=a.gated_by or None,
-        counters=status.counters,
-        detectors=[_body(models.Detector, d, leading=d.leading or None) for d in status.detectors],
         open_alarms=list(dict.fromkeys(e.parameter for e in a.open_alarms if e.kind != "forecast")),
         model=_body(models.Model, a, nominal=constants),
     )
 
 
-def _parameter(p: ParameterStatus) -> models.Parameter:
+def parameter(p: ParameterStatus) -> models.Parameter:
+    """One monitored parameter."""
     cusum = models.Cusum(up=p.g_up, down=p.g_down)
     return _body(models.Parameter, p, cusum=cusum, threshold=p.h, tolerance=p.nu)
 
@@ -98,7 +101,7 @@ def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
         p,
         words=trend_words(p.name, p.unit, p.trend),
         drift=None if p.trend is None else _drift(p.trend),
-        limits=[_reach(r, now_us) for r in p.reaches],
+        limits=[reach(r, now_us) for r in p.reaches],
         time=[e.middle_us for e in entries],
         mean=[e.mean for e in entries],
         standard_deviation=[math.sqrt(e.variance) for e in entries],
@@ -108,11 +111,12 @@ def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
 
 def _drift(t: Trend) -> models.Drift:
     per_day = {"slope_per_day": t.slope * 86400, "slope_per_day_sd": t.slope_sd * 86400}
-    return _body(models.Drift, t, time=t.time_us, since=t.since_us, **t.probability, **per_day)
+    return _body(models.Drift, t, **t.probability, **per_day)
 
 
-def _reach(r: Reach, now_us: int) -> models.Reach:
-    return _body(models.Reach, r, low=r.low_us, high=r.high_us, words=reach_words(r, now_us))
+def reach(r: Reach, now_us: int) -> models.Reach:
+    """When a limit is reached, in words from this time on."""
+    return _body(models.Reach, r, words=reach_words(r, now_us))
 
 
 def alarm(a: RecordedAlarm) -> models.Alarm:
@@ -120,28 +124,13 @@ def alarm(a: RecordedAlarm) -> models.Alarm:
     return _body(
         models.Alarm,
         a,
-        reaches=[_reach(r, a.updated_us) for r in a.reaches],
+        reaches=[reach(r, a.updated_us) for r in a.reaches],
         words=episode_words(a, a.nominal, a.unit),
-        onset=a.onset_us,
-        onset_low=a.onset_low_us,
-        onset_high=a.onset_high_us,
-        raised=a.raised_us,
-        updated=a.updated_us,
-        ended=a.ended_us,
-        past=[_body(models.PastName, name, until=name.until_us) for name in a.past],
+        past=[_body(models.PastName, name) for name in a.past],
     )
 
 
 def service(snapshot: Snapshot, now_us: int) -> models.Service:
     """The daemon itself."""
     reasons = list(reasons_not_ready(snapshot, now_us))
-    return _body(
-        models.Service,
-        snapshot,
-        version=VERSION,
-        ready=not reasons,
-        reasons=reasons,
-        started=snapshot.started_us,
-        taken=snapshot.taken_us,
-        checkpoint=snapshot.checkpoint_us,
-    )
+    return _body(models.Service, snapshot, version=VERSION, ready=not reasons, reasons=reasons)

@@ -5,7 +5,6 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -22,7 +21,7 @@ from service.reports.formats import percent, plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
 from service.reports.identification_report import IdentificationReport, print_text, residual_words
-from service.reports.plot_style import thinned
+from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
 
 _WITHOUT_END = {"meta", "br", "img", "link"}
@@ -227,17 +226,18 @@ def test_percentages() -> None:
     assert [percent(0.00123), percent(0.5, signed=True), percent(None)] == ["0.12 %", "+50 %", ""]
 
 
-def test_a_long_line_keeps_its_peaks(seed: int) -> None:
+def test_a_long_line_is_drawn_with_few_points_and_keeps_its_peaks(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    t, y = np.arange(50_000.0), rng.standard_normal(50_000)
-    y[rng.integers(50_000)] = 100
-    y[rng.integers(50_000)] = np.nan
-    short_t, short_y = thinned(t, y)
-    assert len(short_t) < 5000
-    assert (np.nanmax(short_y), np.nanmin(short_y)) == (np.nanmax(y), np.nanmin(y))
-    assert (np.diff(short_t) > 0).all()
-    assert all(y[int(at)] == value for at, value in _pairs(short_t, short_y))
-
-
-def _pairs(t: np.ndarray, y: np.ndarray) -> Iterator[tuple[float, float]]:
-    return zip(t.tolist(), y.tolist(), strict=True)
+    y = rng.standard_normal(50_000)
+    y[rng.integers(1, 49_999, 2)] = 100, -100
+    with figure(2) as drawn:
+        axes = drawn.subplots()
+        axes.plot(y, gid="noise")
+        axes.set_ylim(-100, 100)
+        text = as_svg(drawn, "noise", "noise")
+    found = re.search(r'id="noise">\s*<path d="([^"]*)"', text)
+    assert found is not None
+    heights = np.array(re.findall(r"[ML] \S+ (\S+)", found[1]), float)
+    assert heights.size < 15_000
+    box = axes.get_window_extent()
+    assert np.ptp(heights) == pytest.approx(box.height * 72 / drawn.dpi, abs=0.02)

@@ -1,7 +1,9 @@
 """The course of an axis, decimated while it runs, and the line of times that it is drawn on."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,8 +23,9 @@ from service.ingest.assemble import REASONS as DROPPED
 from service.ingest.bus_samples import FRAME_REASONS
 from service.ingest.unwrap import AMBIGUOUS
 from service.reports import replay_course as rows
-from service.reports.replay_course import PAUSE_S, SIGMAS, BankCourse, Course, Timeline, Times
-from service.reports.replay_result import REASONS, dated, duration, time_unit
+from service.reports.replay_course import PAUSE_S, SIGMAS, Course, Timeline, Times, time_unit
+from service.reports.replay_html import REASONS
+from service.reports.replay_report import dated
 from tests.core.cases import BY_NAME, record
 
 SAMPLES = 3000
@@ -119,41 +122,47 @@ def test_bins_hold_the_least_and_the_largest_values(ran: Ran) -> None:
         inside = bins == k
         for found, values, extreme in ((c.low, low, np.min), (c.high, high, np.max)):
             for row, of in values.items():
-                for i in range(3):
+                for i, name in enumerate(c.h):
                     want = extreme(of[inside, i]) if inside.any() else np.nan
-                    assert found(row, i)[k] == pytest.approx(want, rel=1e-12, nan_ok=True)
-        for i in range(3):
-            assert c.mean(i)[k] == pytest.approx(
-                theta[inside, i].mean() if inside.any() else np.nan, nan_ok=True
-            )
+                    assert found(row, name)[k] == pytest.approx(want, rel=1e-12, nan_ok=True)
+        for i, name in enumerate(c.h):
+            mean = theta[inside, i].mean() if inside.any() else np.nan
+            assert c.mean(name)[k] == pytest.approx(mean, nan_ok=True)
         for fate in (TRACK, GATED, SETTLE, RESTART):
             assert c.fate(fate)[k] == np.count_nonzero(ran.trace.mode[took][inside] == fate)
-    assert c.unseen(0).sum() == np.count_nonzero(ran.trace.observed[took, 0] == 2)
+    assert c.unseen("kT").sum() == np.count_nonzero(ran.trace.observed[took, 0] == 2)
+    assert next(iter(c.h)) == "kT"
 
 
 def test_no_crossing_is_lost(ran: Ran) -> None:
     """g has started again at that very sample: without care it would nowhere reach h."""
-    c, names = ran.course, ran.monitor.model.monitored
+    c = ran.course
     assert len(ran.crossings) > 3
     assert {one.parameter for one in ran.crossings} >= {"kT"}
     for one in ran.crossings:
-        i, row = names.index(one.parameter), rows.UP if one.direction == "up" else rows.DOWN
-        at = c.timeline.find(one.time_us)
+        h, at = c.h[one.parameter], c.timeline.find(one.time_us)
         assert at is not None
-        assert c.high(row, i)[int(np.searchsorted(c.edges, at + 1e-9)) - 1] >= c.h[i]
-        assert c.largest_g(i) >= c.h[i]
-    quiet = [i for i, name in enumerate(names) if name not in {one.parameter for one in ran.crossings}]
-    assert all(c.largest_g(i) <= c.h[i] for i in quiet)
+        g = c.high(rows.UP if one.direction == "up" else rows.DOWN, one.parameter)
+        assert g[int(np.searchsorted(c.edges, at + 1e-9)) - 1] >= h
+        assert c.largest(rows.UP, rows.DOWN, name=one.parameter) >= h
+    quiet = set(c.h) - {one.parameter for one in ran.crossings}
+    assert all(c.largest(rows.UP, rows.DOWN, name=name) <= c.h[name] for name in quiet)
 
 
 def test_blocks_may_be_cut_anywhere(ran: Ran, seed: int) -> None:
     rng = np.random.default_rng(seed)
     other = Ran(seed, 64, rng.integers(0, SAMPLES, 12).tolist()).course
-    there = vars(other) | vars(other._extremes)
-    for name, value in (vars(ran.course) | vars(ran.course._extremes)).items():
-        if isinstance(value, np.ndarray):
-            assert np.allclose(value, there[name], rtol=1e-12, atol=0, equal_nan=True), name
+    for c, d in zip(_all_of(ran.course), _all_of(other), strict=True):
+        assert np.allclose(c, d, rtol=1e-12, atol=0, equal_nan=True)
     assert other.timeline.stretches == ran.course.timeline.stretches
+
+
+def _all_of(course: Course) -> Iterator[NDArray[Any]]:
+    yield from (course.edges, course.gaps, *(course.fate(fate) for fate in rows.FATES))
+    for name in course.h:
+        yield from (course.mean(name), course.unseen(name))
+        for kind in range(rows.EVIDENCE):
+            yield from (course.low(kind, name), course.high(kind, name))
 
 
 def test_gaps_are_marked_where_no_samples_were(ran: Ran) -> None:
@@ -185,22 +194,17 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
         g.append(trace.multimodel.g)
         took.append(trace.estimator.mode != SKIP)
     assert changed
-    found, share = course.beside, np.concatenate(g)[np.concatenate(took)] / beside.bank.h
-    assert isinstance(found, BankCourse)
+    share = np.concatenate(g)[np.concatenate(took)] / beside.bank.h
     where = Timeline().take(block.t_us[np.concatenate(took)])
     bins = np.searchsorted(course.edges, where * 1e-6 + 1e-9) - 1
-    for group in found.groups:
-        mine = [
-            k
-            for k, of in enumerate(beside.bank.hypotheses)
-            if of.cause == group.cause and (group.way == 0 or of.size * group.way > 0)
-        ]
-        largest = share[:, mine].max(axis=1)
+    assert set(course.causes) >= {"kT", "torque sign"}
+    for cause in course.causes:
+        mine = [k for k, hypothesis in enumerate(beside.bank.hypotheses) if hypothesis.cause == cause]
+        largest = share[:, mine].max(axis=1, initial=0.0)
         for k in np.unique(bins).tolist():
-            assert found.high(group, course.used)[k] == largest[bins == k].max()
-            assert found.low(group, course.used)[k] == largest[bins == k].min()
-    assert {(group.cause, group.way) for group in found.groups} >= {("kT", 1), ("kT", -1), ("torque sign", 0)}
-    assert max(found.largest(group.cause) for group in found.groups) == share.max() > 1
+            assert course.high(rows.EVIDENCE, cause)[k] == largest[bins == k].max()
+            assert course.low(rows.EVIDENCE, cause)[k] == largest[bins == k].min()
+    assert max(course.largest(rows.EVIDENCE, name=cause) for cause in course.causes) == share.max() > 1
 
 
 # --- the line of times --------------------------------------------------------------------------------------
@@ -251,19 +255,11 @@ def test_what_a_line_of_times_does_not_have() -> None:
     assert (timeline.pauses, len(timeline.stretches), where[-1]) == (9_999, 4096, 0)
     case = BY_NAME["paper"]
     empty = Course(AxisMonitor(case.model, case.settings()))
-    assert (empty.used, empty.middles.size, empty.largest_g(0)) == (0, 0, 0.0)
+    assert (empty.used, empty.edges.size, empty.largest(rows.UP, rows.DOWN, name="kT")) == (0, 1, 0.0)
 
 
 def test_reasons_and_times_in_words() -> None:
     assert {*COUNTERS, *DROPPED, *FRAME_REASONS, AMBIGUOUS} <= REASONS.keys()
     assert [time_unit(s).name for s in (1, 600, 601, 86_400, 1e6)] == ["s", "s", "min", "h", "d"]
-    assert [time_unit(9000).written(s) for s in (90.0, None)] == ["1.50 min", ""]
+    assert time_unit(9000).written(90.0) == "1.50 min"
     assert [dated(t) for t in (None, 5_000_000, 1_760_000_000_123_456)] == ["", "", "2025-10-09 08:53:20.1"]
-
-
-@pytest.mark.parametrize(
-    ("s", "words"),
-    [(0.0, "0 s"), (9.92, "9.9 s"), (-90.0, "90 s"), (300.0, "5 min"), (18_000.0, "5 h"), (8e5, "9.3 d")],
-)
-def test_durations(s: float, words: str) -> None:
-    assert duration(s) == words

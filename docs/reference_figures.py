@@ -14,11 +14,13 @@ from monitor_core.excitation import FAULT_AT, SAMPLES, experiments
 from monitor_core.modeling import INTERVAL_S, MONITORED, reference_model
 from monitor_core.monitoring import AxisBatch, Trace, standard_deviation
 from monitor_core.settings import Settings
-from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_document, figure
+from service.reports.formats import TEMPLATES
+from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_svg, figure
 from service.reports.replay_course import SIGMAS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SEED = 57
 """Of the records that are drawn: delays and largest g are near the medians of many.  fm is found late, as in every
@@ -27,8 +29,6 @@ FACTOR = 1.2
 """The start of Figure 5, the faults of both."""
 _SEEDS_OF_P0 = range(1000, 1050)
 _P0_SAMPLES = 4000
-_ROOM = 0.12
-"""Around the panels, inches: these pictures stand on pages that leave them none."""
 _EVERY = 8
 """Samples between two points of a drawn line."""
 _COLOURS = (FOUND, SIMULATED, OTHER)
@@ -75,7 +75,7 @@ def _settings(model: AxisModel) -> Settings:
 
 def figure_5(found: Reference) -> str:
     """Estimates that come home from 20 % above the true values, and that follow a change of 20 %; SVG."""
-    with figure(6.6, room=_ROOM) as drawn:
+    with figure(6.6) as drawn:
         panels = drawn.subplots(len(MONITORED), 2, sharex=True, sharey="row", squeeze=False)
         for i, (home, follows) in enumerate(panels):
             _draw_estimate(home, found, found.homecoming, i, 0)
@@ -89,7 +89,7 @@ def figure_5(found: Reference) -> str:
         panels[0, 0].legend(loc="upper right", fontsize=9)
         for axes in panels[-1]:
             axes.set(xlabel="time [s]", xlim=(0, SAMPLES * INTERVAL_S))
-        return as_document(drawn, "Estimates of kT, 1/Ja and fm on the reference experiment", "figure5")
+        return _as_document(drawn, "Estimates of kT, 1/Ja and fm on the reference experiment", "figure5")
 
 
 def _draw_estimate(axes: Axes, found: Reference, trace: Trace, i: int, column: int) -> None:
@@ -107,7 +107,7 @@ def _draw_estimate(axes: Axes, found: Reference, trace: Trace, i: int, column: i
 
 def figure_6(found: Reference) -> str:
     """g of the three parameters and h, for a fault in each of them; SVG."""
-    with figure(3.6, room=_ROOM) as drawn:
+    with figure(3.6) as drawn:
         panels = drawn.subplots(1, len(MONITORED), sharex=True)
         for j, axes in enumerate(panels):
             for i, name in enumerate(MONITORED):
@@ -121,7 +121,17 @@ def figure_6(found: Reference) -> str:
             axes.set_ylim(0, 1.15 * max(top, h))
         panels[0].set_ylabel("g / nominal value")
         panels[0].legend(loc="upper left", fontsize=9)
-        return as_document(drawn, "g of kT, 1/Ja and fm on the reference experiment, with h", "figure6")
+        return _as_document(drawn, "g of kT, 1/Ja and fm on the reference experiment, with h", "figure6")
+
+
+def _as_document(drawn: Figure, label: str, name: str) -> str:
+    """The picture as a file of its own, with its colours, light or dark as the reader's system is."""
+    room = 0.12  # inches around the panels: the page leaves them none
+    drawn.set_layout_engine("constrained", w_pad=room, h_pad=room)
+    colours = (TEMPLATES / "colours.css").read_text(encoding="utf-8")
+    element = as_svg(drawn, label, name)
+    end = element.index(">") + 1
+    return f"{element[:end]}<style>{colours}svg {{ background: var(--panel); }}</style>{element[end:]}"
 
 
 def _times() -> Floats:

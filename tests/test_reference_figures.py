@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from docs.reference_figures import Reference, figure_5, figure_6, numbers, reference
 from monitor_core.modeling.standard_drives import MONITORED
-from service.reports.reference_figures import Reference, figure_5, figure_6, numbers, reference
 from tests.conftest import ROOT
 
 FIGURES = ROOT / "docs" / "figures"
