@@ -67,7 +67,7 @@ class ControlledAxis:
         self._given = given_values(config)
         self._model = model = AxisModel(drive_of(config, "angle"), self._given, ())
         self._drive = SimulatedAxis(model.nominal, predictor.friction_speed_scale, drive=model.drive)
-        self._motion = motion_of(model, lines_of_motion(self.interval_s))
+        self._motion = _motion_of(model, _lines_of_motion(self.interval_s))
         length, band = round(PERIOD_S / self.interval_s), _band(self.interval_s)
         self._test_signal = multisine(rng, length, self.interval_s, band, self._motion.torque_rms)
         self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
@@ -141,7 +141,7 @@ def _band(interval_s: float) -> tuple[float, float]:
     return BAND_HZ[0], min(BAND_HZ[1], 0.4 / interval_s)
 
 
-def lines_of_motion(interval_s: float) -> Floats:
+def _lines_of_motion(interval_s: float) -> Floats:
     """The frequencies of the test signal [rad/s]."""
     low, high = (round(end * PERIOD_S) for end in _band(interval_s))
     return np.asarray(2 * np.pi / PERIOD_S * np.arange(max(low, 1), high + 1), dtype=float)
@@ -180,17 +180,17 @@ class Motion(NamedTuple):
         )
 
 
-def motion_of(model: AxisModel, lines: Floats) -> Motion:
+def _motion_of(model: AxisModel, lines: Floats) -> Motion:
     """The motion of a drive whose output is the angle.
 
     Args:
         model: the drive with its nominal values.
         lines: angular frequencies of the test signal [rad/s] (L,).
     """
-    low, high = stiffness(model, _RIGID)[0].real
+    low, high = _stiffness(model, _RIGID)[0].real
     inertia = float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
     kp, kd = inertia * _BANDWIDTH**2, inertia * _BANDWIDTH
-    torque, others = stiffness(model, lines)
+    torque, others = _stiffness(model, lines)
     # Of fc sign(w), at a speed of random phases and SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS follows the speed.
     friction = np.abs(_of_kind(model, others, COULOMB)) * math.sqrt(2 / math.pi) / SPEED_RMS
     closed = torque + kp + 1j * lines * (kd + friction)
@@ -198,7 +198,7 @@ def motion_of(model: AxisModel, lines: Floats) -> Motion:
     return Motion(kp, kd, float(SPEED_RMS / speed), tuple(_weights(model)))
 
 
-def stiffness(model: AxisModel, omega: Floats) -> tuple[Floats, Floats]:
+def _stiffness(model: AxisModel, omega: Floats) -> tuple[Floats, Floats]:
     """Torque over angle (L,) and the torque (L, m) that acts like each input at 1; both complex."""
     A, B, C = model.matrices()
     s = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(A))
@@ -213,7 +213,7 @@ def _of_kind(model: AxisModel, by_input: Floats, kind: int) -> Floats:
 
 
 def _weights(model: AxisModel) -> Sequence[Weight]:
-    like_torque = stiffness(model, _RIGID)[1][0].real
+    like_torque = _stiffness(model, _RIGID)[1][0].real
     ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
     return [
         Weight(kind, -float(like_torque[i]), float(ratio[i]))
