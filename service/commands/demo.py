@@ -2,8 +2,6 @@
 
 import tempfile
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -21,12 +19,6 @@ from service.simulation.robot import Fault, RobotThread
 _MOST_AXES = 6
 
 Axes = Annotated[int, typer.Option("--axes", min=1, max=_MOST_AXES, help="Number of axes.")]
-StateDir = Annotated[
-    Path | None,
-    typer.Option(
-        "--state-dir", metavar="DIR", help="Keep alarms and checkpoints here. [default: a temporary one]"
-    ),
-]
 
 
 def demo(
@@ -35,28 +27,18 @@ def demo(
     fault_after: FaultAfter = 60.0,
     axes: Axes = _MOST_AXES,
     port: Port = None,
-    state_dir: StateDir = None,
 ) -> None:
     """Look around: a simulated robot on a bus inside the process, and the daemon that monitors it.
 
     After a minute a fault occurs: the friction of the second axis grows by 30 %, unless options choose another
     fault.
     """
-    with _folder(state_dir) as folder:
-        read = _adapted(configuration(shipped("demo.toml")), axes, port, folder)
+    with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as state_dir:
+        read = _adapted(configuration(shipped("demo.toml")), axes, port, Path(state_dir))
         broken = read.axes[min(1, axes - 1)]
         if fault_axis is not None:
             broken = axis_named(read.axes, fault_axis, "--fault-axis")
         _run(read, Fault(broken.id, factors(fault or ["fm=1.3"]), fault_after))
-
-
-@contextmanager
-def _folder(given: Path | None) -> Iterator[Path]:
-    if given is not None:
-        yield given
-        return
-    with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as folder:
-        yield Path(folder)
 
 
 def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Config:

@@ -41,7 +41,7 @@ def predictor_of(axis: AxisConfig) -> Predictor:
     e, found = axis.estimator, nominal_file_of(axis)
     if found is None:
         return Predictor(
-            e.predictor, e.gain, e.innovation_variance,
+            e.predictor, (), e.innovation_variance,
             e.torque_noise, e.output_noise or step_noise(axis),
             axis.torque_delay_s, axis.model.friction_speed_scale,
         )  # fmt: skip
@@ -163,15 +163,10 @@ def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
     return axis.detector.alarm_source or ("multimodel" if from_record and constant else "cusum")
 
 
-def configured_detectors(axis: NamedAxis) -> Detectors:
-    """``detectors_of`` the axis with its own model and settings."""
-    model = axis_model(axis.config)
-    return detectors_of(axis, model, axis_settings(axis, model))
-
-
 def detectors_in_words(axis: NamedAxis) -> str:
     """Which detector alarms, and which one runs in shadow mode."""
-    found = configured_detectors(axis)
+    model = axis_model(axis.config)
+    found = detectors_of(axis, model, axis_settings(axis, model))
     if found.alarm_source == "multimodel":
         return f"alarms: multimodel ({found.why})"
     return "alarms: cusum" + ("" if found.multimodel is None else " (multimodel in shadow mode)")

@@ -104,9 +104,6 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
         if given is not None and not any(alike(given, value) for value in rights):
             shown = f"{right:.6g}" if isinstance(right, float) else right or "none"
             yield Finding(path, f"but {found.path.name} has {shown}: remove this, or", NOMINAL)
-    if axis.estimator.gain and not alike(axis.estimator.gain, p.gain):
-        message = f"differs from that in {found.path.name}: remove this, or"
-        yield Finding(("estimator", "gain"), message, NOMINAL)
 
 
 def initial_p(axis: AxisConfig) -> Iterator[Finding]:

@@ -80,8 +80,6 @@ class EstimatorConfig(Table):
     """prediction of the output: "innovations" (Kalman gain) or "output-error" (the paper; speed only)"""
     memory_s: Positive | None = None
     """memory of the estimates [s]: older samples count little; default 1 s"""
-    forgetting: Real | None = Field(None, gt=0.5, lt=1)
-    """in place of memory_s: lambda per sample, memory is 1/(1 - lambda) samples"""
     information_floor: Real = Field(0.05, ge=0, le=0.5)
     """share of the information at commissioning that is never forgotten; 0: the paper's, without"""
     min_excitation: Real = Field(0.05, ge=0, le=0.5)
@@ -99,8 +97,6 @@ class EstimatorConfig(Table):
     """standard deviation of the measured angle [rad] or speed [rad/s]"""
     innovation_variance: Positive | None = None
     """lambda_0 [rad^2 or (rad/s)^2]; default from the noises"""
-    gain: tuple[Real, ...] = ()
-    """filter gain K, one number per state; default from the noises"""
     initial_p: dict[str, Positive] = Field(default_factory=dict)
     """diagonal of P(0) by parameter; default from the first samples"""
 

@@ -4,16 +4,16 @@ import heapq
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
 import numpy as np
 import structlog
 
-from service.can.bus import open_bus, send
+from service.can.bus import Bus, send
 from service.config import Config, given_values
 from service.ingest.encode import FrameEncoder
 from service.simulation.axis import ControlledAxis, Reading
+from service.simulation.playback import open_buses
 
 
 class Fault(NamedTuple):
@@ -104,31 +104,25 @@ Send = Callable[[Moment], int]
 """Sends the frames of a moment; how many there were."""
 
 
-@contextmanager
-def open_buses(config: Config) -> Iterator[Send]:
-    """All buses of the configuration, to send on.
+def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
+    """Sends moments on open buses.
 
     Raises:
-        BusError: a bus cannot be opened or does not take a frame.
+        BusError: a bus does not take a frame.
         DbcError, IngestError: the configuration cannot be used, or a value does not fit into its signal.
     """
-    with ExitStack() as stack:
-        encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
-        buses = {}
-        for bus in config.bus:
-            buses[bus.name] = opened = open_bus(bus, ())
-            stack.callback(opened.shutdown)
+    encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
 
-        def send_moment(moment: Moment) -> int:
-            # All encoded, then all sent: the frames of a moment are close together on the bus.
-            frames = [
-                (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
-            ]
-            for bus, (key, data) in frames:
-                send(bus, key, data)
-            return len(frames)
+    def send_moment(moment: Moment) -> int:
+        # All encoded, then all sent: the frames of a moment are close together on the bus.
+        frames = [
+            (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
+        ]
+        for bus, (key, data) in frames:
+            send(bus, key, data)
+        return len(frames)
 
-        yield send_moment
+    return send_moment
 
 
 def run_robot(
@@ -190,8 +184,8 @@ class RobotThread:
 
     def _run(self) -> None:
         try:
-            with open_buses(self._config) as send_moment:
-                run_robot(self._robot, send_moment, self._stop, _tell)
+            with open_buses(self._config) as buses:
+                run_robot(self._robot, sender(self._config, buses), self._stop, _tell)
         except BaseException as error:
             self._error = error
             self._stop.set()

@@ -112,7 +112,7 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     write_record(tmp_path / "healthy.csv", true, 30, seed)
     identify, validated, warm = shown("axiswatch identify")
     assert "--validate" in validated
-    done = run_program(*arguments(identify, tmp_path), "--output-dir", tmp_path, patience_s=300)
+    done = run_program(*arguments(identify, tmp_path), "-o", tmp_path / "nominal.toml", patience_s=300)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "report.html").stat().st_size > 100_000
     found = tomllib.loads((tmp_path / "nominal.toml").read_text(encoding="utf-8"))

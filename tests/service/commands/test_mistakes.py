@@ -47,9 +47,9 @@ def test_a_configuration_that_is_not_there(command: str, tmp_path: Path) -> None
             ["robot.toml:", 'no signal "Torgue"', 'did you mean "Torque"?'],
         ),
         (
-            "torque_noise = 0.05",
-            "gain = [0.0, 0.0, -9.0, 0.0, 0.0, 0.1]\ntorque_noise = 0.05",
-            ["demo.axis1: the predictor is not stable"],
+            "memory_s = 1.0",
+            "memory_s = 0.2",
+            ["demo.axis1: a memory of 0.2 s is less than"],
         ),
         ('"virtual"', '"virtuel"', ["virtuel", 'did you mean "virtual"?']),
     ],

@@ -87,7 +87,14 @@ def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]
     ]
     write_table(folder / "a.csv", file, seed, drift, LENGTH_S)
     text = shown(
-        "replay", "--config", file, folder / "a.csv", "--report", folder, "--json", folder / "a.json"
+        "replay",
+        "--config",
+        file,
+        folder / "a.csv",
+        "--report",
+        folder / "replay.html",
+        "--json",
+        folder / "a.json",
     )
     (axis,) = json.loads((folder / "a.json").read_text(encoding="utf-8"))["axes"]
     page = (folder / "replay.html").read_text(encoding="utf-8")
