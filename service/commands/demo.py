@@ -2,9 +2,11 @@
 
 import tempfile
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
 
+import structlog
 import typer
 from rich.console import Console
 
@@ -14,7 +16,10 @@ from service.commands.run import configure_logs
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.drive_sources import shipped
-from service.simulation.robot import Fault, RobotThread
+from service.simulation.playback import open_buses
+from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
+
+log = structlog.get_logger(__name__)
 
 _MOST_AXES = 6
 
@@ -53,17 +58,39 @@ def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Co
 
 
 def _run(config: Config, fault: Fault) -> None:
+    """Run the daemon, and the robot in parallel once the kernel is compiled; an error of either ends both."""
     from service.commands.daemon import run_daemon
 
     configure_logs()
-    stop = threading.Event()
-    with explained():
-        robot = RobotThread(config, fault, stop)
+    ready, stop = threading.Event(), threading.Event()
+    with explained(), ThreadPoolExecutor(1, "robot") as pool:
+        robot = SimulatedRobot(config, faults=[fault])
         monitored = ", ".join(config.axes[0].config.model.monitor)
-        run_daemon(
-            config, ready=lambda url: _print_welcome(url, fault, monitored), stop=stop, keeping_up=robot.start
-        )
-        robot.join()
+        moving = pool.submit(_move, robot, config, ready, stop)
+        try:
+            run_daemon(
+                config,
+                ready=lambda url: _print_welcome(url, fault, monitored),
+                stop=stop,
+                keeping_up=ready.set,
+            )
+        finally:
+            stop.set()
+            ready.set()
+        moving.result()
+
+
+def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: threading.Event) -> None:
+    ready.wait()
+    try:
+        with open_buses(config) as buses:
+            run_robot(robot, sender(config, buses), stop, _log_fault)
+    finally:
+        stop.set()
+
+
+def _log_fault(fault: Fault) -> None:
+    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
 
 
 def _print_welcome(url: str, fault: Fault, monitored: str) -> None:

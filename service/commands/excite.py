@@ -26,7 +26,7 @@ from service.commands.options import AxisName, ConfigPath, axis_of, names_in
 from service.commands.output_files import write
 from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.config.axis_settings import axis_settings
-from service.config.drives import axis_model
+from service.config.drives import axis_model, lacking
 from service.reports.excitation_report import as_csv, as_picture, print_text
 
 Output = Annotated[
@@ -137,17 +137,13 @@ def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
 def _check_known(axis: NamedAxis, drive: Drive) -> None:
     """Check that nominal values and noise are known, which an axis without a bus may lack."""
     values, predictor = given_values(axis.config), predictor_of(axis.config)
-    lacking = []
-    try:
-        drive.complete(values)
-    except KeyError:
-        lacking = [p.name for p in drive.parameters if p.name not in values]
+    missing = lacking(drive, values)
     if predictor.innovation_variance is None:
-        lacking += [name for name in ("torque_noise", "output_noise") if getattr(predictor, name) is None]
-    if lacking:
+        missing += [name for name in ("torque_noise", "output_noise") if getattr(predictor, name) is None]
+    if missing:
         raise ExcitationError(
             f"{axis.id}: a motion is planned with the drive's values and noises, and the configuration has no"
-            f" {', '.join(lacking)}: give a guess, or identify a first record and name its nominal_file"
+            f" {', '.join(missing)}: give a guess, or identify a first record and name its nominal_file"
         )
 
 

@@ -33,6 +33,7 @@ from service.config import AxisConfig, Config, NamedAxis, given_values, predicto
 from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
+from service.config.drives import lacking_for
 from service.ingest.identification_records import Loaded, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
@@ -165,17 +166,9 @@ def known_values(axis: NamedAxis, drive: Drive) -> tuple[Mapping[str, float], tu
     """
     names = {p.name for p in (*drive.parameters, *drive.drawn)}
     values = {name: value for name, value in given_values(axis.config).items() if name in names}
-    unknown = tuple(p.name for p in drive.parameters if not _is_known(drive, p.name, values))
+    unknown = tuple(p.name for p in drive.parameters if any(lacking_for(drive, p.name, values)))
     placeholders = {name: 1.0 if drive.parameter(name).positive else 0.0 for name in unknown}
     return AxisModel(drive, {**values, **placeholders}, ()).nominal, unknown
-
-
-def _is_known(drive: Drive, name: str, values: Mapping[str, float]) -> bool:
-    """Whether the parameter is given, or all parameters that it is merged from."""
-    merged = next((d for d in drive.definitions if d.name == name), None)
-    if name in values or merged is None:
-        return name in values
-    return all(_is_known(drive, part, values) for part in merged.names)
 
 
 def _start(unknown: Sequence[str], selection: ParameterSelection, requested: Start | None) -> Start:
@@ -232,12 +225,11 @@ def _problem(
     schedule: Schedule,
 ) -> Problem:
     predictor = predictor_of(axis.config)
-    kind: Predictor = "output-error" if predictor.kind == "output-error" else "innovations"
     try:
         return Problem(
-            drive, nominal, selection.free, kind,
+            drive, nominal, selection.free, predictor.kind,
             speed_scale=predictor.friction_speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
-            disturbance=_disturbance(kind, used, request.disturbance_s),
+            disturbance=_disturbance(predictor.kind, used, request.disturbance_s),
             loss="huber" if request.robust else "squares", varying=schedule,
         )  # fmt: skip
     except ValueError as error:

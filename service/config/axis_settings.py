@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, reason_unavailable
 from monitor_core.drive import AxisModel
@@ -24,7 +24,7 @@ class AxisError(Exception):
 class Predictor(NamedTuple):
     """Predictor of the output of an axis.  None: not known; the gain is then computed from the noises."""
 
-    kind: str
+    kind: Literal["innovations", "output-error"]
     gain: tuple[float, ...]
     innovation_variance: float | None
     torque_noise: float | None
@@ -87,7 +87,7 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
         torque_noise=p.torque_noise,
         output_noise=p.output_noise,
         innovation_variance=p.innovation_variance,
-        gain=tuple(p.gain),
+        gain=p.gain,
         output_error=p.kind == "output-error",
         lam=config.forgetting,
         joint_state=e.joint_state,

@@ -6,7 +6,7 @@ it; its nominal value is ``torque_delay_s`` of the axis.  ModelError: the axis h
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from monitor_core.drive import DELAY, AxisModel, Drive, Output
 from monitor_core.monitoring import Limit
@@ -45,6 +45,23 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
     drawn = {} if is_library else model_of_axis(axis).values
     found = nominal_file_of(axis)
     return {**drawn, **axis.model.nominal, **(found.values if found else {})}
+
+
+def lacking(drive: Drive, given: Collection[str]) -> list[str]:
+    """The parameters of the drive, drawn or its own, whose values are missing."""
+    return list(dict.fromkeys(part for p in drive.parameters for part in lacking_for(drive, p.name, given)))
+
+
+def lacking_for(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
+    """The parameters whose values are missing for this one: itself, or those it is merged from."""
+    if name in given:
+        return
+    definition = next((d for d in drive.definitions if d.name == name), None)
+    if definition is None:
+        yield name
+    else:
+        for part in sorted(definition.names):
+            yield from lacking_for(drive, part, given)
 
 
 # --- As it is monitored: where that is wanted, with the delay of its torque as a parameter ----------------------------

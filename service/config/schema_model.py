@@ -62,9 +62,8 @@ class ModelConfig(Table):
     foretold"""
     schedule: tuple[ScheduleConfig, ...] = ()
     """nominal values that follow signals, beside those of the nominal_file"""
-    conditions: Literal["followed", "gated", "others stand still"] | None = None
-    """how the pose of the other axes, payload and temperature are dealt with: nominal values follow them, gates keep
-    them the same, or they do not change"""
+    conditions: Literal["others stand still"] | None = None
+    """the pose of the other axes, payload and temperature do not change, so nothing follows them"""
 
 
 def _none_or_three(value: float) -> float:

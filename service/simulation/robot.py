@@ -7,13 +7,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import structlog
 
 from service.can.bus import Bus, send
 from service.config import Config, given_values
 from service.ingest.encode import FrameEncoder
 from service.simulation.axis import ControlledAxis, Reading
-from service.simulation.playback import open_buses
 
 
 class Fault(NamedTuple):
@@ -95,8 +93,6 @@ def _try_out(fault: Fault, config: Config) -> None:
 # --- In real time on open buses ---------------------------------------------------------------------------------------
 
 
-log = structlog.get_logger(__name__)
-
 _CATCH_UP = 0.7
 """Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
 
@@ -147,49 +143,3 @@ def run_robot(
         frames += send_moment(moment)
         earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
     return frames
-
-
-class RobotThread:
-    """A robot that runs in parallel to the daemon; an error of it stops the daemon.
-
-    Args:
-        config: of its axes and buses.
-        fault: the fault to simulate.
-        stop: ends it, and is set when it fails.
-
-    Raises:
-        FaultError: the fault cannot be simulated.
-    """
-
-    def __init__(self, config: Config, fault: Fault, stop: threading.Event) -> None:
-        self._config, self._stop = config, stop
-        self._robot = SimulatedRobot(config, faults=[fault])
-        self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
-        self._error: BaseException | None = None
-
-    def start(self) -> None:
-        """Start to move and to send."""
-        self._thread.start()
-
-    def join(self) -> None:
-        """Wait for the end.
-
-        Raises:
-            BusError, IngestError: the error that ended it, if it failed.
-        """
-        if self._thread.ident is not None:
-            self._thread.join()
-        if self._error is not None:
-            raise self._error
-
-    def _run(self) -> None:
-        try:
-            with open_buses(self._config) as buses:
-                run_robot(self._robot, sender(self._config, buses), self._stop, _tell)
-        except BaseException as error:
-            self._error = error
-            self._stop.set()
-
-
-def _tell(fault: Fault) -> None:
-    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
