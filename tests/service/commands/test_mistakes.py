@@ -33,11 +33,6 @@ def refused(code: int, words: Sequence[str], *command: object) -> None:
         assert word in result.stderr
 
 
-def test_an_axis_that_cannot_be_monitored(config: Path) -> None:
-    memory = edit(config, ("memory_s = 1.0", "memory_s = 0.2"))
-    refused(2, ["demo.axis1: a memory of 0.2 s is less than"], "run", "--config", memory)
-
-
 @pytest.mark.parametrize("command", ["run", "listen", "simulate", "play"])
 def test_a_bus_that_cannot_be_opened(command: str, config: Path, record: Path) -> None:
     bus = ('interface = "virtual"\nchannel = "mistakes"', 'interface = "socketcan"\nchannel = "can9"')
