@@ -160,14 +160,12 @@ def _samples(seconds: float, periods: int, interval_s: float) -> int:
 
 
 def _checked_band(band_hz: tuple[float, float], interval_s: float) -> tuple[float, float]:
-    low, high = band_hz
-    if not (0 <= low < high < math.inf):
-        raise ExcitationError(f"band {low:g} {high:g}: need 0 <= low < high, in Hz")
-    if high >= 0.5 / interval_s:
+    (low, high), most = band_hz, 0.5 / interval_s
+    if not 0 <= low < high < most:
         raise ExcitationError(
-            f"band {low:g} {high:g}: {1 / interval_s:g} samples a second reach to below {0.5 / interval_s:g} Hz"
+            f"band {low:g} {high:g}: need 0 <= low < high < {most:g} Hz, half the samples a second"
         )
-    return low, high
+    return band_hz
 
 
 def _check_names(names: Sequence[str], estimation: Estimation) -> None:

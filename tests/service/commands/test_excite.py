@@ -88,7 +88,7 @@ def test_a_seed_repeats_the_phases(tmp_path: Path) -> None:
     [
         ("--torque-limit -1", "torque limit -1"),
         ("--band 30 1", "0 <= low < high"),
-        ("--band 0 100", "200 samples a second reach to below 100 Hz"),
+        ("--band 0 100", "0 <= low < high < 100 Hz"),
         ("--band 0.01 0.02", "widen the band or lengthen the period"),
         ("--seconds 0.01", "at least 16 samples"),
         ("--seconds nan", "at least 16 samples"),
