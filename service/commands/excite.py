@@ -169,7 +169,7 @@ def _checked_band(band_hz: tuple[float, float], interval_s: float) -> tuple[floa
 
 
 def _check_names(names: Sequence[str], estimation: Estimation) -> None:
-    values = estimation.drive.complete(estimation.values)
+    values = estimation.values
     bases = [name.removeprefix("1/").strip() for name in names]
     for name, base in zip(names, bases, strict=True):
         if base not in values:
