@@ -10,7 +10,6 @@ from monitor_core.monitoring import MIN_MEMORY_SAMPLES
 from service.config.axis_settings import step_noise
 from service.config.drives import watched_values
 from service.config.model_rules import usable_drive
-from service.config.nominal_file import nominal_file_of
 from service.config.problems import Finding
 from service.config.schema import AxisConfig
 
@@ -76,7 +75,7 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
 
 def predictor(axis: AxisConfig) -> Iterator[Finding]:
     """The predictor fits the measured quantity."""
-    if (found := nominal_file_of(axis)) is not None:
+    if (found := axis.model.nominal_file) is not None:
         if found.predictor.kind == "output-error" and axis.output == "angle":
             message = "found by output error, which diverges with the angle: identify it with innovations"
             yield Finding(("model", "nominal_file"), message)
@@ -88,7 +87,7 @@ def predictor(axis: AxisConfig) -> Iterator[Finding]:
 def noises(axis: AxisConfig) -> Iterator[Finding]:
     """Everything is there that the filter gain and lambda_0 are computed from."""
     e = axis.estimator
-    if nominal_file_of(axis) is not None or axis.records_only:
+    if axis.model.nominal_file is not None or axis.records_only:
         return
     output_noise = e.output_noise or step_noise(axis)
     if e.predictor == "output-error":

@@ -12,9 +12,8 @@ from monitor_core.settings import Settings
 from monitor_core.wording import duration
 from service.config.conditions import varying_of
 from service.config.drives import axis_model
-from service.config.nominal_file import nominal_file_of
 from service.config.schema import AxisConfig, NamedAxis
-from service.config.thresholds_file import thresholds_file_of, with_thresholds
+from service.config.thresholds_file import with_thresholds
 
 
 class AxisError(Exception):
@@ -38,7 +37,7 @@ def predictor_of(axis: AxisConfig) -> Predictor:
 
     A cross-check ensures that these do not contradict each other.
     """
-    e, found = axis.estimator, nominal_file_of(axis)
+    e, found = axis.estimator, axis.model.nominal_file
     if found is None:
         return Predictor(
             e.predictor, (), e.innovation_variance,
@@ -75,7 +74,7 @@ def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
     config = axis.config
     try:
         settings = recommended_settings(model, config.sample_interval_s, _options(config, model))
-        thresholds = thresholds_file_of(config)
+        thresholds = config.model.thresholds_file
         return settings if thresholds is None else with_thresholds(settings, model, thresholds)
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
@@ -109,7 +108,7 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
 
 def untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
     """Pairs of parameters that the record of the nominal values hardly distinguishes."""
-    found = nominal_file_of(config)
+    found = config.model.nominal_file
     return found.untold(config.model.monitor) if found else ()
 
 
@@ -140,7 +139,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
         if wanted.alarm_source == "multimodel":
             raise AxisError(f"{axis.id}: the multi-model detector cannot run: {reason}")
         return Detectors("cusum", None, reason)
-    thresholds = thresholds_file_of(axis.config)
+    thresholds = axis.config.model.thresholds_file
     found = () if thresholds is None else thresholds.hypothesis
     source = alarm_source_of(axis.config, from_record=bool(found))
     if source == "cusum" and not wanted.shadow:

@@ -22,7 +22,6 @@ from service.config.axis_settings import (
 from service.config.conditions import varying_of
 from service.config.drives import axis_model
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
-from service.config.thresholds_file import thresholds_file_of
 
 _NEARLY = 1e-3
 _EXACT = 1e-7
@@ -122,7 +121,7 @@ def _detector(axis: NamedAxis, found: Detectors) -> Iterator[str]:
     wanted = axis.config.detector
     if found.multimodel is None and wanted.shadow and found.why:
         yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"
-    elif found.alarm_source == "multimodel" and thresholds_file_of(axis.config) is None:
+    elif found.alarm_source == "multimodel" and axis.config.model.thresholds_file is None:
         yield (
             f"{axis.id}: the thresholds of the multi-model detector are the guaranteed ones: at most one false"
             f" alarm in {duration(wanted.budget_s)} if the model is exact. A real axis needs thresholds of its own:"

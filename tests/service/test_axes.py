@@ -11,6 +11,8 @@ from monitor_core.monitoring.recommended_settings import SETTLING_TIME_CONSTANTS
 from service.config import NamedAxis
 from service.config.axis_settings import AxisError, axis_settings
 from service.config.drives import axis_model
+from service.config.found_file import read_found
+from service.config.nominal_file import NominalFile
 from service.config.schema import SpeedConfig
 from tests.service.found_files import nominal_text
 from tests.service.pipeline.robots import changed, demo
@@ -54,7 +56,7 @@ def test_a_gain_of_a_file_that_does_not_stabilise_is_refused_by_name(tmp_path: P
     config, file = demo(tmp_path, 1), tmp_path / "nominal.toml"
     gain = {"predictor": {"gain": [0.0, 0.0, -5.0, 0.0, 0.0, 0.1]}}
     file.write_text(nominal_text(config.axes[0].config, gain), encoding="utf-8")
-    (axis,) = changed(config, model={"nominal_file": file}).axes
+    (axis,) = changed(config, model={"nominal_file": read_found(NominalFile, file)}).axes
     with pytest.raises(AxisError, match=r"demo\.axis1: the predictor is not stable: give another gain"):
         axis_settings(axis, axis_model(axis.config))
 
