@@ -13,7 +13,6 @@ from service.commands.options import (
     AxisName,
     ConfigPath,
     Force,
-    JsonCommand,
     JsonFile,
     RecordRanges,
     ReportFile,
@@ -32,8 +31,6 @@ if TYPE_CHECKING:
     from service.config import Config, NamedAxis
     from service.reports.calibration_report import Calibration
     from service.reports.formats import Provenance
-
-Command = JsonCommand
 
 Budget = Annotated[
     str,

@@ -9,11 +9,10 @@ from rich.text import Text
 
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, configuration
-from service.config import Config, ModelConfig, NamedAxis, in_words, nominal_file_of
+from service.config import Config, ModelConfig, NamedAxis, in_words
 from service.config.axis_settings import detectors_in_words
 from service.config.base_table import SUFFIX
 from service.config.remarks import remarks
-from service.config.thresholds_file import thresholds_file_of
 
 
 def check(config: ConfigPath) -> None:
@@ -47,7 +46,7 @@ def _axes(config: Config) -> Table:
 
 def _cells(axis: NamedAxis) -> tuple[str, ...]:
     config = axis.config
-    found = [file for file in (nominal_file_of(config), thresholds_file_of(config)) if file is not None]
+    found = [file for file in (config.model.nominal_file, config.model.thresholds_file) if file is not None]
     files = [line for file in found for line in (file.path.name, f"of {file.date[:10]}")]
     watched = ", ".join(config.model.monitor)
     return (

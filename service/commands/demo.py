@@ -2,11 +2,11 @@
 
 import tempfile
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
 
+import structlog
 import typer
 from rich.console import Console
 
@@ -16,75 +16,34 @@ from service.commands.run import configure_logs
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.drive_sources import shipped
-from service.simulation.demonstration import usual_fault, watching, with_drive
-from service.simulation.robot import Fault, RobotThread
+from service.simulation.playback import open_buses
+from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
+
+log = structlog.get_logger(__name__)
 
 _MOST_AXES = 6
 
 Axes = Annotated[int, typer.Option("--axes", min=1, max=_MOST_AXES, help="Number of axes.")]
-StateDir = Annotated[
-    Path | None,
-    typer.Option(
-        "--state-dir", metavar="DIR", help="Keep alarms and checkpoints here. [default: a temporary one]"
-    ),
-]
-
-
-DriveOption = Annotated[
-    str | None,
-    typer.Option(
-        "--drive",
-        metavar="FILE.mo|NAME",
-        help="Axes with this drive: a Modelica file with its values, or two-mass, three-mass, five-mass.",
-    ),
-]
-ModelOption = Annotated[
-    str | None, typer.Option("--model", metavar="NAME", help="Which model of the Modelica file.")
-]
-MonitorOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--monitor",
-        metavar="PARAMETER",
-        help="Parameter to monitor: kT, 1/Ja. May be repeated. [default: up to three distinguishable ones]",
-    ),
-]
 
 
 def demo(
     fault: FaultOption = None,
     fault_axis: FaultAxis = None,
     fault_after: FaultAfter = 60.0,
-    drive: DriveOption = None,
-    model: ModelOption = None,
-    monitor: MonitorOption = None,
     axes: Axes = _MOST_AXES,
     port: Port = None,
-    state_dir: StateDir = None,
 ) -> None:
     """Look around: a simulated robot on a bus inside the process, and the daemon that monitors it.
 
     After a minute a fault occurs: the friction of the second axis grows by 30 %, unless options choose another
-    fault. With another drive the torque constant, the last inertia and the friction are monitored, where it has them.
+    fault.
     """
-    with _folder(state_dir) as folder:
-        read = _adapted(configuration(shipped("demo.toml")), axes, port, folder)
-        with explained():
-            read = with_drive_of(read, drive, model, tuple(monitor or ()))
+    with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as state_dir:
+        read = _adapted(configuration(shipped("demo.toml")), axes, port, Path(state_dir))
         broken = read.axes[min(1, axes - 1)]
         if fault_axis is not None:
             broken = axis_named(read.axes, fault_axis, "--fault-axis")
-        breaks = fault or [f"{usual_fault(read.axes[0].config)}=1.3"]
-        _run(read, Fault(broken.id, factors(breaks), fault_after))
-
-
-@contextmanager
-def _folder(given: Path | None) -> Iterator[Path]:
-    if given is not None:
-        yield given
-        return
-    with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as folder:
-        yield Path(folder)
+        _run(read, Fault(broken.id, factors(fault or ["fm=1.3"]), fault_after))
 
 
 def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Config:
@@ -98,39 +57,40 @@ def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Co
     )
 
 
-def with_drive_of(config: Config, drive: str | None, model: str | None, monitor: tuple[str, ...]) -> Config:
-    """The configuration with this drive and these monitored parameters for every axis."""
-    axis = config.robot[0].axis[0]
-    if drive is not None:
-        axis = with_drive(axis, drive, model, monitor)
-    elif model is not None:
-        raise typer.BadParameter("is a model of a file: give it with --drive FILE.mo", param_hint="--model")
-    try:
-        axis = watching(axis, monitor) if monitor else axis
-    except (KeyError, ValueError) as error:
-        raise typer.BadParameter(str(error.args[0]), param_hint="--monitor") from None
-    changed = {"model": axis.model, "estimator": axis.estimator}
-    axes = tuple(
-        each.model_copy(
-            update={**changed, "torque": each.torque.model_copy(update={"factor": axis.torque.factor})}
-        )
-        for each in config.robot[0].axis
-    )
-    return config.model_copy(update={"robot": (config.robot[0].model_copy(update={"axis": axes}),)})
-
-
 def _run(config: Config, fault: Fault) -> None:
+    """Run the daemon, and the robot in parallel once the kernel is compiled; an error of either ends both."""
     from service.commands.daemon import run_daemon
 
     configure_logs()
-    stop = threading.Event()
-    with explained():
-        robot = RobotThread(config, fault, stop)
+    ready, stop = threading.Event(), threading.Event()
+    with explained(), ThreadPoolExecutor(1, "robot") as pool:
+        robot = SimulatedRobot(config, faults=[fault])
         monitored = ", ".join(config.axes[0].config.model.monitor)
-        run_daemon(
-            config, ready=lambda url: _print_welcome(url, fault, monitored), stop=stop, keeping_up=robot.start
-        )
-        robot.join()
+        moving = pool.submit(_move, robot, config, ready, stop)
+        try:
+            run_daemon(
+                config,
+                ready=lambda url: _print_welcome(url, fault, monitored),
+                stop=stop,
+                keeping_up=ready.set,
+            )
+        finally:
+            stop.set()
+            ready.set()
+        moving.result()
+
+
+def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: threading.Event) -> None:
+    ready.wait()
+    try:
+        with open_buses(config) as buses:
+            run_robot(robot, sender(config, buses), stop, _log_fault)
+    finally:
+        stop.set()
+
+
+def _log_fault(fault: Fault) -> None:
+    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
 
 
 def _print_welcome(url: str, fault: Fault, monitored: str) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 import typer
@@ -12,12 +13,9 @@ from rich.console import Console
 
 from monitor_core.drive import Drive
 from monitor_core.excitation import (
-    Controller,
     Estimation,
     ExcitationError,
-    Experiment,
     Limits,
-    Lines,
     Plant,
     Task,
     plan,
@@ -28,21 +26,15 @@ from service.commands.options import AxisName, ConfigPath, axis_of, names_in
 from service.commands.output_files import write
 from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.config.axis_settings import axis_settings
-from service.config.drives import axis_model
+from service.config.drives import axis_model, lacking
 from service.reports.excitation_report import as_csv, as_picture, print_text
-
-if TYPE_CHECKING:
-    from monitor_core.excitation import Command  # at run time main would take it for the class of the command
 
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE.csv", help="Where to write it.", show_default=False)
 ]
 Seconds = Annotated[float, typer.Option("--seconds", metavar="S", help="Length of a period.")]
 Periods = Annotated[int, typer.Option("--periods", min=1, help="After one to warm up.")]
-Band = Annotated[str, typer.Option("--band", metavar="LOW:HIGH", help="Frequencies [Hz].")]
-LinesOption = Annotated[
-    Literal["all", "odd"], typer.Option("--lines", help="Odd lines bear friction better.")
-]
+Band = Annotated[tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequencies [Hz].")]
 Limit = Annotated[float | None, typer.Option(metavar="X", help="Largest absolute value, SI, at the motor.")]
 Find = Annotated[
     str,
@@ -60,12 +52,10 @@ As = Annotated[
     Literal["torque", "speed", "angle"],
     typer.Option("--as", help="What is given to the axis: torque, or a reference to follow."),
 ]
-Gain = Annotated[
-    float | None,
-    typer.Option(metavar="K", help="Of its controller [N m/rad, N m s/rad]. Default: one that follows well."),
-]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Repeat the same phases.")]
-Picture = Annotated[Path | None, typer.Option(metavar="FILE", help="Also draw a picture.")]
+Picture = Annotated[
+    Path | None, typer.Option("--picture", metavar="FILE.svg|.png", help="Also draw a picture.")
+]
 
 
 def excite(
@@ -74,164 +64,119 @@ def excite(
     axis: AxisName = None,
     seconds: Seconds = 10.0,
     periods: Periods = 2,
-    band: Band = "0:30",
-    lines: LinesOption = "odd",
+    band: Band = (0.0, 30.0),
     torque_limit: Limit = None,
     speed_limit: Limit = None,
     angle_limit: Limit = None,
     find: Find = "",
     free: Free = "",
     as_: As = "torque",
-    kp: Gain = None,
-    kd: Gain = None,
     seed: Seed = None,
-    svg: Picture = None,
-    png: Picture = None,
+    picture: Picture = None,
 ) -> None:
     """Plan a motion for identification: a multisine as large as the limits allow, and what it will determine.
 
     From rest and back to it: a warm-up, then whole periods. At least one of --torque-limit, --speed-limit and
     --angle-limit is needed. The predicted standard deviations hold for the configured drive and noise.
     """
-    if output in (svg, png) or (svg is not None and svg == png):
-        raise typer.BadParameter("two of the files to be written are the same", param_hint="--output")
-    found, controller, band_hz = axis_of(config, axis), _controller(kp, kd), _band(band)
+    if picture is not None and picture.suffix not in _FORMS:
+        raise typer.BadParameter(f"{picture}: must end with .svg or .png", param_hint="--picture")
+    found = axis_of(config, axis)
+    h = found.config.sample_interval_s
     with explained(ValueError):
+        plant, estimation = _plant_and_estimation(found)
         limits = (math.inf if limit is None else limit for limit in (torque_limit, speed_limit, angle_limit))
-        names = names_in(free), names_in(find)
-        asked = Asked(found, seconds, periods, band_hz, lines, as_, *names, Limits(*limits), controller)
-        experiment = planned(asked, seed)
+        task = Task(
+            plant,
+            estimation,
+            Limits(*limits),
+            period=_samples(seconds, periods, h),
+            periods=periods,
+            band_hz=_checked_band(band, h),
+            command=as_,
+            free=names_in(free),
+            find=names_in(find),
+        )
+        for names in (task.free, task.find):
+            _check_names(names, estimation)
+        experiment = plan(task, np.random.default_rng(seed))
     write(output, as_csv(experiment))
-    for form, path in (("svg", svg), ("png", png)):
-        if path is not None:
-            write(path, as_picture(experiment, f"Experiment for {found.id}", form))
+    if picture is not None:
+        form = picture.suffix.removeprefix(".")
+        write(picture, as_picture(experiment, f"Experiment for {found.id}", form))
     print_text(experiment, found.id, Console(highlight=False))
 
 
-def _band(text: str) -> tuple[float, float]:
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise typer.BadParameter(f"{text}: write LOW:HIGH in Hz, as 0:30", param_hint="--band") from None
-    return low, high
-
-
-def _controller(kp: float | None, kd: float | None) -> Controller | None:
-    if kp is None and kd is None:
-        return None
-    if kp is None or kd is None:
-        raise typer.BadParameter("--kp and --kd go together", param_hint="--kp")
-    return Controller(kp, kd)
-
-
-# --- From a configured axis and the requirements to an experiment -----------------------------------------------------
+# --- From a configured axis and the options to an experiment ----------------------------------------------------------
 
 
 _LONGEST = 2_000_000
+_FORMS = (".svg", ".png")
 
 
-class Asked(NamedTuple):
-    """Requirements of the command line."""
-
-    axis: NamedAxis
-    seconds: float
-    periods: int
-    band_hz: tuple[float, float]
-    lines: Lines
-    command: Command
-    free: tuple[str, ...]
-    find: tuple[str, ...]
-    limits: Limits
-    controller: Controller | None
-
-
-def planned(asked: Asked, seed: int | None) -> Experiment:
-    """The experiment for an axis with its nominal values and its predictor.
+def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
+    """The drive of an axis with its nominal values, and how its parameters will be estimated.
 
     Raises:
-        ExcitationError: it is not possible; the text says what would be right.
+        ExcitationError: a nominal value or a noise is not known.
         AxisError: the axis has no predictor.
     """
-    config = asked.axis.config
-    drive, values, h = drive_of(config), given_values(config), config.sample_interval_s
-    _check_known(asked.axis, drive)
+    config = axis.config
+    values, h = given_values(config), config.sample_interval_s
+    _check_known(axis, drive_of(config))
     model = axis_model(config)
-    settings = axis_settings(asked.axis, model)
-    if asked.controller is not None and asked.command == "torque":
-        raise ExcitationError(
-            "kp and kd are those of a controller that follows speed or angle: leave them out"
-        )
-    measured = drive_of(config, config.output)
-    _check_names(asked, measured.complete(values))
+    settings = axis_settings(axis, model)
     K = np.array(settings.K) if settings.K else None
     if K is not None and model.drive.mean_state >= 0:  # a plan treats a mean speed as the speed at the sample
         K = np.delete(K, model.drive.mean_state)
-    task = Task(
-        plant=Plant(drive_of(config, "angle"), values, h, settings.speed_scale),
-        estimation=Estimation(measured, values, h, settings.lam0, K, config.model.scales),
-        limits=asked.limits,
-        period=_samples(asked, h),
-        periods=asked.periods,
-        band_hz=_checked_band(asked, h),
-        lines=asked.lines,
-        command=asked.command,
-        controller=asked.controller,
-        free=asked.free,
-        find=asked.find,
-    )
-    return plan(task, np.random.default_rng(seed))
+    plant = Plant(drive_of(config, "angle"), values, h, settings.speed_scale)
+    measured = drive_of(config, config.output)
+    return plant, Estimation(measured, values, h, settings.lam0, K, config.model.scales)
 
 
 def _check_known(axis: NamedAxis, drive: Drive) -> None:
     """Check that nominal values and noise are known, which an axis without a bus may lack."""
     values, predictor = given_values(axis.config), predictor_of(axis.config)
-    lacking = []
-    try:
-        drive.complete(values)
-    except KeyError:
-        lacking = [p.name for p in drive.parameters if p.name not in values]
+    missing = lacking(drive, values)
     if predictor.innovation_variance is None:
-        lacking += [name for name in ("torque_noise", "output_noise") if getattr(predictor, name) is None]
-    if lacking:
+        missing += [name for name in ("torque_noise", "output_noise") if getattr(predictor, name) is None]
+    if missing:
         raise ExcitationError(
             f"{axis.id}: a motion is planned with the drive's values and noises, and the configuration has no"
-            f" {', '.join(lacking)}: give a guess, or identify a first record and name its nominal_file"
+            f" {', '.join(missing)}: give a guess, or identify a first record and name its nominal_file"
         )
 
 
-def _samples(asked: Asked, interval_s: float) -> int:
-    if not (math.isfinite(asked.seconds) and asked.seconds >= 16 * interval_s):
+def _samples(seconds: float, periods: int, interval_s: float) -> int:
+    """Samples in a period."""
+    if not (math.isfinite(seconds) and seconds >= 16 * interval_s):
+        raise ExcitationError(f"a period of {seconds:g} s: need at least 16 samples, {16 * interval_s:g} s")
+    samples = round(seconds / interval_s)
+    if samples * (periods + 2) > _LONGEST:
         raise ExcitationError(
-            f"a period of {asked.seconds:g} s: need at least 16 samples, {16 * interval_s:g} s"
-        )
-    samples = round(asked.seconds / interval_s)
-    if samples * (asked.periods + 2) > _LONGEST:
-        raise ExcitationError(
-            f"{asked.periods} periods of {asked.seconds:g} s have more than {_LONGEST} samples: ask for less"
+            f"{periods} periods of {seconds:g} s have more than {_LONGEST} samples: ask for less"
         )
     return samples
 
 
-def _checked_band(asked: Asked, interval_s: float) -> tuple[float, float]:
-    low, high = asked.band_hz
-    if not (0 <= low < high < math.inf):
-        raise ExcitationError(f"band {low:g}:{high:g}: need 0 <= low < high, in Hz")
-    if high >= 0.5 / interval_s:
+def _checked_band(band_hz: tuple[float, float], interval_s: float) -> tuple[float, float]:
+    (low, high), most = band_hz, 0.5 / interval_s
+    if not 0 <= low < high < most:
         raise ExcitationError(
-            f"band {low:g}:{high:g}: {1 / interval_s:g} samples a second reach to below {0.5 / interval_s:g} Hz"
+            f"band {low:g} {high:g}: need 0 <= low < high < {most:g} Hz, half the samples a second"
         )
-    return low, high
+    return band_hz
 
 
-def _check_names(asked: Asked, values: dict[str, float]) -> None:
-    for names in (asked.free, asked.find):
-        bases = [name.removeprefix("1/").strip() for name in names]
-        for name, base in zip(names, bases, strict=True):
-            if base not in values:
-                raise ExcitationError(f"no parameter {name!r}: {did_you_mean(base, values)}")
-            if values[base] == 0 and name not in asked.axis.config.model.scales:
-                raise ExcitationError(
-                    f"{name} is 0: give its size in [robot.axis.model.scales], or do not ask for it"
-                )
-        if len(set(bases)) < len(bases):
-            raise ExcitationError(f"a parameter is named twice: {', '.join(names)}")
+def _check_names(names: Sequence[str], estimation: Estimation) -> None:
+    values = estimation.values
+    bases = [name.removeprefix("1/").strip() for name in names]
+    for name, base in zip(names, bases, strict=True):
+        if base not in values:
+            raise ExcitationError(f"no parameter {name!r}: {did_you_mean(base, values)}")
+        if values[base] == 0 and name not in estimation.scales:
+            raise ExcitationError(
+                f"{name} is 0: give its size in [robot.axis.model.scales], or do not ask for it"
+            )
+    if len(set(bases)) < len(bases):
+        raise ExcitationError(f"a parameter is named twice: {', '.join(names)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from monitor_core.drive import AxisModel, Drive, split_name
@@ -30,10 +30,10 @@ from monitor_core.identification import (
     with_terms,
 )
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of
-from service.config import Predictor as ConfiguredPredictor
 from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
+from service.config.drives import lacking_for
 from service.ingest.identification_records import Loaded, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
@@ -54,10 +54,8 @@ class Request:
     Args:
         free: names of the parameters to estimate; empty: all that are identifiable.
         fix: names of the parameters to hold.
-        predictor: None: as configured.
         delay: estimate the skew between torque and motion, too.
         disturbance_s: time constant of a slow torque disturbance [s]; None: there is none.
-        hold_noise: K follows from the configured noises, which are not estimated.
         robust: give outliers less weight.
         start: where the fit starts; None: "search" if nominal values are known, else "records".
         schedule: parameters that follow signals, "fm: temperature".
@@ -66,10 +64,8 @@ class Request:
 
     free: tuple[str, ...] = ()
     fix: tuple[str, ...] = ()
-    predictor: Predictor | None = None
     delay: bool = False
     disturbance_s: float | None = None
-    hold_noise: bool = False
     robust: bool = False
     start: Start | None = None
     schedule: tuple[str, ...] = ()
@@ -93,14 +89,16 @@ class IdentificationTask:
         Raises:
             IdentificationError: as ``identify``.
         """
-        estimation, validation = (
-            [item.record for item in group] for group in (self.estimation, self.validation)
+        estimation = [item.record for item in self.estimation]
+        validation = [item.record for item in self.validation]
+        return IdentificationReport(
+            self.axis.id,
+            identify(self.problem, estimation, validation, self.options, progress),
+            tuple(item.source for item in self.estimation),
+            tuple(item.source for item in self.validation),
+            self.warnings,
+            provenance,
         )
-        result = identify(self.problem, estimation, validation, self.options, progress)
-        sources, others = (
-            tuple(item.source for item in group) for group in (self.estimation, self.validation)
-        )
-        return IdentificationReport(self.axis.id, result, sources, others, self.warnings, provenance)
 
 
 def prepare(
@@ -138,8 +136,6 @@ def prepare(
         for group in (used, kept_aside)
     )
     problem = _problem(axis, drive, nominal, selection, used, request, schedule)
-    if problem.predictor == "output-error" and drive.output == "angle":
-        warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     options = IdentificationOptions(
         start,
         tuple(axis.config.model.monitor),
@@ -170,17 +166,9 @@ def known_values(axis: NamedAxis, drive: Drive) -> tuple[Mapping[str, float], tu
     """
     names = {p.name for p in (*drive.parameters, *drive.drawn)}
     values = {name: value for name, value in given_values(axis.config).items() if name in names}
-    unknown = tuple(p.name for p in drive.parameters if not _is_known(drive, p.name, values))
+    unknown = tuple(p.name for p in drive.parameters if any(lacking_for(drive, p.name, values)))
     placeholders = {name: 1.0 if drive.parameter(name).positive else 0.0 for name in unknown}
     return AxisModel(drive, {**values, **placeholders}, ()).nominal, unknown
-
-
-def _is_known(drive: Drive, name: str, values: Mapping[str, float]) -> bool:
-    """Whether the parameter is given, or all parameters that it is merged from."""
-    merged = next((d for d in drive.definitions if d.name == name), None)
-    if name in values or merged is None:
-        return name in values
-    return all(_is_known(drive, part, values) for part in merged.names)
 
 
 def _start(unknown: Sequence[str], selection: ParameterSelection, requested: Start | None) -> Start:
@@ -237,36 +225,27 @@ def _problem(
     schedule: Schedule,
 ) -> Problem:
     predictor = predictor_of(axis.config)
-    configured: Predictor = "output-error" if predictor.kind == "output-error" else "innovations"
-    kind = request.predictor or configured
-    noise = _noise(kind, predictor, used, request)
     try:
         return Problem(
-            drive, nominal, selection.free, kind,
+            drive, nominal, selection.free, predictor.kind,
             speed_scale=predictor.friction_speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
-            disturbance=noise, loss="huber" if request.robust else "squares", varying=schedule,
+            disturbance=_disturbance(predictor.kind, used, request.disturbance_s),
+            loss="huber" if request.robust else "squares", varying=schedule,
         )  # fmt: skip
     except ValueError as error:
         raise IdentificationError(str(error)) from None
 
 
-def _noise(
-    kind: Predictor, configured: ConfiguredPredictor, used: Sequence[Loaded], request: Request
+def _disturbance(
+    kind: Predictor, used: Sequence[Loaded], time_constant_s: float | None
 ) -> Disturbance | None:
-    """The noise that K follows from; None: white noise of unknown level."""
-    if kind == "output-error" and (request.disturbance_s is not None or request.hold_noise):
-        raise IdentificationError(
-            "output error has no gain, so no noise: leave out --disturbance and --hold-noise"
-        )
-    given = Disturbance()
-    if request.disturbance_s is not None:
-        torque = max(float(loaded.record.u.std()) for loaded in used)
-        given = Disturbance(slow=_SLOW * torque, time_constant_s=request.disturbance_s)
-    if not request.hold_noise:
-        return given if request.disturbance_s is not None else None
-    if configured.torque_noise is None or configured.output_noise is None:
-        raise IdentificationError("the configuration has no torque_noise and output_noise that could be held")
-    return replace(given, torque=configured.torque_noise, output=configured.output_noise, free=("slow",))
+    """The slow disturbance of the torque; None: there is only white noise, of unknown level."""
+    if time_constant_s is None:
+        return None
+    if kind == "output-error":
+        raise IdentificationError("output error has no gain, so no disturbance: leave out --disturbance")
+    torque = max(float(loaded.record.u.std()) for loaded in used)
+    return Disturbance(slow=_SLOW * torque, time_constant_s=time_constant_s)
 
 
 # --- checks of the records ----------------------------------------------------------------------------------

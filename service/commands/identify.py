@@ -14,7 +14,6 @@ from service.commands.options import (
     AxisName,
     ConfigPath,
     Force,
-    JsonCommand,
     JsonFile,
     RecordRanges,
     ReportFile,
@@ -24,8 +23,6 @@ from service.commands.options import (
 )
 from service.commands.output_files import Files
 from service.commands.progress import steps_bar
-
-Command = JsonCommand
 
 Free = Annotated[
     list[str] | None,
@@ -38,10 +35,6 @@ Free = Annotated[
 Fix = Annotated[
     list[str] | None,
     typer.Option("--fix", metavar="NAMES", help="These stay at their nominal values, beside kT and r."),
-]
-PredictorOption = Annotated[
-    Literal["innovations", "output-error"] | None,
-    typer.Option("--predictor", help="How the motion is predicted. Default: as configured."),
 ]
 Varying = Annotated[
     list[str] | None,
@@ -66,14 +59,6 @@ Slow = Annotated[
         help="What disturbs the torque also has a slow part with this time constant, a state of the model.",
     ),
 ]
-HoldNoise = Annotated[
-    bool,
-    typer.Option(
-        "--hold-noise",
-        help="The gain follows from torque_noise and output_noise as configured. Default: from noise found in the"
-        " records.",
-    ),
-]
 Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
 StartOption = Annotated[
     Literal["search", "values", "records"] | None,
@@ -91,14 +76,7 @@ MassesOption = Annotated[
         help="Also say how many masses in a row the records ask for: rows of up to five (auto) or N are compared.",
     ),
 ]
-Folder = Annotated[
-    Path | None,
-    typer.Option("--output-dir", metavar="DIR", help="Where nominal.toml and report.html go. Default: here."),
-]
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="The nominal values; default nominal.toml."),
-]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the nominal values.")]
 
 
 def identify(
@@ -108,16 +86,13 @@ def identify(
     free: Free = None,
     fix: Fix = None,
     varying: Varying = None,
-    predictor: PredictorOption = None,
     validate: Validate = None,
     delay: Delay = False,
     disturbance: Slow = None,
-    hold_noise: HoldNoise = False,
     robust: Robust = False,
     start: StartOption = None,
     masses: MassesOption = None,
-    output_dir: Folder = None,
-    output: Output = None,
+    output: Output = Path("nominal.toml"),
     report: ReportFile = None,
     json: JsonFile = None,
     force: Force = False,
@@ -127,7 +102,7 @@ def identify(
     Writes nominal.toml, which the configuration of the daemon refers to, and report.html. If a parameter cannot be
     identified or the fit does not converge, the report says so, no nominal values are written, and the exit code is 2.
     """
-    files = Files.chosen(output or (output_dir or Path()) / "nominal.toml", report, json, output_dir)
+    files = Files.chosen(output, report, json)
     files.check(force, "nominal values")
     read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)
@@ -141,10 +116,8 @@ def identify(
         request = Request(
             free=names_in(",".join(free or ())),
             fix=names_in(",".join(fix or ())),
-            predictor=predictor,
             delay=delay,
             disturbance_s=disturbance,
-            hold_noise=hold_noise,
             robust=robust,
             start=start,
             schedule=tuple(varying or ()),

@@ -44,8 +44,7 @@ class _LazyGroup(TyperGroup):
             add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False
         )
         module = import_module(f"service.commands.{cmd_name}")
-        kind = getattr(module, "Command", None)  # a command that reads its line in a way of its own
-        typer_app.command(cmd_name, cls=kind, epilog=" ".join(EXIT_CODES.split()))(getattr(module, cmd_name))
+        typer_app.command(cmd_name, epilog=" ".join(EXIT_CODES.split()))(getattr(module, cmd_name))
         return typer.main.get_command(typer_app)
 
 

@@ -1,16 +1,14 @@
-"""What several commands share: options, --json, whose file may be left out, the configuration and the axis."""
+"""What several commands share: options, the configuration and the axis."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.text import Text
-from typer.core import TyperCommand
 
 from service.commands.exit_codes import MISTAKE
 from service.config import Config, ConfigErrors, NamedAxis, Problem, load
@@ -35,9 +33,7 @@ ReportFile = Annotated[
 ]
 JsonFile = Annotated[
     Path | None,
-    typer.Option(
-        "--json", metavar="[FILE]", help="Also write everything here; - or nothing is standard output."
-    ),
+    typer.Option("--json", metavar="FILE", help="Also write everything here; - is standard output."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that are there already.")]
 Seconds = Annotated[
@@ -50,22 +46,6 @@ Port = Annotated[
         "--port", min=0, max=65535, help="Port of the page and the API, instead of the configured one."
     ),
 ]
-
-
-class JsonCommand(TyperCommand):
-    """A command whose --json alone is --json -, standard output."""
-
-    @staticmethod
-    def is_file(word: str) -> bool:
-        """Whether the word after --json is a file to write to, and not a record."""
-        return word == "-" or word.endswith(".json") or word.startswith("/dev/")
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """As typer does it, with what was left out."""
-        completed = list[str]()
-        for word, following in pairwise([*args, ""]):
-            completed += [word, "-"] if word == "--json" and not self.is_file(following) else [word]
-        return super().parse_args(ctx, completed)
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -6,8 +6,8 @@ A file that cannot be written ends the command, with status 2 and a message.
 from __future__ import annotations
 
 import os
+import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -28,11 +28,9 @@ class Files(NamedTuple):
     json: Path | None
 
     @classmethod
-    def chosen(
-        cls, values: Path, report: Path | None, json: Path | None, folder: Path | None = None
-    ) -> Files:
-        """The report next to the values, or in the folder, unless another path is given."""
-        return cls(values, report or (folder or values.parent) / "report.html", json)
+    def chosen(cls, values: Path, report: Path | None, json: Path | None) -> Files:
+        """The report next to the values, unless another path is given."""
+        return cls(values, report or values.parent / "report.html", json)
 
     def check(self, force: bool, what: str) -> None:
         """Check that the files can be written; ``what`` is written to the first of them.
@@ -46,10 +44,7 @@ class Files(NamedTuple):
             )
         paths = [path for path in self if path is not None and path != STDOUT]
         for path in paths:
-            if path.is_dir():
-                raise typer.BadParameter(f"{path} is a folder")
-            if not path.parent.is_dir():
-                raise typer.BadParameter(f"{path} cannot be written: {path.parent} is no folder")
+            check_writable(path)
         if len({path.resolve() for path in paths}) < len(paths):
             raise typer.BadParameter(f"{what}, report and JSON need files of their own")
 
@@ -63,6 +58,20 @@ class Files(NamedTuple):
         if self.json != STDOUT:
             show(Console(highlight=False))
         write_all(texts)
+
+
+def check_writable(path: Path) -> None:
+    """Check that a file can be written, before anything is computed.
+
+    Raises:
+        typer.BadParameter: it is a folder, or is in none, or must not be written.
+    """
+    if path.is_dir():
+        raise typer.BadParameter(f"{path} is a folder")
+    if not path.parent.is_dir():
+        raise typer.BadParameter(f"{path} cannot be written: {path.parent} is no folder")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise typer.BadParameter(f"{path} cannot be written: Permission denied")
 
 
 def write_all(texts: Sequence[tuple[Path, str]]) -> None:
@@ -85,30 +94,8 @@ def write(path: Path, content: str | bytes) -> None:
         else:
             replace_text(path, content)
     except OSError as error:
-        raise _cannot_write(path, error.strerror) from None
-
-
-def page_in(where: Path, name: str) -> Path:
-    """The .html file of ``where``: itself, or ``name`` in a folder, which is created if needed."""
-    is_file = where.suffix.lower() in {".html", ".htm"} and not where.is_dir()
-    folder, path = (where.parent, where) if is_file else (where, where / name)
-    try:
-        if not is_file and not folder.exists():
-            folder.mkdir()
-    except OSError as error:
-        raise _cannot_write(path, f"no folder {folder}: {error.strerror}") from None
-    if not folder.is_dir():
-        raise _cannot_write(path, f"{folder} is no folder")
-    if path.is_dir():
-        raise _cannot_write(path, "it is a folder")
-    if not os.access(path if path.exists() else folder, os.W_OK):
-        raise _cannot_write(path, "Permission denied")
-    return path
-
-
-def _cannot_write(path: Path, why: str | None) -> typer.Exit:
-    typer.echo(f"axiswatch: cannot write {path}: {why}", err=True)
-    return typer.Exit(MISTAKE)
+        typer.echo(f"axiswatch: cannot write {path}: {error.strerror}", err=True)
+        raise typer.Exit(MISTAKE) from None
 
 
 def replace_text(path: Path, text: str) -> None:
@@ -118,22 +105,15 @@ def replace_text(path: Path, text: str) -> None:
         OSError: it cannot be written.
     """
     target = path.resolve()  # of a link, what it points to
-    mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    part = target.with_name(f".{target.name}.{os.getpid()}")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
+        with part.open("w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(name, mode)
-        os.replace(name, target)
+        if target.exists():
+            shutil.copymode(target, part)
+        part.replace(target)
     except BaseException:
-        os.unlink(name)
+        part.unlink(missing_ok=True)
         raise
-
-
-def _umask() -> int:
-    """Permissions that new files must not have; they can only be read by setting them."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

@@ -2,7 +2,6 @@
 
 import math
 import threading
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -23,13 +22,12 @@ Speed = Annotated[
         "--speed", metavar="FACTOR", help="2 is twice as fast, 0 as fast as the bus accepts frames."
     ),
 ]
-Loop = Annotated[bool, typer.Option("--loop", help="Repeat until Ctrl-C.")]
 
 LATE_S = 0.25
 TOO_SLOW = "this machine cannot keep up with the record, so the timing on the bus is wrong"
 
 
-def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop = False) -> None:
+def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0) -> None:
     """Send a record on the buses of a configuration, with its recorded timing.
 
     A CAN log is sent unchanged; a table is encoded by the DBC, from the columns that the configuration names. The
@@ -40,26 +38,19 @@ def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop 
         raise typer.BadParameter("must be 0 or greater", param_hint="--speed")
     read = configuration(config)
     with explained(), stopped_by_signals() as stop:
-        sent, late_s = _play(read, record, speed or math.inf, loop, stop)
+        sent, late_s = _play(read, record, speed or math.inf, stop)
     print(f"{sent} frames sent" + (f", some {late_s:.1f} s late: {TOO_SLOW}" if late_s > LATE_S else ""))
 
 
-def _play(config: Config, record: Path, speed: float, loop: bool, stop: threading.Event) -> tuple[int, float]:
+def _play(config: Config, record: Path, speed: float, stop: threading.Event) -> tuple[int, float]:
     """Number of frames sent, and the largest delay [s]."""
-    from service.can.bus import open_bus
-    from service.simulation.playback import play_frames, play_record
+    from service.simulation.playback import open_buses, play_frames, play_record
 
     sent, late_s = 0, 0.0
-    play_record(record, config)  # its errors are reported before a bus is opened
-    with ExitStack() as stack:
-        buses = {bus.name: open_bus(bus, ()) for bus in config.bus}
-        for bus in buses.values():
-            stack.callback(bus.shutdown)
-        while True:
-            with progress_bar(record.name) as progress:
-                for frame in play_frames(buses, play_record(record, config), speed, stop):
-                    sent += 1
-                    late_s = max(late_s, frame.late_s if speed < math.inf else 0.0)
-                    progress(frame.done)
-            if not loop or stop.is_set():
-                return sent, late_s
+    frames = play_record(record, config)  # its errors are reported before a bus is opened
+    with open_buses(config) as buses, progress_bar(record.name) as progress:
+        for frame in play_frames(buses, frames, speed, stop):
+            sent += 1
+            late_s = max(late_s, frame.late_s if speed < math.inf else 0.0)
+            progress(frame.done)
+    return sent, late_s

@@ -10,8 +10,8 @@ import typer
 from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE, explained
-from service.commands.options import ConfigPath, configuration
-from service.commands.output_files import STDOUT, page_in, write, write_all
+from service.commands.options import ConfigPath, JsonFile, configuration
+from service.commands.output_files import STDOUT, check_writable, write, write_all
 from service.commands.progress import progress_bar
 from service.config import Config
 
@@ -22,21 +22,17 @@ Records = Annotated[
     list[Path],
     typer.Argument(metavar="RECORD", help="Tables (.csv .parquet .mat) or CAN logs (.log .asc .blf .trc)."),
 ]
-Json = Annotated[
-    Path | None,
-    typer.Option("--json", metavar="FILE", help="Also write everything here; - is standard output."),
-]
 Page = Annotated[
     Path | None,
     typer.Option(
         "--report",
-        metavar="FOLDER|FILE.html",
+        metavar="FILE.html",
         help="Also draw it: estimates with their bands, g with h, alarms, unused samples.",
     ),
 ]
 
 
-def replay(config: ConfigPath, records: Records, json: Json = None, report: Page = None) -> None:
+def replay(config: ConfigPath, records: Records, json: JsonFile = None, report: Page = None) -> None:
     """Run records through the same decoding, estimation and detection as the daemon, and list the alarms.
 
     Several records are one after the other in the life of the robot; the estimates of one are the start of
@@ -45,17 +41,18 @@ def replay(config: ConfigPath, records: Records, json: Json = None, report: Page
     from service.reports.replay_report import as_json, print_text
 
     read = configuration(config)
-    page = None if report is None else page_in(report, "replay.html")
+    if report is not None:
+        check_writable(report)
     with explained():
-        found = _replay(read, config, records, page is not None)
-    if page is not None:
+        found = _replay(read, config, records, report is not None)
+    if report is not None:
         from service.reports.replay_html import as_html
 
         if not any(axis.course is not None and axis.course.used for axis in found.axes):
             names = ", ".join(map(str, records))
             print(f"axiswatch: no sample of any axis in {names}: there is nothing to draw", file=sys.stderr)
             raise typer.Exit(MISTAKE)
-        write_all([(page, as_html(found))])
+        write_all([(report, as_html(found))])
     if json != STDOUT:
         print_text(found, Console())
     if json is not None:

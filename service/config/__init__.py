@@ -12,7 +12,6 @@ from service.config.drives import (
     watched_values,
 )
 from service.config.loading import load
-from service.config.nominal_file import nominal_file_of
 from service.config.problems import ConfigErrors, Problem
 from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.schema_model import ModelConfig
@@ -33,7 +32,6 @@ __all__ = [
     "limits_of",
     "load",
     "needed",
-    "nominal_file_of",
     "predictor_of",
     "scales_of",
     "watched_drive",

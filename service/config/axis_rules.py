@@ -10,7 +10,6 @@ from monitor_core.monitoring import MIN_MEMORY_SAMPLES
 from service.config.axis_settings import step_noise
 from service.config.drives import watched_values
 from service.config.model_rules import usable_drive
-from service.config.nominal_file import nominal_file_of
 from service.config.problems import Finding
 from service.config.schema import AxisConfig
 
@@ -76,62 +75,35 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
 
 def predictor(axis: AxisConfig) -> Iterator[Finding]:
     """The predictor fits the measured quantity."""
-    estimator = axis.estimator
-    if (found := nominal_file_of(axis)) is not None:
+    if (found := axis.model.nominal_file) is not None:
         if found.predictor.kind == "output-error" and axis.output == "angle":
             message = "found by output error, which diverges with the angle: identify it with innovations"
             yield Finding(("model", "nominal_file"), message)
-    elif estimator.predictor == "output-error":
-        if axis.output == "angle":
-            message = 'needs speed; from the angle without a gain it diverges: use "innovations"'
-            yield Finding(("estimator", "predictor"), message)
-        if estimator.gain:
-            yield Finding(("estimator", "gain"), 'the predictor "output-error" has none: remove it')
-    elif estimator.gain and axis.output == "angle" and not any(estimator.gain):
-        yield Finding(("estimator", "gain"), "must not be zero: with the angle the prediction diverges")
+    elif axis.estimator.predictor == "output-error" and axis.output == "angle":
+        message = 'needs speed; from the angle without a gain it diverges: use "innovations"'
+        yield Finding(("estimator", "predictor"), message)
 
 
 def noises(axis: AxisConfig) -> Iterator[Finding]:
     """Everything is there that the filter gain and lambda_0 are computed from."""
     e = axis.estimator
-    if nominal_file_of(axis) is not None or axis.records_only:
+    if axis.model.nominal_file is not None or axis.records_only:
         return
-    pair = {"torque_noise": e.torque_noise, "output_noise": e.output_noise or step_noise(axis)}
-    missing = [name for name, value in pair.items() if value is None]
+    output_noise = e.output_noise or step_noise(axis)
     if e.predictor == "output-error":
-        if e.innovation_variance is None and pair["output_noise"] is None:
+        if e.innovation_variance is None and output_noise is None:
             yield Finding(("estimator", "output_noise"), "missing: give output_noise or innovation_variance")
-    elif not e.gain:
-        for name in missing:
-            message = "missing: the filter gain needs torque_noise and output_noise (or give gain)"
-            yield Finding(("estimator", name), message)
-    elif e.innovation_variance is None and missing:
-        message = "missing: beside a gain give it, or torque_noise and output_noise"
-        yield Finding(("estimator", "innovation_variance"), message)
-
-
-def gain_length(axis: AxisConfig) -> Iterator[Finding]:
-    """One gain for each state."""
-    if nominal_file_of(axis) is not None:
         return
-    axis.output  # noqa: B018 - undecidable where neither angle nor speed is given
-    states = usable_drive(axis).states
-    gain = axis.estimator.gain
-    if gain and len(gain) != len(states):
-        names = ", ".join(state.name for state in states)
-        message = f"has {len(gain)} numbers, must have {len(states)}, one for each state: {names}"
-        yield Finding(("estimator", "gain"), message)
+    for name, value in (("torque_noise", e.torque_noise), ("output_noise", output_noise)):
+        if value is None:
+            message = "missing: the filter gain needs torque_noise and output_noise"
+            yield Finding(("estimator", name), message)
 
 
 def memory(axis: AxisConfig) -> Iterator[Finding]:
-    """The memory is given once, and has enough samples."""
-    e = axis.estimator
-    if e.memory_s is None:
-        return
-    if e.forgetting is not None:
-        yield Finding(("estimator", "forgetting"), "beside memory_s: give one of the two")
-    least = MIN_MEMORY_SAMPLES * axis.sample_interval_s
-    if e.memory_s < least:
+    """The memory has enough samples."""
+    memory_s, least = axis.estimator.memory_s, MIN_MEMORY_SAMPLES * axis.sample_interval_s
+    if memory_s is not None and memory_s < least:
         message = f"must be at least {MIN_MEMORY_SAMPLES} sample intervals, {least:g} s"
         yield Finding(("estimator", "memory_s"), message)
 
@@ -151,7 +123,6 @@ AXIS_RULES = (
     wrapping_under_gravity,
     predictor,
     noises,
-    gain_length,
     memory,
     initial_p,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, reason_unavailable
 from monitor_core.drive import AxisModel
@@ -12,9 +12,8 @@ from monitor_core.settings import Settings
 from monitor_core.wording import duration
 from service.config.conditions import varying_of
 from service.config.drives import axis_model
-from service.config.nominal_file import nominal_file_of
 from service.config.schema import AxisConfig, NamedAxis
-from service.config.thresholds_file import thresholds_file_of, with_thresholds
+from service.config.thresholds_file import with_thresholds
 
 
 class AxisError(Exception):
@@ -24,7 +23,7 @@ class AxisError(Exception):
 class Predictor(NamedTuple):
     """Predictor of the output of an axis.  None: not known; the gain is then computed from the noises."""
 
-    kind: str
+    kind: Literal["innovations", "output-error"]
     gain: tuple[float, ...]
     innovation_variance: float | None
     torque_noise: float | None
@@ -38,10 +37,10 @@ def predictor_of(axis: AxisConfig) -> Predictor:
 
     A cross-check ensures that these do not contradict each other.
     """
-    e, found = axis.estimator, nominal_file_of(axis)
+    e, found = axis.estimator, axis.model.nominal_file
     if found is None:
         return Predictor(
-            e.predictor, e.gain, e.innovation_variance,
+            e.predictor, (), e.innovation_variance,
             e.torque_noise, e.output_noise or step_noise(axis),
             axis.torque_delay_s, axis.model.friction_speed_scale,
         )  # fmt: skip
@@ -75,7 +74,7 @@ def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
     config = axis.config
     try:
         settings = recommended_settings(model, config.sample_interval_s, _options(config, model))
-        thresholds = thresholds_file_of(config)
+        thresholds = config.model.thresholds_file
         return settings if thresholds is None else with_thresholds(settings, model, thresholds)
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
@@ -87,7 +86,7 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
         torque_noise=p.torque_noise,
         output_noise=p.output_noise,
         innovation_variance=p.innovation_variance,
-        gain=tuple(p.gain),
+        gain=p.gain,
         output_error=p.kind == "output-error",
         lam=config.forgetting,
         joint_state=e.joint_state,
@@ -109,7 +108,7 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
 
 def untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
     """Pairs of parameters that the record of the nominal values hardly distinguishes."""
-    found = nominal_file_of(config)
+    found = config.model.nominal_file
     return found.untold(config.model.monitor) if found else ()
 
 
@@ -140,7 +139,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
         if wanted.alarm_source == "multimodel":
             raise AxisError(f"{axis.id}: the multi-model detector cannot run: {reason}")
         return Detectors("cusum", None, reason)
-    thresholds = thresholds_file_of(axis.config)
+    thresholds = axis.config.model.thresholds_file
     found = () if thresholds is None else thresholds.hypothesis
     source = alarm_source_of(axis.config, from_record=bool(found))
     if source == "cusum" and not wanted.shadow:
@@ -163,15 +162,10 @@ def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
     return axis.detector.alarm_source or ("multimodel" if from_record and constant else "cusum")
 
 
-def configured_detectors(axis: NamedAxis) -> Detectors:
-    """``detectors_of`` the axis with its own model and settings."""
-    model = axis_model(axis.config)
-    return detectors_of(axis, model, axis_settings(axis, model))
-
-
 def detectors_in_words(axis: NamedAxis) -> str:
     """Which detector alarms, and which one runs in shadow mode."""
-    found = configured_detectors(axis)
+    model = axis_model(axis.config)
+    found = detectors_of(axis, model, axis_settings(axis, model))
     if found.alarm_source == "multimodel":
         return f"alarms: multimodel ({found.why})"
     return "alarms: cusum" + ("" if found.multimodel is None else " (multimodel in shadow mode)")

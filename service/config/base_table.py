@@ -45,19 +45,24 @@ Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
-def _from_folder(value: object, info: ValidationInfo) -> object:
+def from_folder(value: object, info: ValidationInfo) -> Path:
+    """A path relative to the folder of the configuration.
+
+    Raises:
+        ValueError: it is no path.
+    """
     if not isinstance(value, str | Path) or value == "" or "\0" in str(value):
         raise ValueError("must be a path in quotes")
-    return info.context.folder / value if isinstance(info.context, Reading) else value
+    return info.context.folder / value if isinstance(info.context, Reading) else Path(value)
 
 
-FilePath = Annotated[Path, BeforeValidator(_from_folder)]
+FilePath = Annotated[Path, BeforeValidator(from_folder)]
 
 
 def _drive_from_folder(value: object, info: ValidationInfo) -> object:
     if not isinstance(value, str) or not value.endswith(SUFFIX):
         return value
-    return str(_from_folder(value, info))
+    return str(from_folder(value, info))
 
 
 DriveName = Annotated[str, BeforeValidator(_drive_from_folder), Field(min_length=1)]

@@ -141,19 +141,15 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("signal", n, "message"), message)
 
 
-def choice(axis: AxisConfig) -> Iterator[Finding]:
-    """The key ``conditions`` agrees with the configured conditions."""
-    stated, key = axis.model.conditions, ("model", "conditions")
-    if stated == "followed" and not varying_of(axis):
-        message = "nothing follows anything: add [[robot.axis.model.schedule]], or a nominal_file with some"
-        yield Finding(key, message)
-    if stated == "gated" and not axis.gate:
-        yield Finding(key, "there is no gate: add [[robot.axis.gate]]")
-    if stated == "others stand still":
-        moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
-        for path, v in varying_of(axis):
-            if (other := moving.get(_signal(v, axis))) is not None:
-                yield Finding(key, f"but {v.parameter} follows the motion of {other}, by", path)
+def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
+    """Where the other axes are said to stand still, nothing follows their motion."""
+    if axis.model.conditions is None:
+        return
+    moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
+    for path, v in varying_of(axis):
+        if (other := moving.get(_signal(v, axis))) is not None:
+            message = f"but {v.parameter} follows the motion of {other}, by"
+            yield Finding(("model", "conditions"), message, path)
 
 
 def _names(axis: AxisConfig) -> list[str]:
@@ -172,4 +168,4 @@ def _key(path: Keys, key: str) -> Keys:
     return path if path[-1] == "nominal_file" else (*path, key)
 
 
-CONDITION_RULES = (sources, gates, schedules, scheduled_parameters, on_the_bus, choice)
+CONDITION_RULES = (sources, gates, schedules, scheduled_parameters, on_the_bus, others_stand_still)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from monitor_core.drive import FUNCTIONS, Conditions, Follow, Gate, Term
 from monitor_core.wording import did_you_mean
-from service.config.nominal_file import ScheduleTable, nominal_file_of
+from service.config.nominal_file import ScheduleTable
 from service.config.problems import Keys
 from service.config.schema import AxisConfig, GateConfig, NamedAxis, Source
 from service.config.schema_model import ScheduleConfig
@@ -17,12 +17,8 @@ Schedule = ScheduleTable | ScheduleConfig
 
 
 def varying_of(axis: AxisConfig) -> tuple[tuple[Keys, Schedule], ...]:
-    """All schedules of an axis with the places where they are written, relative to the axis.
-
-    Raises:
-        Undecidable: the file of nominal values cannot be used.
-    """
-    found = nominal_file_of(axis)
+    """All schedules of an axis with the places where they are written, relative to the axis."""
+    found = axis.model.nominal_file
     return (
         *((("model", "nominal_file"), v) for v in (found.schedule if found else ())),
         *((("model", "schedule", k), v) for k, v in enumerate(axis.model.schedule)),

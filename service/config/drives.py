@@ -6,13 +6,12 @@ it; its nominal value is ``torque_delay_s`` of the axis.  ModelError: the axis h
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from monitor_core.drive import DELAY, AxisModel, Drive, Output
 from monitor_core.monitoring import Limit
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import model_of_axis
-from service.config.nominal_file import nominal_file_of
 from service.config.schema import AxisConfig
 
 SCALE = 0.5
@@ -25,7 +24,7 @@ def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
 
     It includes the state of a torque disturbance if the nominal values were found with one.
     """
-    drive, found = plain_drive_of(axis, output), nominal_file_of(axis)
+    drive, found = plain_drive_of(axis, output), axis.model.nominal_file
     return drive.with_disturbance() if found is not None and found.drive.torque_disturbance else drive
 
 
@@ -43,8 +42,25 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
     """
     is_library = not axis.model.components and not axis.model.drive.endswith(SUFFIX)
     drawn = {} if is_library else model_of_axis(axis).values
-    found = nominal_file_of(axis)
+    found = axis.model.nominal_file
     return {**drawn, **axis.model.nominal, **(found.values if found else {})}
+
+
+def lacking(drive: Drive, given: Collection[str]) -> list[str]:
+    """The parameters of the drive, drawn or its own, whose values are missing."""
+    return list(dict.fromkeys(part for p in drive.parameters for part in lacking_for(drive, p.name, given)))
+
+
+def lacking_for(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
+    """The parameters whose values are missing for this one: itself, or those it is merged from."""
+    if name in given:
+        return
+    definition = next((d for d in drive.definitions if d.name == name), None)
+    if definition is None:
+        yield name
+    else:
+        for part in sorted(definition.names):
+            yield from lacking_for(drive, part, given)
 
 
 # --- As it is monitored: where that is wanted, with the delay of its torque as a parameter ----------------------------
@@ -74,7 +90,7 @@ def watched_values(axis: AxisConfig) -> dict[str, float]:
 
 def nominal_skew(axis: AxisConfig) -> float:
     """How late the torque of the healthy axis acts [s]."""
-    found = nominal_file_of(axis)
+    found = axis.model.nominal_file
     return axis.torque_delay_s if found is None else found.predictor.torque_delay_s
 
 

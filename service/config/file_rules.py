@@ -14,32 +14,18 @@ from monitor_core.drive import Output
 from service.config.axis_settings import untold
 from service.config.base_table import Undecidable
 from service.config.drives import plain_drive_of
-from service.config.found_file import FoundFileError, alike, read_found
+from service.config.found_file import alike
 from service.config.model_rules import usable_drive, with_merged
-from service.config.nominal_file import NominalFile, nominal_file_of, structure_of
+from service.config.nominal_file import NominalFile, structure_of
 from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig
-from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
+from service.config.thresholds_file import ThresholdsFile
 
 NOMINAL: Keys = ("model", "nominal_file")
 THRESHOLDS: Keys = ("model", "thresholds_file")
 SOURCE: Keys = ("detector", "alarm_source")
 _INTERVAL = 0.01
 """Relative: measured intervals are never quite the nominal one."""
-
-
-def readable(axis: AxisConfig) -> Iterator[Finding]:
-    """The files are there and are what they should be."""
-    files = (
-        (NOMINAL, NominalFile, axis.model.nominal_file),
-        (THRESHOLDS, ThresholdsFile, axis.model.thresholds_file),
-    )
-    for key, schema, path in files:
-        try:
-            if path is not None:
-                read_found(schema, path)
-        except FoundFileError as error:
-            yield Finding(key, str(error))
 
 
 # --- Nominal values ---------------------------------------------------------------------------------------------------
@@ -104,9 +90,6 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
         if given is not None and not any(alike(given, value) for value in rights):
             shown = f"{right:.6g}" if isinstance(right, float) else right or "none"
             yield Finding(path, f"but {found.path.name} has {shown}: remove this, or", NOMINAL)
-    if axis.estimator.gain and not alike(axis.estimator.gain, p.gain):
-        message = f"differs from that in {found.path.name}: remove this, or"
-        yield Finding(("estimator", "gain"), message, NOMINAL)
 
 
 def initial_p(axis: AxisConfig) -> Iterator[Finding]:
@@ -163,13 +146,13 @@ def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _nominal(axis: AxisConfig) -> NominalFile:
-    if (found := nominal_file_of(axis)) is None:
+    if (found := axis.model.nominal_file) is None:
         raise Undecidable("nominal_file")
     return found
 
 
 def _thresholds(axis: AxisConfig) -> ThresholdsFile:
-    if (found := thresholds_file_of(axis)) is None:
+    if (found := axis.model.thresholds_file) is None:
         raise Undecidable("thresholds_file")
     return found
 
@@ -187,7 +170,6 @@ def _given(axis: AxisConfig, path: Keys) -> Any:
 
 
 FILE_RULES = (
-    readable,
     same_axis,
     same_drive,
     same_values,

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from service.config.base_table import Undecidable
-from service.config.validation_messages import RENAMED_KEYS
+from service.config.former_keys import RENAMED_KEYS
+from service.config.problems import dotted, shown
 
 FORMAT = 1
 """Of these files; a later one may mean something else."""
@@ -22,7 +21,7 @@ _NAMED_BY_USERS = ("values", "standard_deviations", "nominal")
 """Tables whose keys are names of parameters."""
 
 
-class FoundFileError(Exception):
+class FoundFileError(ValueError):
     """A file that cannot be used; the text names it and says why."""
 
 
@@ -35,53 +34,25 @@ class FoundTable(BaseModel):
 class FoundFile(FoundTable):
     """A whole file."""
 
-    KIND: ClassVar[str | None] = None
-    """Value of its key ``kind``"""
-    WHAT: ClassVar[str]
-    """What such a file is"""
     path: Path
+    format: Literal[1]
 
 
 _F = TypeVar("_F", bound=FoundFile)
 
 
 def read_found(schema: type[_F], path: Path) -> _F:
-    """The file, kept until it changes.
+    """The file.
 
     Raises:
         FoundFileError: it cannot be read, or is no such file.
     """
     try:
-        state = path.stat()
-        found = _read(schema, path, state.st_mtime_ns, state.st_size)
+        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise FoundFileError(f"cannot read {path}: {error.strerror}") from None
-    assert isinstance(found, schema)
-    return found
-
-
-def found_of(schema: type[_F], path: Path | None) -> _F | None:
-    """The file that an axis names, None if it names none.
-
-    Raises:
-        Undecidable: it cannot be used, which a rule of the configuration reports.
-    """
-    try:
-        return None if path is None else read_found(schema, path)
-    except FoundFileError:
-        raise Undecidable(schema.__name__) from None
-
-
-@lru_cache(maxsize=512)
-def _read(schema: type[FoundFile], path: Path, _mtime_ns: int, _size: int) -> FoundFile:
-    try:
-        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except ValueError as error:
         raise FoundFileError(f"{path} is no TOML: {error}") from None
-    if (written := content.get("format", "missing")) != FORMAT:
-        raise FoundFileError(f"{path}: format = {written}, not {FORMAT}: {schema.WHAT}")
-    if schema.KIND is not None and content.get("kind") != schema.KIND:
-        raise FoundFileError(f"{path}: {schema.WHAT}")
     for key in _keys(content):
         if (change := RENAMED_KEYS.get(key)) is not None:
             raise FoundFileError(f"{path}: {key}: is now called {change}")
@@ -89,8 +60,9 @@ def _read(schema: type[FoundFile], path: Path, _mtime_ns: int, _size: int) -> Fo
         return schema.model_validate({**content, "path": path})
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        key = ".".join(map(str, first["loc"]))
-        raise FoundFileError(f"{path}: {key}: {first['msg']}") from None
+        key, value = dotted(first["loc"]), first["input"]
+        given = "" if isinstance(value, dict | FoundTable) else f" = {shown(value)}"
+        raise FoundFileError(f"{path}: {key}{given}: {first['msg'].removeprefix('Value error, ')}") from None
 
 
 def _keys(content: object) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Cross-checks of the model of an axis: drive, nominal values, monitored parameters, bounds, limits, skew."""
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 
 from monitor_core.drive import DELAY, AxisModel, Drive, NominalValueError, Output, split_name
@@ -12,6 +12,7 @@ from service.config.drives import (
     axis_model,
     drive_of,
     has_own_delay,
+    lacking,
     monitored_as,
     nominal_skew,
     scales_of,
@@ -95,20 +96,8 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
     if axis.records_only:  # an identification finds what is missing
         return
     given = watched_values(axis).keys()
-    for name in dict.fromkeys(part for p in drive.parameters for part in _lacking(drive, p.name, given)):
+    for name in lacking(drive, given):
         yield Finding((*path, name), f"missing ({known[name].meaning} [{known[name].unit}])")
-
-
-def _lacking(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
-    """The parameters whose values are missing for this one: itself, or those it is merged from."""
-    definition = next((d for d in drive.definitions if d.name == name), None)
-    if name in given:
-        return
-    if definition is None:
-        yield name
-    else:
-        for part in sorted(definition.names):
-            yield from _lacking(drive, part, given)
 
 
 def merged_values(axis: AxisConfig) -> Iterator[Finding]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
 from service.config.base_table import NotNegative, Positive, Real
-from service.config.found_file import FoundFile, FoundTable, found_of
-from service.config.schema import AxisConfig
+from service.config.found_file import FoundFile, FoundTable
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
 """Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is
@@ -90,8 +89,6 @@ class CorrelationTable(FoundTable):
 class NominalFile(FoundFile):
     """The whole file."""
 
-    WHAT: ClassVar[str] = "a file of nominal values is what `axiswatch identify` writes"
-    format: Literal[1]
     axis: str
     date: str
     drive: DriveTable
@@ -123,11 +120,6 @@ class NominalFile(FoundFile):
         value = abs(self.values.get(base, 0.0))
         size = 1 / value if inverse and value else value
         return self.standard_deviations.get(name, 0.0) <= DOUBTFUL * size
-
-
-def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
-    """The file of nominal values of an axis, as ``found_of``."""
-    return found_of(NominalFile, axis.model.nominal_file)
 
 
 def structure_of(drive: Drive) -> str:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from monitor_core.drive import AxisModel
 from monitor_core.monitoring import short_memory, unidentifiable_words
+from monitor_core.settings import Settings
 from monitor_core.wording import duration
 from service.can.dbc import find_message, find_signal, read_dbc
 from service.config.axis_settings import (
+    Detectors,
     axis_settings,
-    configured_detectors,
+    detectors_of,
     predictor_of,
     rounded,
     step_noise,
@@ -19,7 +22,6 @@ from service.config.axis_settings import (
 from service.config.conditions import varying_of
 from service.config.drives import axis_model
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
-from service.config.thresholds_file import thresholds_file_of
 
 _NEARLY = 1e-3
 _EXACT = 1e-7
@@ -32,11 +34,19 @@ def remarks(config: Config) -> Iterator[str]:
         AxisError: an axis cannot be monitored as configured.
         DbcError: a DBC cannot be used.
     """
-    for kind in (unsaid, short_memories, doubtful_nominals, remarks_on_encoders, remarks_on_detectors):
-        yield from kind(config)
+    yield from _unsaid(config)
+    for axis in config.axes:
+        model = axis_model(axis.config)
+        settings = axis_settings(axis, model)
+        yield from _short_memory(axis, model, settings)
+        for words in unidentifiable_words(untold(axis.config)):
+            yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
+        yield from _small_noise(axis, config)
+        yield from _nearly_a_turn(axis)
+        yield from _detector(axis, detectors_of(axis, model, settings))
 
 
-def unsaid(config: Config) -> Iterator[str]:
+def _unsaid(config: Config) -> Iterator[str]:
     """Assumptions where the configuration does not state the conditions, robot by robot."""
     for robot in config.robot:
         names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
@@ -55,44 +65,33 @@ def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
     return len(robot.axis) > 1 and not stated
 
 
-def short_memories(config: Config) -> Iterator[str]:
-    """Axes whose memory is short compared with their predictor."""
-    for axis in config.axes:
-        model = axis_model(axis.config)
-        short = short_memory(model, axis_settings(axis, model), axis.config.estimator.joint_state)
-        if short is None:
-            continue
-        words = (
-            f"{axis.id}: a memory of {short.memory_s:.3g} s is short compared with {short.slowest_s:.3g} s, the slowest"
-            " time constant of the predictor"
+def _short_memory(axis: NamedAxis, model: AxisModel, settings: Settings) -> Iterator[str]:
+    """A memory that is short compared with the predictor."""
+    short = short_memory(model, settings, axis.config.estimator.joint_state)
+    if short is None:
+        return
+    words = (
+        f"{axis.id}: a memory of {short.memory_s:.3g} s is short compared with {short.slowest_s:.3g} s, the slowest"
+        " time constant of the predictor"
+    )
+    if short.joint_by_default:
+        yield (
+            f"{words}: its state moves with the estimates (joint_state), so that they scatter as reported; from"
+            f" {short.needed_s:.3g} s on this is not needed, and a change is detected up to 30 % sooner"
         )
-        if short.joint_by_default:
-            yield (
-                f"{words}: its state moves with the estimates (joint_state), so that they scatter as reported; from"
-                f" {short.needed_s:.3g} s on this is not needed, and a change is detected up to 30 % sooner"
-            )
-        else:
-            yield f"{words}: from {short.needed_s:.3g} s on estimates scatter as reported"
+    else:
+        yield f"{words}: from {short.needed_s:.3g} s on estimates scatter as reported"
 
 
-def doubtful_nominals(config: Config) -> Iterator[str]:
-    """Axes that are not tested because their nominal values do not allow it."""
-    for axis in config.axes:
-        for words in unidentifiable_words(untold(axis.config)):
-            yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
-
-
-def remarks_on_encoders(config: Config) -> Iterator[str]:
-    """Noises that are smaller than the resolution, and turns that are nearly two pi."""
-    for axis in config.axes:
-        given, least = predictor_of(axis.config).output_noise, _least_noise(config, axis.config)
-        if given is not None and least is not None and given < least * (1 - _NEARLY):
-            yield (
-                f"{axis.id}: output_noise = {given:.3g} is below {least:.3g}, which the resolution of the"
-                f" {axis.config.output} makes by itself (a step over the root of 12): the predictor would follow the"
-                " steps"
-            )
-        yield from _nearly_a_turn(axis)
+def _small_noise(axis: NamedAxis, config: Config) -> Iterator[str]:
+    """A noise that is smaller than the resolution."""
+    given, least = predictor_of(axis.config).output_noise, _least_noise(config, axis.config)
+    if given is not None and least is not None and given < least * (1 - _NEARLY):
+        yield (
+            f"{axis.id}: output_noise = {given:.3g} is below {least:.3g}, which the resolution of the"
+            f" {axis.config.output} makes by itself (a step over the root of 12): the predictor would follow the"
+            " steps"
+        )
 
 
 def _least_noise(config: Config, axis: AxisConfig) -> float | None:
@@ -117,15 +116,14 @@ def _nearly_a_turn(axis: NamedAxis) -> Iterator[str]:
         )
 
 
-def remarks_on_detectors(config: Config) -> Iterator[str]:
-    """Multi-model detectors that do not run, or have no thresholds of their own."""
-    for axis in config.axes:
-        found, wanted = configured_detectors(axis), axis.config.detector
-        if found.multimodel is None and wanted.shadow and found.why:
-            yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"
-        elif found.alarm_source == "multimodel" and thresholds_file_of(axis.config) is None:
-            yield (
-                f"{axis.id}: the thresholds of the multi-model detector are the guaranteed ones: at most one false"
-                f" alarm in {duration(wanted.budget_s)} if the model is exact. A real axis needs thresholds of its own:"
-                " `axiswatch calibrate`"
-            )
+def _detector(axis: NamedAxis, found: Detectors) -> Iterator[str]:
+    """A multi-model detector that does not run, or has no thresholds of its own."""
+    wanted = axis.config.detector
+    if found.multimodel is None and wanted.shadow and found.why:
+        yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"
+    elif found.alarm_source == "multimodel" and axis.config.model.thresholds_file is None:
+        yield (
+            f"{axis.id}: the thresholds of the multi-model detector are the guaranteed ones: at most one false"
+            f" alarm in {duration(wanted.budget_s)} if the model is exact. A real axis needs thresholds of its own:"
+            " `axiswatch calibrate`"
+        )

@@ -192,11 +192,8 @@ class AxisConfig(Table):
     @property
     def forgetting(self) -> float:
         """lambda, per sample."""
-        e = self.estimator
-        if e.forgetting is not None:
-            return e.forgetting
-        memory = e.memory_s or max(DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES * self.sample_interval_s)
-        return 1 - self.sample_interval_s / memory
+        h = self.sample_interval_s
+        return 1 - h / (self.estimator.memory_s or max(DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES * h))
 
     @property
     def interval_mean(self) -> bool:

@@ -4,7 +4,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from service.config.base_table import DriveName, FilePath, Positive, Reading, Real, Table, Text, seconds_in
+from service.config.base_table import DriveName, Positive, Reading, Real, Table, Text, from_folder, seconds_in
+from service.config.found_file import read_found
+from service.config.nominal_file import NominalFile
+from service.config.thresholds_file import ThresholdsFile
 
 
 class ScheduleConfig(Table):
@@ -30,8 +33,14 @@ Limits = Annotated[tuple[Real, ...], BeforeValidator(_one_or_two), Field(min_len
 """A limit, above or below the nominal value, or [lower, upper]."""
 
 
-def _unless_ignored(value: object, info: ValidationInfo) -> object:
-    return value if not isinstance(info.context, Reading) or info.context.thresholds else None
+def _nominal_file(value: object, info: ValidationInfo) -> NominalFile:
+    return read_found(NominalFile, from_folder(value, info))
+
+
+def _thresholds_file(value: object, info: ValidationInfo) -> ThresholdsFile | None:
+    if isinstance(info.context, Reading) and not info.context.thresholds:
+        return None
+    return read_found(ThresholdsFile, from_folder(value, info))
 
 
 class ModelConfig(Table):
@@ -49,9 +58,9 @@ class ModelConfig(Table):
     """Coulomb friction is fc tanh(speed at its flange / friction_speed_scale) [rad/s]"""
     nominal: dict[str, Real] = Field(default_factory=dict)
     """value of every parameter of the drive, SI; takes precedence over the drawing's"""
-    nominal_file: FilePath | None = None
+    nominal_file: Annotated[NominalFile | None, BeforeValidator(_nominal_file)] = None
     """what `axiswatch identify` wrote: nominal values with their gain; relative to this file"""
-    thresholds_file: Annotated[FilePath | None, BeforeValidator(_unless_ignored)] = None
+    thresholds_file: Annotated[ThresholdsFile | None, BeforeValidator(_thresholds_file)] = None
     """what `axiswatch calibrate` wrote: thresholds of the tests; relative to this file"""
     scales: dict[str, Positive] = Field(default_factory=dict)
     """size of a monitored parameter, where |nominal| is not it"""
@@ -62,9 +71,8 @@ class ModelConfig(Table):
     foretold"""
     schedule: tuple[ScheduleConfig, ...] = ()
     """nominal values that follow signals, beside those of the nominal_file"""
-    conditions: Literal["followed", "gated", "others stand still"] | None = None
-    """how the pose of the other axes, payload and temperature are dealt with: nominal values follow them, gates keep
-    them the same, or they do not change"""
+    conditions: Literal["others stand still"] | None = None
+    """the pose of the other axes, payload and temperature do not change, so nothing follows them"""
 
 
 def _none_or_three(value: float) -> float:
@@ -80,8 +88,6 @@ class EstimatorConfig(Table):
     """prediction of the output: "innovations" (Kalman gain) or "output-error" (the paper; speed only)"""
     memory_s: Positive | None = None
     """memory of the estimates [s]: older samples count little; default 1 s"""
-    forgetting: Real | None = Field(None, gt=0.5, lt=1)
-    """in place of memory_s: lambda per sample, memory is 1/(1 - lambda) samples"""
     information_floor: Real = Field(0.05, ge=0, le=0.5)
     """share of the information at commissioning that is never forgotten; 0: the paper's, without"""
     min_excitation: Real = Field(0.05, ge=0, le=0.5)
@@ -99,8 +105,6 @@ class EstimatorConfig(Table):
     """standard deviation of the measured angle [rad] or speed [rad/s]"""
     innovation_variance: Positive | None = None
     """lambda_0 [rad^2 or (rad/s)^2]; default from the noises"""
-    gain: tuple[Real, ...] = ()
-    """filter gain K, one number per state; default from the noises"""
     initial_p: dict[str, Positive] = Field(default_factory=dict)
     """diagonal of P(0) by parameter; default from the first samples"""
 

@@ -12,9 +12,8 @@ from pydantic import Field
 from monitor_core.drive import AxisModel
 from monitor_core.settings import Settings, Threshold
 from service.config.base_table import NotNegative, Positive, Real
-from service.config.found_file import FoundFile, FoundTable, alike, found_of
+from service.config.found_file import FoundFile, FoundTable, alike
 from service.config.nominal_file import structure_of
-from service.config.schema import AxisConfig
 
 Entry = bool | float | str | list[float] | list[str]
 
@@ -47,8 +46,6 @@ class ThresholdsFile(FoundFile):
     """The whole file.  ``made_with`` and ``nominal`` are of the monitor that the thresholds belong to."""
 
     KIND: ClassVar[str] = "thresholds"
-    WHAT: ClassVar[str] = "a file of thresholds is what `axiswatch calibrate` writes"
-    format: Literal[1]
     kind: Literal["thresholds"]
     axis: str
     date: str
@@ -57,11 +54,6 @@ class ThresholdsFile(FoundFile):
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
     hypothesis: tuple[HypothesisTable, ...] = ()
     """Of the multi-model detector, where it was calibrated, too"""
-
-
-def thresholds_file_of(axis: AxisConfig) -> ThresholdsFile | None:
-    """The file of thresholds of an axis, as ``found_of``."""
-    return found_of(ThresholdsFile, axis.model.thresholds_file)
 
 
 # --- Thresholds belong to one monitor: to its nominal values and to the settings of its estimator ---------------------

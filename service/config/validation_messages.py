@@ -1,39 +1,15 @@
 """Validation errors of pydantic in the terms of the file format, with the meaning of the key."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, get_args
 
 from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Table
+from service.config.former_keys import hint
 from service.config.problems import Finding
 from service.config.schema import Config
-
-RENAMED_KEYS: Mapping[str, str] = {
-    "averaged": "interval_mean",
-    "least_excitation": "min_excitation",
-    "least_information": "information_floor",
-    "least_speed": "min_speed",
-    "maximum_age_s": "max_age_s",
-    "maximum_gap_s": "max_gap_s",
-    "varying": "schedule",
-    "warn_before": "lead_time",
-    "widening": "covariance_reset",
-    "wraps_at": "wrap_period",
-}
-"""Keys of earlier versions: an old key is an error that names the new one."""
-REMOVED_KEYS: Mapping[str, str] = {
-    "speed_noise": "angle and speed are no longer used together: give one of the two tables, and output_noise for it",
-}
-
-
-def hint(key: str) -> str | None:
-    """What to do with a key of an earlier version; None: it never was a key."""
-    if key in RENAMED_KEYS:
-        return f"is now called {RENAMED_KEYS[key]}"
-    return REMOVED_KEYS.get(key)
-
 
 _RULES = {
     "missing": "missing",

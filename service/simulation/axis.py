@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -12,11 +12,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import (
-    COSINE,
-    COULOMB,
     DELAY,
-    SINE,
-    TORQUE,
     AxisModel,
     Conditions,
     Follow,
@@ -24,7 +20,7 @@ from monitor_core.drive import (
     Operating,
     split_name,
 )
-from monitor_core.excitation import faulty, multisine
+from monitor_core.excitation import Controller, Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
 from service.config import NamedAxis, conditions_of, drive_of, given_values, needed, predictor_of
 from service.config.drives import axis_model
@@ -67,9 +63,10 @@ class ControlledAxis:
         self._given = given_values(config)
         self._model = model = AxisModel(drive_of(config, "angle"), self._given, ())
         self._drive = SimulatedAxis(model.nominal, predictor.friction_speed_scale, drive=model.drive)
-        self._motion = motion_of(model, lines_of_motion(self.interval_s))
-        length, band = round(PERIOD_S / self.interval_s), _band(self.interval_s)
-        self._test_signal = multisine(rng, length, self.interval_s, band, self._motion.torque_rms)
+        self._plant = Plant(model.drive, model.nominal, self.interval_s, predictor.friction_speed_scale)
+        J = self._plant.inertia
+        self._controller = Controller(J * _BANDWIDTH**2, J * _BANDWIDTH)
+        self._test_signal = _test_signal(self._plant, self._controller, rng)
         self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
         self._noise = predictor.output_noise or 0.0
         self._torque_before = self._angle_before = 0.0
@@ -121,11 +118,12 @@ class ControlledAxis:
 
     def _command(self, k: int) -> float:
         """PD control around a slow swing, and the test signal."""
-        motion, angle = self._motion, self._drive.angle
+        angle = self._drive.angle
         wanted = _SWING * math.sin(2 * math.pi * k * self.interval_s / _SWING_PERIOD_S)
-        test = self._test_signal[k % len(self._test_signal)]
-        held = motion.kp * (wanted - angle) - motion.kd * self._drive.speed + motion.holding(angle)
-        return float(held + test)
+        held = self._controller.kp * (wanted - angle) - self._controller.kd * self._drive.speed
+        if self._plant.bears_weight:
+            held += float(self._plant.countered(np.array([angle]), np.zeros(1))[0])
+        return float(held + self._test_signal[k % len(self._test_signal)])
 
     def _move(self, torque: float) -> None:
         """Move over one interval: the previous torque acts until the delay is over."""
@@ -136,90 +134,37 @@ class ControlledAxis:
         self._torque_before = torque
 
 
-def _band(interval_s: float) -> tuple[float, float]:
-    """The band of the test signal, below the Nyquist frequency of slow samples."""
-    return BAND_HZ[0], min(BAND_HZ[1], 0.4 / interval_s)
-
-
-def lines_of_motion(interval_s: float) -> Floats:
-    """The frequencies of the test signal [rad/s]."""
-    low, high = (round(end * PERIOD_S) for end in _band(interval_s))
-    return np.asarray(2 * np.pi / PERIOD_S * np.arange(max(low, 1), high + 1), dtype=float)
-
-
-# --- Its motion: controller and test signal from the frequency response of the drive, so for any drive ----------------
+# --- The test signal: its size follows from the frequency response of the drive, so it moves any drive as fast --------
 
 
 SPEED_RMS = 3.0
 """rad/s at the sensor, from the test signal alone: on the reference drive that takes 1.2 N m."""
 
 _BANDWIDTH = 2.0  # rad/s: slow, so that the test signal moves the axis and not the controller
-_RIGID = np.array([0.1, 0.2])  # rad/s: so slow that nothing bends
+_FAST = 1e9  # rad/s: Coulomb friction is complete
 
 
-class Weight(NamedTuple):
-    """The motor torque [N m] that holds a weight at angle zero, times cosine or sine of ``ratio`` * angle."""
-
-    kind: int
-    torque: float
-    ratio: float
-
-
-class Motion(NamedTuple):
-    """``kp`` [N m/rad] and ``kd`` [N m s/rad] of the position controller, ``torque_rms`` [N m] of the test signal."""
-
-    kp: float
-    kd: float
-    torque_rms: float
-    weights: tuple[Weight, ...] = ()
-
-    def holding(self, angle: float) -> float:
-        """Torque [N m] that balances all weights at this angle [rad]."""
-        return sum(
-            w.torque * (math.cos if w.kind == COSINE else math.sin)(w.ratio * angle) for w in self.weights
-        )
+def _test_signal(plant: Plant, controller: Controller, rng: np.random.Generator) -> Floats:
+    """One period of the torque [N m], below the Nyquist frequency of slow samples."""
+    h = plant.interval_s
+    low, high = BAND_HZ[0], min(BAND_HZ[1], 0.4 / h)
+    lines = np.arange(max(round(low * PERIOD_S), 1), round(high * PERIOD_S) + 1) / PERIOD_S
+    size = SPEED_RMS / _speed_rms(plant, controller, lines)
+    return multisine(rng, round(PERIOD_S / h), h, (low, high), size)
 
 
-def motion_of(model: AxisModel, lines: Floats) -> Motion:
-    """The motion of a drive whose output is the angle.
-
-    Args:
-        model: the drive with its nominal values.
-        lines: angular frequencies of the test signal [rad/s] (L,).
-    """
-    low, high = stiffness(model, _RIGID)[0].real
-    inertia = float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
-    kp, kd = inertia * _BANDWIDTH**2, inertia * _BANDWIDTH
-    torque, others = stiffness(model, lines)
+def _speed_rms(plant: Plant, controller: Controller, frequency_hz: Floats) -> float:
+    """Speed [rad/s rms] of the controlled drive at a torque of 1 N m rms on these lines (L,)."""
+    s = 2j * np.pi * frequency_hz
+    held = -np.expm1(-s * plant.interval_s) / (
+        s * plant.interval_s
+    )  # the response is that of the held torque
+    angle = plant.response(frequency_hz)[0] / held
+    forwards, backwards = plant.countered(np.zeros(2), np.array([_FAST, -_FAST]))
     # Of fc sign(w), at a speed of random phases and SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS follows the speed.
-    friction = np.abs(_of_kind(model, others, COULOMB)) * math.sqrt(2 / math.pi) / SPEED_RMS
-    closed = torque + kp + 1j * lines * (kd + friction)
-    speed = np.sqrt(np.mean(np.abs(lines / closed) ** 2))  # rms at a torque of 1 N m rms
-    return Motion(kp, kd, float(SPEED_RMS / speed), tuple(_weights(model)))
-
-
-def stiffness(model: AxisModel, omega: Floats) -> tuple[Floats, Floats]:
-    """Torque over angle (L,) and the torque (L, m) that acts like each input at 1; both complex."""
-    A, B, C = model.matrices()
-    s = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(A))
-    inputs = np.broadcast_to(B, (len(omega), *B.shape)).astype(complex)
-    response = (C @ np.linalg.solve(s - A, inputs))[:, 0, :]
-    torque = _of_kind(model, response, TORQUE)
-    return 1 / torque, response / torque[:, np.newaxis]
-
-
-def _of_kind(model: AxisModel, by_input: Floats, kind: int) -> Floats:
-    return np.asarray(by_input[:, [k == kind for k in model.drive.inputs]].sum(axis=1))
-
-
-def _weights(model: AxisModel) -> Sequence[Weight]:
-    like_torque = stiffness(model, _RIGID)[1][0].real
-    ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
-    return [
-        Weight(kind, -float(like_torque[i]), float(ratio[i]))
-        for i, kind in enumerate(model.drive.inputs)
-        if kind in (COSINE, SINE)
-    ]
+    friction = (forwards - backwards) / 2 * math.sqrt(2 / math.pi) / SPEED_RMS
+    speed = s * angle / (1 + (controller.kp + s * (controller.kd + friction)) * angle)
+    return float(np.sqrt(np.mean(np.abs(speed) ** 2)))
 
 
 # --- Operating conditions: auxiliary signals, and their effect on the drive -------------------------------------------

@@ -4,13 +4,11 @@ import heapq
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
 import numpy as np
-import structlog
 
-from service.can.bus import open_bus, send
+from service.can.bus import Bus, send
 from service.config import Config, given_values
 from service.ingest.encode import FrameEncoder
 from service.simulation.axis import ControlledAxis, Reading
@@ -95,8 +93,6 @@ def _try_out(fault: Fault, config: Config) -> None:
 # --- In real time on open buses ---------------------------------------------------------------------------------------
 
 
-log = structlog.get_logger(__name__)
-
 _CATCH_UP = 0.7
 """Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
 
@@ -104,31 +100,25 @@ Send = Callable[[Moment], int]
 """Sends the frames of a moment; how many there were."""
 
 
-@contextmanager
-def open_buses(config: Config) -> Iterator[Send]:
-    """All buses of the configuration, to send on.
+def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
+    """Sends moments on open buses.
 
     Raises:
-        BusError: a bus cannot be opened or does not take a frame.
+        BusError: a bus does not take a frame.
         DbcError, IngestError: the configuration cannot be used, or a value does not fit into its signal.
     """
-    with ExitStack() as stack:
-        encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
-        buses = {}
-        for bus in config.bus:
-            buses[bus.name] = opened = open_bus(bus, ())
-            stack.callback(opened.shutdown)
+    encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
 
-        def send_moment(moment: Moment) -> int:
-            # All encoded, then all sent: the frames of a moment are close together on the bus.
-            frames = [
-                (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
-            ]
-            for bus, (key, data) in frames:
-                send(bus, key, data)
-            return len(frames)
+    def send_moment(moment: Moment) -> int:
+        # All encoded, then all sent: the frames of a moment are close together on the bus.
+        frames = [
+            (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
+        ]
+        for bus, (key, data) in frames:
+            send(bus, key, data)
+        return len(frames)
 
-        yield send_moment
+    return send_moment
 
 
 def run_robot(
@@ -153,49 +143,3 @@ def run_robot(
         frames += send_moment(moment)
         earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
     return frames
-
-
-class RobotThread:
-    """A robot that runs in parallel to the daemon; an error of it stops the daemon.
-
-    Args:
-        config: of its axes and buses.
-        fault: the fault to simulate.
-        stop: ends it, and is set when it fails.
-
-    Raises:
-        FaultError: the fault cannot be simulated.
-    """
-
-    def __init__(self, config: Config, fault: Fault, stop: threading.Event) -> None:
-        self._config, self._stop = config, stop
-        self._robot = SimulatedRobot(config, faults=[fault])
-        self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
-        self._error: BaseException | None = None
-
-    def start(self) -> None:
-        """Start to move and to send."""
-        self._thread.start()
-
-    def join(self) -> None:
-        """Wait for the end.
-
-        Raises:
-            BusError, IngestError: the error that ended it, if it failed.
-        """
-        if self._thread.ident is not None:
-            self._thread.join()
-        if self._error is not None:
-            raise self._error
-
-    def _run(self) -> None:
-        try:
-            with open_buses(self._config) as send_moment:
-                run_robot(self._robot, send_moment, self._stop, _tell)
-        except BaseException as error:
-            self._error = error
-            self._stop.set()
-
-
-def _tell(fault: Fault) -> None:
-    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))

@@ -77,7 +77,7 @@ def test_from_a_file_to_the_kernels_arrays(tmp_path: Path, say: Say) -> None:
         path = file_of(masses, tmp_path)
         alone = sorted(fresh(path) for _ in range(ROUNDS))[ROUNDS // 2]
         best = min((stages(path) for _ in range(ROUNDS)), key=sum)
-        commands = [command(path, *arguments) for arguments in ((), ("--json",))]
+        commands = [command(path, *arguments) for arguments in ((), ("--json", "-"))]
         rows.append((masses, *alone, TARGET_S.get(masses, "-"), sum(best), *best, *commands))
     header = (
         "masses", "fresh process", "without imports", "target", "warm process", "read", "eliminate", "arrays",

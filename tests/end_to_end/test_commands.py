@@ -23,14 +23,13 @@ from tests.end_to_end.processes import (
 
 
 def test_demo_shows_a_page_and_names_its_fault(tmp_path: Path) -> None:
-    log, state = tmp_path / "demo.log", tmp_path / "state"
-    with demo(log, "demo", "--axes", "2", "--fault-after", "3", "--state-dir", state) as page:
+    log = tmp_path / "demo.log"
+    with demo(log, "demo", "--axes", "2", "--fault-after", "3") as page:
         with urllib.request.urlopen(page, timeout=20) as answer:
             assert b"<html" in answer.read()
         (alarm,) = wait_for(lambda: alarms_shown(page))
         assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
     assert "fm x 1.3 after 3 s" in log.read_text(encoding="utf-8")
-    assert (state / "checkpoints.sqlite").is_file()
 
 
 def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:

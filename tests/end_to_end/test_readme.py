@@ -16,10 +16,9 @@ from service.simulation.robot import Fault
 from tests.end_to_end.processes import (
     ROOT,
     Daemon,
-    alarms_shown,
     daemon,
-    demo,
     demo_config,
+    edit,
     run_program,
     running,
     wait_for,
@@ -58,7 +57,7 @@ def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = "check listen run simulate replay play model demo excite identify calibrate"
+    commands = "check listen run simulate replay play model excite identify calibrate"
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands.split())}
 
 
@@ -113,7 +112,7 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     write_record(tmp_path / "healthy.csv", true, 30, seed)
     identify, validated, warm = shown("axiswatch identify")
     assert "--validate" in validated
-    done = run_program(*arguments(identify, tmp_path), "--output-dir", tmp_path, patience_s=300)
+    done = run_program(*arguments(identify, tmp_path), "-o", tmp_path / "nominal.toml", patience_s=300)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "report.html").stat().st_size > 100_000
     found = tomllib.loads((tmp_path / "nominal.toml").read_text(encoding="utf-8"))
@@ -199,19 +198,23 @@ def alarms_in(config: Path, record: str) -> list[dict[str, object]]:
     return found
 
 
-def test_the_drive_drawn_here_is_modelled_and_its_fault_is_named(tmp_path: Path) -> None:
+def test_the_drive_drawn_here_is_modelled_and_simulated(tmp_path: Path) -> None:
     (drawing,) = code("modelica")
     (tmp_path / "two.mo").write_text(drawing, encoding="utf-8")
     (model,) = shown("axiswatch model")
-    (command,) = shown("axiswatch demo")
     modelled = run_program(*arguments(model, tmp_path))
     assert (modelled.returncode, modelled.stderr) == (0, "")
     assert all(name in modelled.stdout for name in ("Jm", "Ja", "k", "d", "f", "motor", "arm"))
-    log = tmp_path / "demo.log"
-    with demo(log, *arguments(command, tmp_path), "--axes", "2", "--fault-after", "14") as page:
-        (alarm,) = wait_for(lambda: alarms_shown(page))
-        assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "f", "up")
-    assert "monitored: 1/Ja, f" in log.read_text(encoding="utf-8")
+    config = edit(demo_config(tmp_path, axes=1), ('drive = "three-mass"', 'drive = "two.mo"'))
+    text = re.sub(
+        r"^initial_p = .*\n|\[robot.axis.model.nominal\]\n(.* = .*\n)*", "", config.read_text(), flags=re.M
+    )
+    config.write_text(text.replace('["kT", "1/Ja", "fm"]', '["1/Ja", "f"]'), encoding="utf-8")
+    simulated = run_program(
+        "simulate", "--config", config, "--fault", "f=1.3", "--fault-after", "0.5", "--seconds", "1"
+    )
+    assert (simulated.returncode, simulated.stderr) == (0, "")
+    assert "demo.axis1: f x 1.3" in simulated.stdout
 
 
 def answers_to_curl(d: Daemon) -> None:

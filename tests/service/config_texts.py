@@ -54,12 +54,10 @@ reference = 1.0
 
 
 def with_conditions(
-    signals: str = TEMPERATURE + MODE + OTHER, gates: str = GATES, schedules: str = SCHEDULES, model: str = ""
+    signals: str = TEMPERATURE + MODE + OTHER, gates: str = GATES, schedules: str = SCHEDULES
 ) -> str:
     """The base, whose first axis has these."""
-    text = BASE.replace(
-        "[robot.axis.model]\nmonitor", f"{signals}{gates}[robot.axis.model]\n{model}monitor", 1
-    )
+    text = BASE.replace("[robot.axis.model]\nmonitor", f"{signals}{gates}[robot.axis.model]\nmonitor", 1)
     bounds = "bounds = { kT = [0.5, 2.0] }\n"
     return text.replace(bounds, f"{bounds}{schedules}", 1)
 
@@ -114,7 +112,7 @@ rotor = { type = "inertia", at = "shaft", J = "J" }
 bearing = { type = "viscous-friction", at = "shaft", d = "f" }
 encoder = { type = "angle-sensor", at = "shaft" }
 """
-TABLES = """\
+TABLE_AXIS = """\
 [[robot]]
 name = "cell1"
 [[robot.axis]]
@@ -122,8 +120,11 @@ name = "axis1"
 sample_interval_s = 0.005
 torque = { column = "torque" }
 angle = { column = "angle" }
-model = { drive = "three-mass", monitor = ["1/Ja"], nominal = { kT = 1, r = 0.0085 } }
 """
+"""The beginning of a configuration for tables alone."""
+TABLES = (
+    TABLE_AXIS + 'model = { drive = "three-mass", monitor = ["1/Ja"], nominal = { kT = 1, r = 0.0085 } }\n'
+)
 
 
 def demo_axis() -> str:

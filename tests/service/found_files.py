@@ -49,7 +49,7 @@ def nominal_text(axis: AxisConfig, changes: Mapping[str, Mapping[str, Any]] = {}
             "torque_delay_s": axis.torque_delay_s,
             "innovation_variance": 1e-6,
             "states": states,
-            "gain": list(axis.estimator.gain) or _gain(axis),
+            "gain": _gain(axis),
         },
         "noise": {"torque": axis.estimator.torque_noise, "output": axis.estimator.output_noise},
         "values": dict(axis_model(axis).nominal),

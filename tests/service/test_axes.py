@@ -11,7 +11,10 @@ from monitor_core.monitoring.recommended_settings import SETTLING_TIME_CONSTANTS
 from service.config import NamedAxis
 from service.config.axis_settings import AxisError, axis_settings
 from service.config.drives import axis_model
+from service.config.found_file import read_found
+from service.config.nominal_file import NominalFile
 from service.config.schema import SpeedConfig
+from tests.service.found_files import nominal_text
 from tests.service.pipeline.robots import changed, demo
 
 
@@ -38,16 +41,9 @@ def test_gain_and_innovation_variance_come_from_the_noises(tmp_path: Path) -> No
 
 
 def test_what_is_given_goes_before_what_is_computed(tmp_path: Path) -> None:
-    model = axis_model(demo(tmp_path, 1).axes[0].config)
-    K, lam0 = filter_gain(model, 0.005, 0.1, 1e-4)
-    gain = tuple(float(k) for k in K)
-    given = with_estimator(
-        tmp_path, {"gain": gain, "innovation_variance": 1e-7, "torque_noise": None}, settling_time_s=3.0
-    )
-    settings = axis_settings(given, model)
-    assert (settings.K, settings.lam0, settings.settle_s) == (gain, 1e-7, 3.0)
-    half = axis_settings(with_estimator(tmp_path, {"gain": gain, "torque_noise": 0.1}), model)
-    assert (half.K, half.lam0) == (gain, lam0)
+    given = with_estimator(tmp_path, {"innovation_variance": 1e-7}, settling_time_s=3.0)
+    settings = axis_settings(given, axis_model(given.config))
+    assert (settings.lam0, settings.settle_s) == (1e-7, 3.0)
 
 
 def test_output_error_has_no_gain(tmp_path: Path) -> None:
@@ -56,8 +52,11 @@ def test_output_error_has_no_gain(tmp_path: Path) -> None:
     assert (settings.K, settings.lam0) == ((), 0.25)
 
 
-def test_a_gain_that_does_not_stabilise_is_refused_by_name(tmp_path: Path) -> None:
-    axis = with_estimator(tmp_path, {"gain": (0.0, 0.0, -5.0, 0.0, 0.0, 0.1), "innovation_variance": 1e-7})
+def test_a_gain_of_a_file_that_does_not_stabilise_is_refused_by_name(tmp_path: Path) -> None:
+    config, file = demo(tmp_path, 1), tmp_path / "nominal.toml"
+    gain = {"predictor": {"gain": [0.0, 0.0, -5.0, 0.0, 0.0, 0.1]}}
+    file.write_text(nominal_text(config.axes[0].config, gain), encoding="utf-8")
+    (axis,) = changed(config, model={"nominal_file": read_found(NominalFile, file)}).axes
     with pytest.raises(AxisError, match=r"demo\.axis1: the predictor is not stable: give another gain"):
         axis_settings(axis, axis_model(axis.config))
 

@@ -5,12 +5,11 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
-from service.config import ConfigErrors, load
+from service.config import load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from tests.service.command_line import axiswatch, refused
 from tests.service.config_texts import TABLES
-from tests.service.identification.conftest import robot_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
@@ -113,13 +112,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def problems(text: str, folder: Path) -> list[str]:
-    (folder / "axis.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigErrors) as caught:
-        load(folder / "axis.toml", {})
-    return [f"{p.line} {p.key}: {p.message}" for p in caught.value.problems]
-
-
 def call(command: str) -> Result:
     name, *words = command.split()
     return axiswatch(name, "--config", "axis.toml", *words)
@@ -185,12 +177,3 @@ def test_a_can_log_cannot_be_read_without_a_bus(here: Path) -> None:
     (here / "r.log").write_text("(0.0) can0 123#00\n", encoding="utf-8")
     result = call("identify r.log")
     assert (result.exit_code, "no [[bus]]" in result.stderr) == (2, True), result.stderr
-
-
-def test_the_text_of_the_demo_without_its_bus_tells_all_at_once(here: Path) -> None:
-    text = robot_text()
-    start, end = text.index("[[bus]]"), text.index("[[robot]]")
-    found = problems(text[:start] + text[end:], here)
-    assert [line.split(":")[0].split()[-1].split(".")[-1] for line in found] == [
-        *("bus", "message", "signal", "message", "signal"),
-    ]

@@ -46,20 +46,6 @@ def test_an_extended_identifier_is_another_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("message", "signal", "words"),
-    [
-        ("good", "Value", 'no message "good" in the DBC: did you mean "Good"'),
-        ("Good", "Valu", 'no signal "Valu" in message Good: did you mean "Value"'),
-        ("Good", "xyz", 'no signal "xyz" in message Good: there is Value, Other'),
-    ],
-)
-def test_unknown_names(message: str, signal: str, words: str, tmp_path: Path) -> None:
-    database = read_dbc(write(tmp_path, GOOD))
-    with pytest.raises(DbcError, match=words):
-        find_signal(find_message(database, message), signal)
-
-
-@pytest.mark.parametrize(
     "text",
     ["!nonsense", "BO_ x", 'VAL_ 77 S 1 "a" ;', 'BA_ "foo" 5;', "BO_ 99999999999 A: 8 X\n", "\x00\xff\x17"],
 )

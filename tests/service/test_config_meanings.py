@@ -99,9 +99,7 @@ def test_every_axis_is_checked_at_once(folder: Path) -> None:
 def test_all_that_may_be_said_and_nothing(folder: Path) -> None:
     config = loaded(
         folder,
-        with_conditions(model='conditions = "followed"\n').replace(
-            "_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1
-        ),
+        with_conditions().replace("_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1),
     )
     axis, second = config.axes
     assert conditions_of(axis) == Conditions(

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from service.config import ConfigErrors, load
+from service.config.former_keys import RENAMED_KEYS
 from service.config.found_file import FoundFileError, read_found
 from service.config.nominal_file import NominalFile
-from service.config.validation_messages import RENAMED_KEYS
 from tests import golden
 from tests.service.config_texts import CONFIG, TEXTS, furnish, loaded
 

@@ -10,7 +10,6 @@ import pytest
 
 from service.config import ConfigErrors, load
 from service.config.drives import axis_model
-from service.simulation.demonstration import watching
 from service.simulation.robot import Fault
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
@@ -74,7 +73,7 @@ def test_people_read_it_in_words(tmp_path: Path, seed: int) -> None:
     assert all(word in shown for word in ("delay", "torque", "frame", "late:")), shown
 
 
-def test_nominal_value_scale_and_bounds_and_the_demo_can_watch_it(tmp_path: Path) -> None:
+def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
     plain = axis_model(load(written(tmp_path), {}).axes[0].config)
     assert (plain.nominal["delay"], plain.scale[3]) == (0.0, H / 2)
     np.testing.assert_array_equal(plain.limits[:, 3], [-H, H])
@@ -84,10 +83,6 @@ def test_nominal_value_scale_and_bounds_and_the_demo_can_watch_it(tmp_path: Path
     given = axis_model(load(written(tmp_path, own), {}).axes[0].config)
     assert given.scale[3] == 0.001
     np.testing.assert_array_equal(given.limits[:, 3], [-0.002, 0.003])
-    axis = watching(load(written(tmp_path), {}).axes[0].config, ("fm", "delay"))
-    assert axis_model(axis).monitored == ("fm", "delay")
-    with pytest.raises(KeyError):
-        watching(axis, ("fm", "delays"))
 
 
 def test_a_drive_with_such_a_parameter_of_its_own(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from service.store.journal import Journal
-from tests.end_to_end.processes import demo_config, edit
+from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
 from tests.service.robot_tables import HEAD, configured
 
@@ -31,36 +31,6 @@ def refused(code: int, words: Sequence[str], *command: object) -> None:
     assert result.exit_code == code, result.output
     for word in words:
         assert word in result.stderr
-
-
-@pytest.mark.parametrize("command", ["run", "check", "simulate", "listen"])
-def test_a_configuration_that_is_not_there(command: str, tmp_path: Path) -> None:
-    refused(2, ["none.toml", "No such file"], command, "--config", tmp_path / "none.toml")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        (
-            'signal = "Torque"',
-            'signal = "Torgue"',
-            ["robot.toml:", 'no signal "Torgue"', 'did you mean "Torque"?'],
-        ),
-        (
-            "torque_noise = 0.05",
-            "gain = [0.0, 0.0, -9.0, 0.0, 0.0, 0.1]\ntorque_noise = 0.05",
-            ["demo.axis1: the predictor is not stable"],
-        ),
-        ('"virtual"', '"virtuel"', ["virtuel", 'did you mean "virtual"?']),
-    ],
-)
-def test_a_wrong_configuration(old: str, new: str, words: list[str], config: Path) -> None:
-    refused(2, words, "run", "--config", edit(config, (old, new)))
-
-
-def test_two_axes_on_one_signal(tmp_path: Path) -> None:
-    file = edit(demo_config(tmp_path, axes=2), ('"Axis2State"', '"Axis1State"'))
-    refused(2, ["Axis1State.Torque is already used by"], "run", "--config", file)
 
 
 @pytest.mark.parametrize("command", ["run", "listen", "simulate", "play"])

@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from service.config.drive_sources import shipped
@@ -46,7 +45,7 @@ def shown(*arguments: object) -> str:
 
 
 def as_json(*arguments: object) -> Any:
-    return json_of("model", *arguments)
+    return json_of("model", *arguments, "--json", "-")
 
 
 def test_a_file_as_text(drawing: Path) -> None:
@@ -57,34 +56,16 @@ def test_a_file_as_text(drawing: Path) -> None:
     assert "the paper counts for its tool and library" in shown("three-mass").replace("\n", " ")
 
 
-@pytest.mark.parametrize(
-    "place",
-    [
-        ("{}", "--json", "-"),
-        ("{}", "--json"),
-        ("--json", "{}"),
-        ("--json", "-", "{}"),
-        ("--json", "--output", "angle", "{}"),
-    ],
-    ids=" ".join,
-)
-@pytest.mark.parametrize("drive", ["press.mo", "two-mass"])
-def test_json_wherever_it_stands(place: tuple[str, ...], drive: str, drawing: Path) -> None:
-    given = str(drawing) if drive == drawing.name else drive
-    found = as_json(*(word.format(given) for word in place))
-    assert found["name"] == ("Press" if drive == drawing.name else "two-mass")
-
-
 def test_json_into_a_file(drawing: Path, tmp_path: Path) -> None:
     text = shown(drawing, "--json", tmp_path / "press.json")
     assert text.startswith("Press\n")
-    assert json.loads((tmp_path / "press.json").read_text(encoding="utf-8")) == as_json(drawing, "--json")
+    assert json.loads((tmp_path / "press.json").read_text(encoding="utf-8")) == as_json(drawing)
     shown("--json", tmp_path / "again.txt", "two-mass")
     assert (tmp_path / "again.txt").is_file()
 
 
 def test_the_output_may_be_another(drawing: Path) -> None:
-    drawn, other = as_json(drawing, "--json"), as_json(drawing, "--json", "--output", "speed")
+    drawn, other = as_json(drawing), as_json(drawing, "--output", "speed")
     assert [d["outputs"][0]["quantity"] for d in (drawn, other)] == ["angle", "speed"]
     assert [len(d["states"]) for d in (drawn, other)] == [4, 3]
 
@@ -92,7 +73,7 @@ def test_the_output_may_be_another(drawing: Path) -> None:
 def test_one_of_several_models(tmp_path: Path) -> None:
     file = tmp_path / "two.mo"
     file.write_text(DRAWING + DRAWING.replace("Press", "Stamp"), encoding="utf-8")
-    assert as_json(file, "--model", "Stamp", "--json")["name"] == "Stamp"
+    assert as_json(file, "--model", "Stamp")["name"] == "Stamp"
     said = refused("model", file)
     assert "Press" in said
     assert "Stamp" in said
@@ -101,9 +82,9 @@ def test_one_of_several_models(tmp_path: Path) -> None:
 def test_the_drive_of_an_axis(tmp_path: Path) -> None:
     config = edit(demo_config(tmp_path, axes=2), ("fm = 0.06", "fm = 0.05"))
     for name in ("axis1", "demo.axis1"):
-        found = as_json("--config", config, "--axis", name, "--json")
+        found = as_json("--config", config, "--axis", name)
         assert {p["name"]: p["nominal"] for p in found["parameters"]}["fm"] == 0.05
-    assert as_json("--config", config, "--axis", "axis2", "--json")["outputs"][0]["quantity"] == "angle"
+    assert as_json("--config", config, "--axis", "axis2")["outputs"][0]["quantity"] == "angle"
 
 
 def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
@@ -114,8 +95,8 @@ def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
     head, tail = text.replace('drive = "three-mass"\n', "", 1).split("[robot.axis.model.nominal]", 1)
     config.write_text("\n".join([head, *drawn, "[robot.axis.model.nominal]" + tail]), encoding="utf-8")
     found, library = (
-        as_json("--config", config, "--json"),
-        as_json("three-mass", "--output", "angle", "--json"),
+        as_json("--config", config),
+        as_json("three-mass", "--output", "angle"),
     )
     assert (found["A"], found["B"], found["C"]) == (library["A"], library["B"], library["C"])
 
@@ -136,9 +117,6 @@ MISTAKES = [
     (["three-mass", "--json=DRAWING"], ["--json", "will not be overwritten"]),
     (["three-mass", "--json=nowhere/a.json"], ["cannot write nowhere/a.json", "No such file or directory"]),
     (["three-mass", "five-mass"], ["five-mass"]),
-    (["three-mass", "--record", "x.csv"], ["--record", "goes with --config"]),
-    (["--config", "irb/irb.toml", "--record", "nowhere.csv"], ["nowhere.csv: No such file"]),
-    (["--config", "irb/irb.toml", "--record", "irb/empty.csv"], ["empty.csv"]),
 ]
 
 
@@ -150,7 +128,6 @@ def test_mistakes(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     config = demo_config(tmp_path, axes=2)
-    irb_config(tmp_path)
     given = [a.replace("CONFIG", str(config)).replace("DRAWING", str(drawing)) for a in arguments]
     said = refused("model", *given)
     assert [word for word in words if word not in said] == []
@@ -166,39 +143,6 @@ def test_a_mistake_in_a_drawing_names_its_line(drawing: Path) -> None:
 
 
 def test_the_shipped_drawings_are_the_library() -> None:
-    by_file = as_json(shipped("drives/two_mass.mo"), "--json")
-    by_name = as_json("two-mass", "--json")
+    by_file = as_json(shipped("drives/two_mass.mo"))
+    by_name = as_json("two-mass")
     assert {**by_file, "name": "two-mass"} == by_name
-
-
-# --- what a record determines -------------------------------------------------------------------------------
-
-
-def irb_config(folder: Path) -> Path:
-    """An axis with columns, and an empty record of it."""
-    (folder / "irb").mkdir()
-    for name in ("irb.toml", "irb.dbc"):
-        (folder / "irb" / name).write_bytes(shipped(name).read_bytes())
-    (folder / "irb" / "empty.csv").write_text("torque,speed\n", encoding="utf-8")
-    return folder / "irb" / "irb.toml"
-
-
-def moved(folder: Path, seed: int, samples: int = 3000) -> Path:
-    rng = np.random.default_rng(seed)
-    path = folder / "moved.csv"
-    lines = ["torque,speed", *(f"{u:.6f},{w:.6f}" for u, w in rng.standard_normal((samples, 2)))]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
-def test_the_record_and_the_configured_noise_are_what_is_asked_about(tmp_path: Path, seed: int) -> None:
-    config, record = irb_config(tmp_path), moved(tmp_path, seed)
-    told = as_json("--config", config, "--record", record, "--json")["local"]
-    assert told["experiment"] == "the torque of moved.csv, 1.5 s at 2000 samples a second"
-    assert told["noise"] == 2.2
-    assert told["held_known"] == ["kT", "r"]
-    usual = as_json("--config", config, "--json")["local"]
-    assert usual["relative_standard_deviations"] != told["relative_standard_deviations"]
-    section = shown("--config", config, "--record", record).split("What a record determines")[1]
-    for name in ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0"):
-        assert f"{name} " in section

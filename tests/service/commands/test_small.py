@@ -52,7 +52,7 @@ config, record, out = sys.argv[1:]
 for command in (
     ["excite", "--config", config, "--torque-limit", "3", "--seconds", "4", "-o", out + ".csv"],
     ["excite", "--config", config, "--as", "angle", "--torque-limit", "3", "--seconds", "4", "-o", out + "2.csv"],
-    ["identify", record, "--config", config, "--start", "search", "--output-dir", out],
+    ["identify", record, "--config", config, "--start", "search", "-o", out + "/nominal.toml"],
 ):
     app(command, standalone_mode=False)
 after = {x for x in compiled() if x.startswith("monitor_core")}

@@ -14,7 +14,8 @@ from service.commands.identification_task import Request, prepare
 from service.config import Config, load
 from service.reports.identification_report import IdentificationReport
 from tests.service.command_line import refused, shown
-from tests.service.identification.conftest import FREE, PROVENANCE, TABLE_AXIS
+from tests.service.config_texts import TABLE_AXIS
+from tests.service.identification.conftest import FREE, PROVENANCE
 
 GRAVITY = (
     TABLE_AXIS
@@ -33,8 +34,9 @@ components.encoder = { type = "angle-sensor", at = "shaft" }
 
 def test_two_masses_are_not_enough_for_a_drive_of_three(folder: Path, tmp_path: Path) -> None:
     """The comparison is in all reports; the drive of three is not doubted where the search ended at two."""
-    words = f"--start values --free {','.join(FREE)} --masses 2 --output-dir {tmp_path} --json {tmp_path / 'all.json'}"
-    text = shown("identify", folder / "second.csv", "--config", folder / "robot.toml", *words.split())
+    words = ("--start", "values", "--free", ",".join(FREE), "--masses", "2", "--json", tmp_path / "all.json")
+    files = ("--config", folder / "robot.toml", "-o", tmp_path / "nominal.toml")
+    text = shown("identify", folder / "second.csv", *files, *words)
     content = json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))
     masses = content["masses"]
     # Six seconds may not ask for the second mass, without which the third is never tried; that is then doubted.

@@ -13,7 +13,7 @@ from monitor_core.drive.operating_conditions import Follow, Term
 from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
-from service.config.remarks import doubtful_nominals
+from service.config.remarks import remarks
 from service.config.schema import SpeedConfig
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
@@ -206,7 +206,7 @@ def test_nominal_values_that_cannot_be_told_apart(robot: Path, sd: float, r: flo
     axis = load(robot, {}).axes[0]
     settings = axis_settings(axis, axis_model(axis.config))
     assert settings.unidentifiable == (() if tested else (("fm", "fc"),))
-    notes = list(doubtful_nominals(load(robot, {})))
+    notes = [note for note in remarks(load(robot, {})) if "distinguished" in note]
     assert notes == (
         []
         if tested

@@ -20,6 +20,7 @@ from service.config.drive_sources import model_called
 from service.ingest.identification_records import load
 from service.reports.identification_report import IdentificationReport
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE, with_estimate
+from tests.service.pipeline.robots import changed
 
 
 def task(folder: Path, robot: Config, *records: str, request: Request | None = None) -> IdentificationTask:
@@ -93,29 +94,12 @@ def test_a_delay_and_a_disturbance_are_found_too(folder: Path, robot: Config) ->
     assert len(result.result.estimate.K) == 7
 
 
-def test_noises_may_be_held(folder: Path, robot: Config) -> None:
-    request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), hold_noise=True)
-    noise = task(folder, robot, "healthy.csv", request=request).problem.disturbance
-    assert noise is not None
-    assert (noise.torque, noise.output) == (0.05, 0.0001)
-    found = task(folder, robot, "healthy.csv", request=request).run(PROVENANCE).result.estimate.noise
-    assert found["torque"] / found["output"] == pytest.approx(500)
-
-
 def test_requests_that_contradict_and_records_that_are_refused(folder: Path, robot: Config) -> None:
-    contradiction = Request(start="values", predictor="output-error")
-    for request in (replace(contradiction, hold_noise=True), replace(contradiction, disturbance_s=1.0)):
-        with pytest.raises(IdentificationError, match="no noise"):
-            task(folder, robot, "healthy.csv", request=request)
+    by_output_error = changed(robot, estimator={"predictor": "output-error"})
+    with pytest.raises(IdentificationError, match="no disturbance"):
+        task(folder, by_output_error, "healthy.csv", request=Request(start="values", disturbance_s=1.0))
     with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
         task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
-
-
-def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
-    made = task(
-        folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error")
-    )
-    assert any("not for the daemon" in words for words in made.warnings)
 
 
 def test_the_band_is_that_of_the_torque() -> None:

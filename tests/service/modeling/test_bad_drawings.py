@@ -130,7 +130,7 @@ def test_without_a_value_there_are_matrices_but_no_poles(tmp_path: Path) -> None
     text = shown(PRESS.replace("motor(J = 0.1)", "motor"), tmp_path)
     assert "motor.J" in text
     assert "Poles at nominal" in text
-    found = json.loads(shown(PRESS.replace("motor(J = 0.1)", "motor"), tmp_path, "--json"))
+    found = json.loads(shown(PRESS.replace("motor(J = 0.1)", "motor"), tmp_path, "--json", "-"))
     assert found["poles"] is None
     assert len(found["A"]) == len(found["states"]) == 3
 
@@ -154,7 +154,7 @@ def test_what_cannot_be_simulated_is_told_with_the_rest(name: str, tmp_path: Pat
     assert "Poles at nominal" in said
 
 
-@pytest.mark.parametrize("arguments", [(), ("--json",)], ids=["text", "json"])
+@pytest.mark.parametrize("arguments", [(), ("--json", "-")], ids=["text", "json"])
 def test_a_hundred_masses_are_answered(arguments: tuple[str, ...], tmp_path: Path) -> None:
     out = shown(chain_text(100), tmp_path, *arguments)
     assert "mass99" in out
@@ -163,6 +163,6 @@ def test_a_hundred_masses_are_answered(arguments: tuple[str, ...], tmp_path: Pat
 
 
 def test_a_hundred_masses_joined_by_gears_are_answered(tmp_path: Path) -> None:
-    out = json.loads(shown(geared_text(100), tmp_path, "--json"))
+    out = json.loads(shown(geared_text(100), tmp_path, "--json", "-"))
     assert len(out["states"]) == 1
     assert "more than 60 parameters are merged" in " ".join(out["identifiability"])

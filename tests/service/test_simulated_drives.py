@@ -1,19 +1,16 @@
-"""The demo with any drive: how it moves, what is watched, what breaks and is named."""
+"""A simulated axis with any drive: how it moves, and the fault that its monitor names."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from service.commands.demo import with_drive_of
 from service.config import Config
-from service.pipeline.alarms import AxisAlarm
+from service.config.drive_sources import LIBRARY, model_called
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import SPEED_RMS, ControlledAxis
-from service.simulation.demonstration import usual_fault
 from service.simulation.robot import Fault
-from tests.service.command_line import axiswatch
-from tests.service.pipeline.robots import blocks, demo, live
+from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 
 FAULT_S = 15.0
 
@@ -64,40 +61,20 @@ DRAWINGS = {
     ),
 }
 
-WATCHED = {
-    "two-mass": ("kT", "1/Ja", "fm"),
-    "three-mass": ("kT", "1/Ja", "fm"),
-    "five-mass": ("kT", "1/J4", "fm"),
-    "one mass": ("1/Jm", "f"),
-    "torque constant": ("kT", "1/Jm"),  # nothing tells f from both
-    "large": ("1/Ja", "f"),
-    "small": ("1/Ja", "f"),
-    "without friction": ("1/Ja",),
-    "rigid gear": ("1/(Jm + Jl*r^2)", "f"),
-    "spring to ground": ("1/Jm", "d"),
-    "weight on a gear": ("1/(Jm + Jl*r^2)", "f"),
-}
 
-
-def config(folder: Path, name: str, *monitor: str, axes: int = 2) -> Config:
-    """The demo's configuration with a drive of these, or of the library."""
+def moved_by(folder: Path, name: str, *monitor: str, torque_noise: float = 1e-9) -> Config:
+    """The demo's first axis with a drive of these, or of the library with its own values."""
+    drive = name
     if name in DRAWINGS:
+        drive = str(folder / "drive.mo")
         (folder / "drive.mo").write_text(DRAWINGS[name], encoding="utf-8")
-    given = str(folder / "drive.mo") if name in DRAWINGS else name
-    return with_drive_of(demo(folder, axes), given, None, monitor)
+    model = {"drive": drive, "nominal": model_called(drive).values, "monitor": monitor}
+    return changed(demo(folder, 1), model=model, estimator={"torque_noise": torque_noise, "initial_p": {}})
 
 
-@pytest.mark.parametrize("name", WATCHED)
-def test_what_the_motion_tells_apart_is_watched(name: str, tmp_path: Path) -> None:
-    axis = config(tmp_path, name).axes[0].config
-    assert axis.model.monitor == WATCHED[name]
-    friction = [name for name in axis.model.monitor if name in ("f", "fm", "d")]
-    assert usual_fault(axis) == (friction or axis.model.monitor)[0]
-
-
-@pytest.mark.parametrize("name", WATCHED)
+@pytest.mark.parametrize("name", [*LIBRARY, *DRAWINGS])
 def test_every_drive_moves_as_fast(name: str, tmp_path: Path, seed: int) -> None:
-    axis = config(tmp_path, name, axes=1).axes[0]
+    axis = moved_by(tmp_path, name).axes[0]
     robot = ControlledAxis(axis, np.random.default_rng(seed))
     angle = np.array([robot.sample(k).motion for k in range(4000)])
     speed = np.diff(angle[2000:]) / axis.config.sample_interval_s
@@ -106,22 +83,30 @@ def test_every_drive_moves_as_fast(name: str, tmp_path: Path, seed: int) -> None
     assert abs(angle.mean()) < 0.5
 
 
-@pytest.mark.parametrize("name", WATCHED)
-def test_the_usual_fault_is_named_and_nothing_else(name: str, tmp_path: Path, seed: int) -> None:
-    read = config(tmp_path, name)
-    broken = usual_fault(read.axes[0].config)
-    core, found = FramePipeline(read), dict[tuple[str, str], AxisAlarm]()
-    faults = [Fault("demo.axis2", {broken: 1.3}, FAULT_S)]
-    for change in live(core, blocks(read, FAULT_S + 15, seed, faults)):
-        found.setdefault((change.axis_id, change.alarm.parameter), change)
-    first = next(iter(found.values()))
-    assert set(found) == {("demo.axis2", broken)}
-    assert first.alarm.direction == "up"
-    assert first.alarm.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
+@pytest.mark.parametrize(
+    ("name", "monitor"),
+    [
+        ("five-mass", ("kT", "1/J4", "fm")),
+        ("one mass", ("f", "1/Jm")),
+        ("weight on a gear", ("f", "1/(Jm + Jl*r^2)")),
+    ],
+)
+def test_a_fault_of_any_drive_is_named_and_nothing_else(
+    name: str, monitor: tuple[str, ...], tmp_path: Path, seed: int
+) -> None:
+    config = moved_by(tmp_path, name, *monitor, torque_noise=0.05)
+    broken = "fm" if "fm" in monitor else "f"
+    found = live(
+        FramePipeline(config),
+        blocks(config, FAULT_S + 15, seed, [Fault("demo.axis1", {broken: 1.3}, FAULT_S)]),
+    )
+    assert {change.alarm.parameter for change in found} == {broken}
+    assert found[0].alarm.direction == "up"
+    assert found[0].alarm.onset_us >= START_US + FAULT_S * 1e6
 
 
 def test_a_part_of_a_merged_parameter_may_break(tmp_path: Path) -> None:
-    axis = config(tmp_path, "rigid gear", axes=1).axes[0]
+    axis = moved_by(tmp_path, "rigid gear").axes[0]
     robots = [ControlledAxis(axis, np.random.default_rng(1)) for _ in range(3)]
     robots[1].break_down({"Jl": 1.5})
     robots[2].break_down({"Jm + Jl*r^2": (0.001 + 1.5 * 0.02**2 * 2) / (0.001 + 0.02**2 * 2)})
@@ -133,32 +118,3 @@ def test_a_part_of_a_merged_parameter_may_break(tmp_path: Path) -> None:
         robots[1].break_down({"Jx": 2.0})
     with pytest.raises(ValueError, match="greater than zero"):
         robots[1].break_down({"Jl": -2.0})
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--drive", "none.mo"], ("none.mo: cannot read the drawing: No such file",)),
-        (["--drive", "fife-mass"], ('no such drive: did you mean "five-mass"?', "three-mass")),
-        (["--drive", "{file}", "--model", "N"], ("drive.mo", "N", "M")),
-        (["--model", "N"], ("--model", "--drive FILE.mo")),
-        (["--drive", "{file}", "--monitor", "F"], ("--monitor", "F", "Jm, f")),
-        (["--drive", "{file}", "--monitor", "f", "--monitor", "f"], ("--monitor", "f is monitored twice")),
-        (["--monitor", "fx"], ("--monitor", "'fx'", "Jm, Jg")),
-        (["--drive", "{file}", "--fault", "fx=2"], ("no parameter 'fx'", "there is Jm, f")),
-        (["--drive", "{file}", "--fault", "Jm=-2"], ("Jm", "greater than zero")),
-        (["--drive", "{bare}"], ("bare.mo", "no nominal value for Jm")),
-        (["--drive", "{heavy}"], ("heavy.mo", "no torque moves it")),
-    ],
-    ids=" ".join,
-)
-def test_mistakes(arguments: list[str], words: tuple[str, ...], tmp_path: Path) -> None:
-    text = DRAWINGS["one mass"]
-    (tmp_path / "drive.mo").write_text(text, encoding="utf-8")
-    (tmp_path / "bare.mo").write_text(text.replace("Jm = 0.01", "Jm"), encoding="utf-8")
-    (tmp_path / "heavy.mo").write_text(text.replace("Jm = 0.01", "Jm = 1e300"), encoding="utf-8")
-    files = {f"{{{name}}}": tmp_path / f"{name}.mo" for name in ("bare", "heavy")}
-    files["{file}"] = tmp_path / "drive.mo"
-    result = axiswatch("demo", "--port", "0", *(files.get(a, a) for a in arguments))
-    assert result.exit_code == 2
-    assert [word for word in words if word not in result.stderr] == []

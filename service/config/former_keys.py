@@ -1,0 +1,29 @@
+"""Keys of earlier versions, in the configuration and in the files of an identification or a calibration."""
+
+from collections.abc import Mapping
+
+RENAMED_KEYS: Mapping[str, str] = {
+    "averaged": "interval_mean",
+    "least_excitation": "min_excitation",
+    "least_information": "information_floor",
+    "least_speed": "min_speed",
+    "maximum_age_s": "max_age_s",
+    "maximum_gap_s": "max_gap_s",
+    "varying": "schedule",
+    "warn_before": "lead_time",
+    "widening": "covariance_reset",
+    "wraps_at": "wrap_period",
+}
+"""Keys of earlier versions: an old key is an error that names the new one."""
+REMOVED_KEYS: Mapping[str, str] = {
+    "forgetting": "give memory_s = sample_interval_s / (1 - forgetting) instead",
+    "gain": "follows from torque_noise and output_noise, or from an identification: give nominal_file",
+    "speed_noise": "angle and speed are no longer used together: give one of the two tables, and output_noise for it",
+}
+
+
+def hint(key: str) -> str | None:
+    """What to do with a key of an earlier version; None: it never was a key."""
+    if key in RENAMED_KEYS:
+        return f"is now called {RENAMED_KEYS[key]}"
+    return REMOVED_KEYS.get(key)
