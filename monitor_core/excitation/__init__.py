@@ -12,12 +12,6 @@ from monitor_core.excitation.multisine_signals import Lines, Multisine, lines_in
 from monitor_core.excitation.planned_drive import Controller, Plant
 from monitor_core.excitation.prediction import Estimation
 from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiments, faulty
-from monitor_core.excitation.sensitivity import (
-    LocalIdentifiability,
-    TorqueExperiment,
-    local_identifiability,
-    usual_experiment,
-)
 
 __all__ = [
     "FAULT_AT",
@@ -29,17 +23,13 @@ __all__ = [
     "Experiment",
     "Limits",
     "Lines",
-    "LocalIdentifiability",
     "Multisine",
     "Plant",
     "Task",
-    "TorqueExperiment",
     "experiments",
     "faulty",
     "lines_in",
-    "local_identifiability",
     "multisine",
     "plan",
-    "usual_experiment",
     "warnings",
 ]

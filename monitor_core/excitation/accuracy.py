@@ -89,14 +89,6 @@ class Accuracy:
         _, sizes, directions = np.linalg.svd(np.pad(scaled, ((0, missing), (0, 0))), full_matrices=False)
         return sizes, directions
 
-    @property
-    def condition(self) -> float:
-        """Condition number of the scaled columns; infinite where a direction is hidden, NaN without parameters."""
-        sizes = self._svd[0]
-        if not self.names:
-            return np.nan
-        return np.inf if len(self.hidden) else float(sizes[0] / sizes[-1])
-
     @cached_property
     def hidden(self) -> Floats:
         """Directions (k, p) in which the output does not change at all, each with few parameters."""

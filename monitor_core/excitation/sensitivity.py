@@ -7,7 +7,6 @@ those of the motion at the given values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,16 +16,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold_slopes
 from monitor_core.drive.structure import Drive, split_name
-from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.kernel.fixed_predictor import simulate_known
-from monitor_core.modeling.identifiability import structural
-from monitor_core.modeling.simulated_axis import SimulatedAxis
-from monitor_core.modeling.statespace import StateSpace, drive_of, nominal_of
-
-INTERVAL_S = 0.005
-BAND_HZ = (0.0, 30.0)
-SECONDS = 10.0
 
 _STEP = 1e-30
 """Of the complex step: so far below rounding that the derivative is exact."""
@@ -38,11 +28,6 @@ class Linear(NamedTuple):
     A: Floats
     B: Floats
     C: Floats
-
-
-def usual_torque(seed: int | np.random.Generator, rms: float) -> Floats:
-    """The reference experiment's torque (N,): multisine from 0 to 30 Hz at 200 Hz, with that rms value in N m."""
-    return multisine(np.random.default_rng(seed), round(SECONDS / INTERVAL_S), INTERVAL_S, BAND_HZ, rms)
 
 
 def sensitivities_to(
@@ -104,21 +89,6 @@ def _linearised(
     return _in_units(nominal, d), [_in_units(s, d) for s in slopes]
 
 
-def simulated(
-    drive: Drive, values: Mapping[str, float], torque: Floats, interval_s: float, speed_scale: float = 1.0
-) -> tuple[Floats, Floats]:
-    """All inputs (N, m) of a drive that the torque moves from rest, each held to the next sample; angle, speed (N, 2).
-
-    ``speed_scale`` [rad/s] is that of Coulomb friction.
-    """
-    axis = SimulatedAxis(values, speed_scale, substeps=1, drive=drive)
-    inputs, motion = [], []
-    for value in torque.tolist():
-        inputs.append(axis.inputs(value))
-        motion.append(axis.step(value, interval_s))
-    return np.array(inputs).reshape(len(torque), len(drive.inputs)), np.array(motion)
-
-
 def _stepped(
     drive: Drive, values: Mapping[str, float], name: str, scales: Mapping[str, float]
 ) -> dict[str, Any]:
@@ -164,79 +134,3 @@ def _held(system: Linear, slopes: Sequence[Linear], interval_s: float) -> tuple[
     dA, dB = (np.array([slope[k] for slope in slopes]).reshape(len(slopes), *system[k].shape) for k in (0, 1))
     X, dX = zero_order_hold_slopes(system.A, system.B, dA, dB, np.array([interval_s]))
     return X[0], dX[0]
-
-
-# --- Local identifiability: what a given torque tells of the parameters at their nominal values -----------------------
-
-
-NOISE_SHARE = 0.01
-"""Standard deviation of the noise on the output, as a share of its rms value, where it is not known."""
-
-_SEED = 1
-
-
-@dataclass(frozen=True, slots=True)
-class TorqueExperiment:
-    """A torque (N,) [N m] held over each interval [s], and the noise on the output [rad or rad/s; None: a share].
-
-    ``words`` says where it comes from.
-    """
-
-    torque: Floats
-    interval_s: float
-    words: str
-    noise: float | None = None
-
-
-def usual_experiment() -> TorqueExperiment:
-    """The multisine of the reference experiment, 0 to 30 Hz, at 200 samples a second."""
-    words = "10 s of a multisine from 0 to 30 Hz, 200 samples a second, 1 N m rms"
-    return TorqueExperiment(usual_torque(_SEED, 1.0), INTERVAL_S, words)
-
-
-@dataclass(frozen=True, slots=True)
-class LocalIdentifiability:
-    """``accuracy`` of the parameters that are not ``held`` known nor zero at nominal (``left_out``)."""
-
-    experiment: TorqueExperiment
-    noise: float
-    accuracy: Accuracy
-    held: tuple[str, ...]
-    left_out: tuple[str, ...]
-    quantity: str
-
-
-def local_identifiability(
-    ss: StateSpace, values: Mapping[str, float] | None, experiment: TorqueExperiment, speed_scale: float = 1.0
-) -> LocalIdentifiability:
-    """What the experiment determines of the parameters, with those held that prevent everything else.
-
-    Raises:
-        ModelError: the drive has more than one torque or sensor.
-        KeyError, ValueError: a nominal value is missing or makes no sense; the drive cannot be simulated.
-    """
-    nominal = nominal_of(ss, values)
-    held = structural(ss).suggestion
-    names = [p.name for p in ss.parameters if p.name not in held]
-    free = [name for name in names if nominal[name] != 0]
-    drive = drive_of(ss)
-    with np.errstate(over="ignore", invalid="ignore"):  # looked for below
-        u, motion = simulated(drive, nominal, experiment.torque, experiment.interval_s, speed_scale)
-        S = sensitivities_to(u, drive, nominal, free, experiment.interval_s)
-        rms = float(np.sqrt(np.mean(motion[:, 0 if drive.output == "angle" else 1] ** 2)))
-    _check_motion(drive.output, rms, S)
-    noise = experiment.noise or NOISE_SHARE * rms
-    left_out = tuple(name for name in names if name not in free)
-    return LocalIdentifiability(
-        experiment, noise, Accuracy(tuple(free), S, noise), held, left_out, drive.output
-    )
-
-
-def _check_motion(quantity: str, rms: float, S: Floats) -> None:
-    if not (np.isfinite(rms) and np.isfinite(S).all()):
-        raise ValueError(
-            f"simulated with these values, the {quantity} leaves the range of numbers "
-            "(an unstable drive, or a value with a wrong power of ten?)"
-        )
-    if rms == 0:
-        raise ValueError(f"with these values the torque does not change the {quantity}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -18,12 +18,7 @@ from service.reports.model_facts import as_json, facts_of
 from service.reports.model_text import print_text
 
 if TYPE_CHECKING:
-    from monitor_core.excitation import TorqueExperiment
     from monitor_core.modeling import StateSpace
-    from service.config import Config, NamedAxis
-
-LONGEST = 20_000
-"""Samples of a record that are looked at: more tell the same, only more exactly."""
 
 
 class Command(JsonCommand):
@@ -56,24 +51,6 @@ OutputOption = Annotated[
     typer.Option("--output", help="Measured quantity, overriding the drawing or the configuration."),
 ]
 Latex = Annotated[bool, typer.Option("--latex", help="Print A, B, C as LaTeX instead.")]
-Record = Annotated[
-    Path | None,
-    typer.Option(
-        "--record",
-        metavar="RECORD",
-        help="Use the torque of this record instead of a multisine; with --config.",
-    ),
-]
-
-
-class Drive(NamedTuple):
-    """A state space, nominal values that take precedence over the drawing's own, and the torque to tell them from."""
-
-    space: StateSpace
-    values: Mapping[str, float]
-    experiment: TorqueExperiment | None = None
-    speed_scale: float = 1.0
-    """Of Coulomb friction [rad/s]"""
 
 
 def model(
@@ -84,26 +61,25 @@ def model(
     output: OutputOption = None,
     latex: Latex = False,
     json: JsonFile = None,
-    record: Record = None,
 ) -> None:
     """Derive the minimal state space x' = A x + B u, y = C x of a drive, in symbols.
 
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
-    distinguish, in principle and from a record. A report on standard output replaces the text.
+    distinguish. A report on standard output replaces the text.
     """
     _check_output(latex, json)
-    _check_source(drive, name, config, axis, record)
+    _check_source(drive, name, config, axis)
     with explained():
         if config is not None:
-            found = _drive_of_axis(config, axis, output, record)
+            space, values = _drive_of_axis(config, axis, output)
         else:
-            found = Drive(model_called(drive or "", name, output).space, {})
+            space, values = model_called(drive or "", name, output).space, {}
         if latex:
             from monitor_core.modeling.symbolic import as_latex
 
-            write(STDOUT, as_latex(found.space))
+            write(STDOUT, as_latex(space))
         if json is not None or not latex:
-            facts = facts_of(*found)
+            facts = facts_of(space, values)
             if json is not None:
                 write(json, as_json(facts))
             if not latex and json != STDOUT:
@@ -117,9 +93,7 @@ def _check_output(latex: bool, json: Path | None) -> None:
         raise typer.BadParameter(f"{json} is a drawing, it will not be overwritten", param_hint="--json")
 
 
-def _check_source(
-    drive: str | None, name: str | None, config: Path | None, axis: str | None, record: Path | None
-) -> None:
+def _check_source(drive: str | None, name: str | None, config: Path | None, axis: str | None) -> None:
     """Check that the command line names one drive."""
     if (drive is None) == (config is None):
         known = f"a file ({SUFFIX}), one of {', '.join(LIBRARY)}, or --config FILE"
@@ -128,34 +102,13 @@ def _check_source(
         raise typer.BadParameter("goes with --config FILE", param_hint="--axis")
     if name is not None and not (drive or "").endswith(SUFFIX):
         raise typer.BadParameter(f"goes with a Modelica file (FILE{SUFFIX})", param_hint="--model")
-    if record is not None and config is None:
-        raise typer.BadParameter("goes with --config FILE, which says how to read it", param_hint="--record")
 
 
 def _drive_of_axis(
-    config: Path, axis: str | None, output: Literal["speed", "angle"] | None, record: Path | None
-) -> Drive:
-    from service.config import given_values, predictor_of
+    config: Path, axis: str | None, output: Literal["speed", "angle"] | None
+) -> tuple[StateSpace, Mapping[str, float]]:
+    """The state space, and nominal values that go before the drawing's own."""
+    from service.config import given_values
 
-    read = configuration(config, without_bus=True)
-    found = axis_named(read.axes, axis)
-    experiment = None if record is None else _experiment(record, read, found)
-    space = model_of_axis(found.config, output).space
-    return Drive(
-        space, given_values(found.config), experiment, predictor_of(found.config).friction_speed_scale
-    )
-
-
-def _experiment(path: Path, config: Config, axis: NamedAxis) -> TorqueExperiment:
-    from monitor_core.excitation import TorqueExperiment
-    from service.can.user_errors import RecordError
-    from service.config import predictor_of
-    from service.ingest.records import read_record, samples_of
-
-    interval_s = axis.config.sample_interval_s
-    torque = samples_of(read_record(path, config), axis.id).u[:LONGEST]
-    if len(torque) < 2:
-        raise RecordError(f"{path}: no samples of {axis.id}")
-    seconds = len(torque) * interval_s
-    words = f"the torque of {path.name}, {seconds:.3g} s at {1 / interval_s:.4g} samples a second"
-    return TorqueExperiment(torque, interval_s, words, predictor_of(axis.config).output_noise)
+    found = axis_named(configuration(config, without_bus=True).axes, axis)
+    return model_of_axis(found.config, output).space, given_values(found.config)

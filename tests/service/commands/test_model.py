@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from service.config.drive_sources import shipped
@@ -143,9 +142,6 @@ MISTAKES = [
     (["three-mass", "--json=DRAWING"], ["--json", "will not be overwritten"]),
     (["three-mass", "--json=nowhere/a.json"], ["cannot write nowhere/a.json", "No such file or directory"]),
     (["three-mass", "five-mass"], ["five-mass"]),
-    (["three-mass", "--record", "x.csv"], ["--record", "goes with --config"]),
-    (["--config", "irb/irb.toml", "--record", "nowhere.csv"], ["nowhere.csv: No such file"]),
-    (["--config", "irb/irb.toml", "--record", "irb/empty.csv"], ["empty.csv"]),
 ]
 
 
@@ -157,7 +153,6 @@ def test_mistakes(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     config = demo_config(tmp_path, axes=2)
-    irb_config(tmp_path)
     given = [a.replace("CONFIG", str(config)).replace("DRAWING", str(drawing)) for a in arguments]
     said = refused("model", *given)
     assert [word for word in words if word not in said] == []
@@ -176,36 +171,3 @@ def test_the_shipped_drawings_are_the_library() -> None:
     by_file = as_json(shipped("drives/two_mass.mo"), "--json")
     by_name = as_json("two-mass", "--json")
     assert {**by_file, "name": "two-mass"} == by_name
-
-
-# --- what a record determines -------------------------------------------------------------------------------
-
-
-def irb_config(folder: Path) -> Path:
-    """An axis with columns, and an empty record of it."""
-    (folder / "irb").mkdir()
-    for name in ("irb.toml", "irb.dbc"):
-        (folder / "irb" / name).write_bytes(shipped(name).read_bytes())
-    (folder / "irb" / "empty.csv").write_text("torque,speed\n", encoding="utf-8")
-    return folder / "irb" / "irb.toml"
-
-
-def moved(folder: Path, seed: int, samples: int = 3000) -> Path:
-    rng = np.random.default_rng(seed)
-    path = folder / "moved.csv"
-    lines = ["torque,speed", *(f"{u:.6f},{w:.6f}" for u, w in rng.standard_normal((samples, 2)))]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
-def test_the_record_and_the_configured_noise_are_what_is_asked_about(tmp_path: Path, seed: int) -> None:
-    config, record = irb_config(tmp_path), moved(tmp_path, seed)
-    told = as_json("--config", config, "--record", record, "--json")["local"]
-    assert told["experiment"] == "the torque of moved.csv, 1.5 s at 2000 samples a second"
-    assert told["noise"] == 2.2
-    assert told["held_known"] == ["kT", "r"]
-    usual = as_json("--config", config, "--json")["local"]
-    assert usual["relative_standard_deviations"] != told["relative_standard_deviations"]
-    section = shown("--config", config, "--record", record).split("What a record determines")[1]
-    for name in ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0"):
-        assert f"{name} " in section
