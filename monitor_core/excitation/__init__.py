@@ -9,7 +9,7 @@
 from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
 from monitor_core.excitation.motions import ExcitationError, Limits
 from monitor_core.excitation.multisine_signals import Lines, Multisine, lines_in, multisine
-from monitor_core.excitation.planned_drive import Controller, Plant
+from monitor_core.excitation.planned_drive import Plant
 from monitor_core.excitation.prediction import Estimation
 from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiments, faulty
 
@@ -17,7 +17,6 @@ __all__ = [
     "FAULT_AT",
     "SAMPLES",
     "Command",
-    "Controller",
     "Estimation",
     "ExcitationError",
     "Experiment",

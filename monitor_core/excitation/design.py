@@ -14,11 +14,10 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.accuracy import FAIR, Accuracy
 from monitor_core.excitation.motions import (
-    ClosedLoop,
     ExcitationError,
     Fitted,
     Limits,
-    OpenLoop,
+    PlannedMotion,
     Schedule,
     fitted,
 )
@@ -30,7 +29,7 @@ from monitor_core.excitation.multisine_signals import (
     flattened,
     lines_in,
 )
-from monitor_core.excitation.planned_drive import Controller, Motion, Plant
+from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.prediction import (
     Estimation,
     information,
@@ -62,8 +61,7 @@ class Task:
         periods: to be evaluated, after one to warm up.
         band_hz: of the lines.
         lines: all of them, or the odd ones.
-        command: what is commanded: torque, or a reference for the controller.
-        controller: of the axis, where it is known.
+        command: what is commanded: torque, or a reference for the axis's own controller.
         free: estimated parameters; default all that can be distinguished.
         find: parameters for which the spectrum is optimised; default a flat spectrum.
     """
@@ -76,7 +74,6 @@ class Task:
     band_hz: tuple[float, float] = (0.0, 30.0)
     lines: Lines = "odd"
     command: Command = "torque"
-    controller: Controller | None = None
     free: tuple[str, ...] = ()
     find: tuple[str, ...] = ()
 
@@ -116,12 +113,11 @@ class Task:
 
 
 class Trial(NamedTuple):
-    """A signal in N m, before and after its peaks were reduced, its largest motion, and the reference (2, samples)."""
+    """A signal in N m, its largest motion, and the reference (2, samples) of angle and speed."""
 
-    random: Multisine
     signal: Multisine
     fitted: Fitted
-    reference: Floats | None
+    reference: Floats
 
 
 @dataclass(frozen=True)
@@ -144,7 +140,7 @@ class Experiment:
 
     @property
     def motion(self) -> Motion:
-        """Torque, angle and speed (samples, 1)."""
+        """Torque, angle and speed (samples,)."""
         return self.trial.fitted.motion
 
     @property
@@ -153,15 +149,9 @@ class Experiment:
         return self.task.limits.used(self.motion)
 
     @property
-    def crests(self) -> dict[str, float]:
-        """Crest factor of the period with random phases, with Schroeder's phases, and as it is."""
-        random = self.trial.random
-        forms = {
-            "random": random,
-            "Schroeder": random.with_schroeder_phases(),
-            "optimised": self.trial.signal,
-        }
-        return {name: crest_factor(form.samples()) for name, form in forms.items()}
+    def crest(self) -> float:
+        """Crest factor of a period."""
+        return crest_factor(self.trial.signal.samples())
 
     @property
     def gains(self) -> dict[str, float]:
@@ -178,7 +168,13 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
         ExcitationError: there is none; the text says what would be right.
         KeyError, ValueError: a parameter that the drive does not have, or that is zero and has no scale.
     """
-    flat = _trial(task, Multisine.random(rng, task.period, task.plant.interval_s, task.grid))
+    if task.command == "torque" and task.plant.bears_weight:
+        raise ExcitationError(
+            "a torque alone does not keep this drive in its place (its weight moves it away): plan a motion for its"
+            " controller, with speed or angle as the reference"
+        )
+    random = Multisine.random(rng, task.period, task.plant.interval_s, task.grid)
+    flat = _trial(task, random)
     inputs = flat.fitted.motion.inputs
     names = task.free or told_apart(task.estimation, inputs, task.find)
     if missing := [name for name in task.find if name not in names]:
@@ -189,7 +185,7 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
     experiment = Experiment(task, flat, accuracy, accuracy, held)
     if not task.find:
         return experiment
-    better = replace(flat.random, amplitudes=_best_amplitudes(task, names))
+    better = replace(random, amplitudes=_best_amplitudes(task, names))
     try:
         best = _trial(task, better)
     except ExcitationError:  # the drive can follow the flat spectrum, but not this one
@@ -205,15 +201,10 @@ def _trial(task: Task, random: Multisine) -> Trial:
     """The signal with low peaks, as large as the limits allow."""
     weights = task.over_limits(task.frequency_hz)
     signal = flattened(random, list(weights.values()))
-    loop = (
-        OpenLoop(task.plant, task.schedule, signal)
-        if task.command == "torque"
-        else ClosedLoop(task.plant, task.schedule, signal, task.controller)
-    )
+    motion = PlannedMotion(task.plant, task.schedule, signal)
     peak = max(np.abs(signal.through(G).samples()).max() for G in weights.values())
-    found = fitted(loop.move, task.limits, 0.9 / peak)
-    reference = loop.reference(found.size) if isinstance(loop, ClosedLoop) else None
-    return Trial(random.times(found.size), signal.times(found.size), found, reference)
+    found = fitted(motion.move, task.limits, 0.9 / peak)
+    return Trial(signal.times(found.size), found, motion.reference(found.size))
 
 
 def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
@@ -258,7 +249,7 @@ def _ends(experiment: Experiment) -> Iterator[str]:
         return
     torque = experiment.motion.torque
     motions = [replace(plant, coulomb=factor).moved(torque) for factor in (1 - _OFF, 1 + _OFF)]
-    away, speed = (max(abs(float(getattr(m, what)[-1, 0])) for m in motions) for what in ("angle", "speed"))
+    away, speed = (max(abs(float(getattr(m, what)[-1])) for m in motions) for what in ("angle", "speed"))
     shares = [share for m in motions for share in task.limits.used(m).items() if share[1] > 1]
     name, share = max(shares, key=lambda pair: pair[1], default=("", 0.0))
     beyond = f", and comes to {100 * share:.0f} % of the {name} limit on its way" if share else ""

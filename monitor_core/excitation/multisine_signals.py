@@ -106,16 +106,6 @@ class Multisine:
             self, amplitudes=self.amplitudes * np.abs(response), phases=self.phases + np.angle(response)
         )
 
-    def with_schroeder_phases(self) -> Multisine:
-        """Schroeder's phases, for which the frequency sweeps through the spectrum once in a period.
-
-        M. R. Schroeder, IEEE Trans. Information Theory 16 (1970): phase_k = -2 pi sum_{j<k} (k - j) p_j, p_j the share
-        of line j of the power.
-        """
-        shares = self.amplitudes**2 / np.sum(self.amplitudes**2)
-        before = np.concatenate([[0.0], np.cumsum(shares)[:-1]])
-        return replace(self, phases=-2 * np.pi * np.cumsum(before))
-
 
 # --- Crest factors: a multisine whose peaks are low for its power tells more within the same limits -------------------
 

@@ -12,7 +12,6 @@ from rich.console import Console
 
 from monitor_core.drive import Drive
 from monitor_core.excitation import (
-    Controller,
     Estimation,
     ExcitationError,
     Experiment,
@@ -60,10 +59,6 @@ As = Annotated[
     Literal["torque", "speed", "angle"],
     typer.Option("--as", help="What is given to the axis: torque, or a reference to follow."),
 ]
-Gain = Annotated[
-    float | None,
-    typer.Option(metavar="K", help="Of its controller [N m/rad, N m s/rad]. Default: one that follows well."),
-]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Repeat the same phases.")]
 Picture = Annotated[Path | None, typer.Option(metavar="FILE", help="Also draw a picture.")]
 
@@ -82,8 +77,6 @@ def excite(
     find: Find = "",
     free: Free = "",
     as_: As = "torque",
-    kp: Gain = None,
-    kd: Gain = None,
     seed: Seed = None,
     svg: Picture = None,
     png: Picture = None,
@@ -95,11 +88,11 @@ def excite(
     """
     if output in (svg, png) or (svg is not None and svg == png):
         raise typer.BadParameter("two of the files to be written are the same", param_hint="--output")
-    found, controller, band_hz = axis_of(config, axis), _controller(kp, kd), _band(band)
+    found, band_hz = axis_of(config, axis), _band(band)
     with explained(ValueError):
         limits = (math.inf if limit is None else limit for limit in (torque_limit, speed_limit, angle_limit))
         names = names_in(free), names_in(find)
-        asked = Asked(found, seconds, periods, band_hz, lines, as_, *names, Limits(*limits), controller)
+        asked = Asked(found, seconds, periods, band_hz, lines, as_, *names, Limits(*limits))
         experiment = planned(asked, seed)
     write(output, "".join(as_csv(experiment)))
     for form, path in (("svg", svg), ("png", png)):
@@ -114,14 +107,6 @@ def _band(text: str) -> tuple[float, float]:
     except ValueError:
         raise typer.BadParameter(f"{text}: write LOW:HIGH in Hz, as 0:30", param_hint="--band") from None
     return low, high
-
-
-def _controller(kp: float | None, kd: float | None) -> Controller | None:
-    if kp is None and kd is None:
-        return None
-    if kp is None or kd is None:
-        raise typer.BadParameter("--kp and --kd go together", param_hint="--kp")
-    return Controller(kp, kd)
 
 
 # --- From a configured axis and the requirements to an experiment -----------------------------------------------------
@@ -142,7 +127,6 @@ class Asked(NamedTuple):
     free: tuple[str, ...]
     find: tuple[str, ...]
     limits: Limits
-    controller: Controller | None
 
 
 def planned(asked: Asked, seed: int | None) -> Experiment:
@@ -157,10 +141,6 @@ def planned(asked: Asked, seed: int | None) -> Experiment:
     _check_known(asked.axis, drive)
     model = axis_model(config)
     settings = axis_settings(asked.axis, model)
-    if asked.controller is not None and asked.command == "torque":
-        raise ExcitationError(
-            "kp and kd are those of a controller that follows speed or angle: leave them out"
-        )
     measured = drive_of(config, config.output)
     _check_names(asked, measured.complete(values))
     K = np.array(settings.K) if settings.K else None
@@ -175,7 +155,6 @@ def planned(asked: Asked, seed: int | None) -> Experiment:
         band_hz=_checked_band(asked, h),
         lines=asked.lines,
         command=asked.command,
-        controller=asked.controller,
         free=asked.free,
         find=asked.find,
     )
