@@ -245,11 +245,11 @@ class _PeakCounter:
 
 
 PartSums = tuple[Floats, float]
-"""Of a part of the records: sums of the deviations and of their squares (2, p, W), and their number."""
+"""Sums of the deviations of a part of the records, and of their squares (2, p, W), and their number."""
 
 
 def part_sums(d: Floats) -> PartSums:
-    """Sums of the deviations (n, p, W) of a part."""
+    """Of the deviations (n, p, W)."""
     return np.stack([d.sum(axis=0), (d * d).sum(axis=0)]), float(len(d))
 
 
