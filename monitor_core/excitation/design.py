@@ -32,6 +32,7 @@ from monitor_core.excitation.multisine_signals import (
 from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.prediction import (
     Estimation,
+    Optimum,
     information,
     linear_part,
     optimal_powers,
@@ -209,22 +210,28 @@ def _trial(task: Task, random: Multisine) -> Trial:
 
 def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
     """Optimal amplitudes of the lines (L,) for the parameters to find."""
-    responses = task.estimation.responses(names, task.frequency_hz)
+    best = _optimum(task, names, task.find, task.frequency_hz).powers
+    even = np.full(len(best), 1 / task.costs(task.frequency_hz).sum(axis=1).max())
+    return np.asarray(np.sqrt(2 * ((1 - _EVERYWHERE) * best + _EVERYWHERE * even)))
+
+
+def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequency_hz: Floats) -> Optimum:
+    """Optimal powers of lines at these frequencies (L,) for some of the estimated parameters.
+
+    Raises:
+        ExcitationError: the spectrum does not matter to them, or the lines do not determine all parameters.
+    """
+    responses = task.estimation.responses(names, frequency_hz)
     seen = linear_part(responses)
-    wanted = np.array([float(names[i] in task.find) for i in seen])
+    wanted = np.array([float(names[i] in find) for i in seen])
     if not wanted.any():
-        raise ExcitationError(
-            f"the spectrum does not matter to {' and '.join(task.find)}: leave out what to find"
-        )
-    costs = task.costs(task.frequency_hz)
+        raise ExcitationError(f"the spectrum does not matter to {' and '.join(find)}: leave out what to find")
     try:
-        best = optimal_powers(information(responses[:, seen]), costs, wanted).powers
+        return optimal_powers(information(responses[:, seen]), task.costs(frequency_hz), wanted)
     except np.linalg.LinAlgError:
         raise ExcitationError(
-            f"{len(task.grid)} lines do not determine {len(seen)} parameters: widen the band or lengthen the period"
+            f"{len(frequency_hz)} lines do not determine {len(seen)} parameters: widen the band or lengthen the period"
         ) from None
-    even = np.full(len(best), 1 / costs.sum(axis=1).max())
-    return np.asarray(np.sqrt(2 * ((1 - _EVERYWHERE) * best + _EVERYWHERE * even)))
 
 
 # --- What a planned experiment does not determine, and what would help, in sentences ----------------------------------
@@ -291,25 +298,12 @@ def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
     wide = np.concatenate([inside, np.linspace(high, 0.8 * nyquist, _MOST_LINES)[1:]])
     if high >= 0.8 * nyquist:
         return None
-    best_inside, there = (_best(task, names, name, lines) for lines in (inside, wide))
-    if best_inside is None or there is None or best_inside[0] < _WORTH_IT**2 * there[0]:
+    try:
+        best_inside, best = (_optimum(task, names, (name,), lines) for lines in (inside, wide))
+    except ExcitationError:
         return None
-    below = np.cumsum(there[1]) / there[1].sum()
+    if best_inside.criterion < _WORTH_IT**2 * best.criterion:
+        return None
+    below = np.cumsum(best.powers) / best.powers.sum()
     top = float(wide[np.searchsorted(below, 0.95)])
     return top if top > high else None
-
-
-def _best(task: Task, names: tuple[str, ...], name: str, lines: Floats) -> tuple[float, Floats] | None:
-    """Smallest variance of this parameter, and the powers (L,) for it."""
-    responses = task.estimation.responses(names, lines)
-    seen = linear_part(responses)
-    wanted = np.array([float(names[i] == name) for i in seen])
-    if not wanted.any():
-        return None
-    M = information(responses[:, seen])
-    try:
-        powers = optimal_powers(M, task.costs(lines), wanted).powers
-        covariance = np.linalg.inv(np.tensordot(powers, M, axes=1))
-    except np.linalg.LinAlgError:
-        return None
-    return float(wanted @ np.diag(covariance)), powers

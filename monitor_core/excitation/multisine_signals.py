@@ -92,9 +92,8 @@ class Multisine:
 
     def samples(self) -> Floats:
         """One period (N,)."""
-        spectrum = np.zeros(self.N // 2 + 1, dtype=complex)
-        spectrum[self.lines] = self.amplitudes * np.exp(1j * self.phases)
-        return np.asarray(np.fft.irfft(spectrum, self.N) * (self.N / 2))
+        (period,) = _signals((self.amplitudes * np.exp(1j * self.phases))[np.newaxis], self.lines, self.N)
+        return np.asarray(period)
 
     def times(self, factor: float) -> Multisine:
         """The signal scaled by a factor."""
@@ -168,6 +167,7 @@ def log_peak_norm(
 
 
 def _signals(c: Complex, lines: NDArray[np.intp], N: int) -> Floats:
+    """Samples (J, N) of signals with complex amplitudes c (J, L) at the lines (L,)."""
     spectrum = np.zeros((len(c), N // 2 + 1), dtype=complex)
     spectrum[:, lines] = c
     return np.asarray(np.fft.irfft(spectrum, N, axis=1) * (N / 2))

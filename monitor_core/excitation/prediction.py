@@ -136,9 +136,10 @@ _SINGULAR = 1e-13
 
 
 class Optimum(NamedTuple):
-    """Powers (L,) and an upper bound of (their criterion over the smallest possible) - 1."""
+    """Powers (L,), their criterion, and an upper bound of (criterion over the smallest possible) - 1."""
 
     powers: Floats
+    criterion: float
     excess: float
 
 
@@ -177,7 +178,7 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
         used = costs @ p
         weights = np.maximum(weights * np.sqrt(used / used.max()), _FLOOR)
         weights /= weights.sum()
-    return Optimum(powers, best / least - 1)
+    return Optimum(powers, best, best / least - 1)
 
 
 def _must_tell_all(M: Floats) -> None:
