@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -66,16 +66,19 @@ class Plant:
         A, B, C = A / d[:, None] * d, B / d[:, None], C * d
         return A, B, np.vstack([C, C @ A])
 
-    @cached_property
+    @property
     def is_linear(self) -> bool:
         """Whether no input depends on the motion."""
-        B = self._balanced[1]
-        return not (np.isin(self.drive.inputs, OF_MOTION) & B.any(axis=0)).any()
+        return not self._has(OF_MOTION)
 
     @property
     def bears_weight(self) -> bool:
         """Whether gravity acts on it."""
-        return COSINE in self.drive.inputs or SINE in self.drive.inputs
+        return self._has((COSINE, SINE))
+
+    def _has(self, kinds: Sequence[int]) -> bool:
+        """Whether an input of these kinds acts on it."""
+        return bool((np.isin(self.drive.inputs, kinds) & self._balanced[1].any(axis=0)).any())
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Frequency response from the held torque to the samples of angle and speed (2, L)."""
