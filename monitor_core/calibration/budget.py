@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.calibration.false_alarm_tail import Tail
 from monitor_core.calibration.healthy_records import Scatter
 from monitor_core.settings import Threshold
@@ -140,3 +140,12 @@ def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-
     from scipy.optimize import brentq  # costs the daemon half a second, which never calls it
 
     return float(brentq(f, low, high, xtol=xtol))
+
+
+def bisected(is_below: Callable[[Floats], Bools], low: Floats, high: Floats, halvings: int) -> Floats:
+    """Points (H,) up to which ``is_below`` holds, from above, after so many halvings of [low, high]."""
+    for _ in range(halvings):
+        middle = (low + high) / 2
+        below = is_below(middle)
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return high

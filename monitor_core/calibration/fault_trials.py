@@ -1,10 +1,13 @@
 """Faults injected at many onsets of a healthy record: when a detector detects them, and under which name."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +17,10 @@ from monitor_core.calibration.injection import EquivalentLoad, changed_values, e
 from monitor_core.calibration.simulated_copies import Innovations, Plants, innovations
 from monitor_core.detection import Crossing
 from monitor_core.detection.alarm import direction_of
+from monitor_core.detection.cusum.cusum_evidence import BatchEvent
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
-from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Share
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.hypotheses import Memory
@@ -24,12 +28,8 @@ from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
-LANES = 64
-PARTS, BANK_PARTS = 40, 20
-"""Of the time that is watched, by the CUSUM tests and by a bank: where all have alarmed, or the cause is named, the
-rest is left out."""
-
-T = TypeVar("T")
+PARTS = 20
+"""Of the time that is watched: where the cause is named, the rest is left out."""
 
 
 @dataclass(frozen=True)
@@ -98,16 +98,35 @@ def run_trials(
     if last <= min(first, len(record.t_us)):
         raise ValueError("the record is too short")
     at = np.unique(np.linspace(first, last, onsets).astype(np.int64))
-    watch = (
-        _Tests(model, settings, record, at) if limits is None else _Bank(model, settings, limits, record, at)
-    )
+    detector = _Tests(model, settings) if limits is None else _Bank(model, settings, limits)
+    resume = [detector.after(record.select(slice(*ends))) for ends in pairwise([0, *at.tolist()])]
     found = []
     for number, (fault, load, u, y) in enumerate(inject(model, settings, record, faults, at, N)):
-        delays, names, directions = zip(*watch.first_alarms(u, y, N), strict=True)
+        alarms = []
+        for k, resume_at_onset in enumerate(resume):
+            samples = record._replace(u=u).select(slice(at[k], at[k] + N))
+            samples = samples if y is None else samples._replace(y=y[:, k])
+            resume_at_onset()
+            alarms.append(_first_alarm(detector, samples, settings.interval_s))
+        delays, names, directions = zip(*alarms, strict=True)
         peak = math.nan if load is None else float(np.abs(u).max())
         found.append(TrialResult(fault, load is not None, np.array(delays), names, directions, peak))
         progress((number + 1) / len(faults))
     return found, len(at)
+
+
+def _first_alarm(detector: _Tests | _Bank, samples: SampleBlock, interval_s: float) -> FirstAlarm:
+    """The first alarm in these samples, with its final name if that comes within them."""
+    first = FirstAlarm()
+    for rows in np.array_split(np.arange(samples.size), PARTS):
+        for t_us, name, direction, is_final in detector.run(samples.select(rows)):
+            delay_s = first.delay_s
+            if not first.name:
+                delay_s = float(t_us - samples.t_us[0]) * 1e-6 + interval_s
+                first = FirstAlarm(delay_s, name, direction)
+            if is_final:
+                return FirstAlarm(delay_s, name, direction)
+    return first
 
 
 def inject(
@@ -146,89 +165,55 @@ def _faulty_outputs(plants: Plants, record: SampleBlock, at: Ints, N: int, befor
     return np.asarray(record.y[rows] + with_fault - without)
 
 
-def _states(record: SampleBlock, at: Ints, after: Callable[[SampleBlock], T]) -> list[T]:
-    """States of a detector just before each of these samples, ``after`` it has run a part of the record."""
-    return [after(record.select(slice(*ends))) for ends in pairwise([0, *at.tolist()])]
+Alarm = tuple[int, str, str, bool]
+"""Time [us], name, "up", "down" or "", and whether the name is final."""
 
 
 class _Tests:
-    """The CUSUM tests, started from the states of the healthy monitor at the onsets ``at``."""
+    """The CUSUM tests, from any state of the healthy monitor on."""
 
-    def __init__(self, model: AxisModel, settings: Settings, record: SampleBlock, at: Ints) -> None:
-        self._record, self._at, self._interval_s = record, at, settings.interval_s
-        self._batch = AxisBatch([model] * LANES, [settings] * LANES)
-        self._healthy = AxisMonitor(model, settings)
-        self._before = _states(record, at, self._state_after)
+    def __init__(self, model: AxisModel, settings: Settings) -> None:
+        self._batch = AxisBatch([model], [settings])
 
-    def _state_after(self, part: SampleBlock) -> tuple[Floats, Ints]:
-        self._healthy.update(part)
-        return self._healthy.batch.column(0)
+    def after(self, part: SampleBlock) -> Callable[[], None]:
+        """Run a further part of the healthy record; what is returned goes back to the state after it."""
+        self._run(part)
+        return partial(self._batch.restore, 0, *self._batch.column(0))
 
-    def first_alarms(self, u: Floats, y: Floats | None, N: int) -> list[FirstAlarm]:
-        """The first alarm within N samples after each onset; u of the whole record, y (N, onsets) or the recorded."""
-        return [
-            alarm
-            for begin in range(0, len(self._at), LANES)
-            for alarm in self._in_lanes(begin, u, None if y is None else y[:, begin : begin + LANES], N)
-        ]
+    def run(self, samples: SampleBlock) -> Iterator[Alarm]:
+        """Alarms in the next samples."""
+        for _, event in self._run(samples):
+            if isinstance(event, Crossing):
+                yield event.time_us, event.parameter, event.direction, True
 
-    def _in_lanes(self, begin: int, u: Floats, y: Floats | None, N: int) -> list[FirstAlarm]:
-        record, onsets = self._record, self._at[begin : begin + LANES]
-        lanes = np.minimum(np.arange(LANES), len(onsets) - 1)  # unused lanes repeat the last one
-        for a in range(LANES):
-            self._batch.restore(a, *self._before[begin + lanes[a]])
-        found: dict[int, FirstAlarm] = {}
-        for rows in np.array_split(np.arange(N), PARTS):
-            part = record._replace(u=u).select(rows[:, np.newaxis] + onsets[lanes])
-            outputs = part.y if y is None else y[np.ix_(rows, lanes)]
-            shift = None if part.shift is None else np.moveaxis(part.shift, 1, 2)
-            for a, event in self._batch.run(part.t_us, part.u, outputs, None, shift, part.gate):
-                if a < len(onsets) and a not in found and isinstance(event, Crossing):
-                    delay = (event.time_us - int(record.t_us[onsets[a]])) * 1e-6 + self._interval_s
-                    found[a] = FirstAlarm(delay, event.parameter, event.direction)
-            if len(found) == len(onsets):
-                break
-        return [found.get(a, FirstAlarm()) for a in range(len(onsets))]
+    def _run(self, samples: SampleBlock) -> list[tuple[int, BatchEvent]]:
+        t_us, u, y = samples.t_us[:, np.newaxis], samples.u[:, np.newaxis], samples.y[:, np.newaxis]
+        shift = None if samples.shift is None else samples.shift[..., np.newaxis]
+        gate = None if samples.gate is None else samples.gate[:, np.newaxis]
+        return self._batch.run(t_us, u, y, None, shift, gate)
 
 
 class _Bank:
-    """The multi-model detector, started from the states of a bank that does not alarm at the onsets ``at``."""
+    """The multi-model detector, from any state of a bank on that has not alarmed."""
 
-    def __init__(
-        self, model: AxisModel, settings: Settings, limits: Sequence[Limit], record: SampleBlock, at: Ints
-    ) -> None:
-        self._record, self._at = record, at
+    def __init__(self, model: AxisModel, settings: Settings, limits: Sequence[Limit]) -> None:
         self._bank = bank_of(model, settings, Limits(1.0, tuple(limits)))
         self._quiet = HypothesisBank(model, settings, self._bank.hypotheses, allowance=self._bank.allowance)
-        self._before = _states(record, at, self._state_after)
 
-    def _state_after(self, part: SampleBlock) -> tuple[Memory, tuple[int, ...]]:
-        """State, and the steps by which the nominal values had moved."""
+    def after(self, part: SampleBlock) -> Callable[[], None]:
+        """As ``_Tests.after``."""
         self._quiet.run(*part[:5])
-        return self._quiet.memory, self._quiet.moved
+        return partial(self._resume, self._quiet.memory, self._quiet.moved)
 
-    def first_alarms(self, u: Floats, y: Floats | None, N: int) -> list[FirstAlarm]:
-        """As ``_Tests.first_alarms``."""
-        return [self._first_alarm(k, u, None if y is None else y[:, k], N) for k in range(len(self._at))]
+    def _resume(self, memory: Memory, moved: tuple[int, ...]) -> None:
+        self._bank.reset()
+        self._bank.follow(moved)
+        self._bank.memory = memory
 
-    def _first_alarm(self, k: int, u: Floats, y: Floats | None, N: int) -> FirstAlarm:
-        record, bank, at = self._record, self._bank, int(self._at[k])
-        memory, moved = self._before[k]
-        bank.reset()
-        bank.follow(moved)
-        bank.memory = memory
-        first = FirstAlarm()
-        for rows in np.array_split(np.arange(at, at + N), BANK_PARTS):
-            part = record._replace(u=u).select(rows)
-            part = part if y is None else part._replace(y=y[rows - at])
-            for event in bank.run(*part[:5]):
-                if isinstance(event, ChangeDetected) and not first.name:
-                    delay = float(event.time_us - record.t_us[at]) * 1e-6 + bank.settings.interval_s
-                    first = FirstAlarm(delay, *_name(event.shares[0]))
-                elif isinstance(event, CauseIdentified):
-                    return FirstAlarm(first.delay_s, *_name(event.shares[0]))
-        return first
-
-
-def _name(share: Share) -> tuple[str, str]:
-    return share.cause, direction_of(share.size) if share.cause else ""
+    def run(self, samples: SampleBlock) -> Iterator[Alarm]:
+        """As ``_Tests.run``."""
+        for event in self._bank.run(*samples[:5]):
+            if isinstance(event, ChangeDetected | CauseIdentified):
+                share = event.shares[0]
+                direction = direction_of(share.size) if share.cause else ""
+                yield event.time_us, share.cause, direction, isinstance(event, CauseIdentified)

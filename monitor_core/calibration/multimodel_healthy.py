@@ -144,7 +144,7 @@ def _run_copies(
             copies = _Copies(bank, heights, clock, len(source.u))
             at, skipped = 0, len(records[number].t_us) - len(source.u)
             sieve = SieveBootstrap(source.eps, LANES, rng)
-            for t_us, u, y in bootstrap_copies(bank.model, bank.settings, source, sieve):
+            for t_us, u, y in bootstrap_copies(bank.model, bank.settings, source, sieve.take):
                 at_places = places.index(number, skipped + at + np.arange(len(t_us)))
                 copies.run(t_us, u, y, at, at_places, places.index(number, skipped + sieve.origin))
                 at += len(t_us)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.budget import LOWER, UPPER, root
+from monitor_core.calibration.budget import LOWER, UPPER, bisected, root
 from monitor_core.calibration.multimodel_healthy import COPIES, MultiModelStatistics, multimodel_statistics
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
 from monitor_core.detection.multimodel.multimodel_detector import Limit
@@ -113,14 +113,10 @@ def _weights(places: int, rng: np.random.Generator) -> Floats:
 
 def _height_for_rate(log_rate: Callable[[Floats], Floats], share: float, least: Floats) -> Floats:
     """Height (H,), at least ``least``, where the log of a falling rate equals the share."""
-    low, high = least.copy(), least.copy()
+    low, high = least, least
     while (above := log_rate(high) > share).any():
         high = np.where(above, 2 * high, high)
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        above = log_rate(middle) > share
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return high
+    return bisected(lambda h: log_rate(h) > share, low, high, _HALVINGS)
 
 
 # --- Alarms of a bank are fewer than those of its hypotheses: what several of them take for theirs is one alarm -------

@@ -21,6 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration.budget import bisected
 
 _DOUBLINGS, _HALVINGS = 30, 60
 _LEAST = 1e-9
@@ -42,6 +43,10 @@ class Spectra:
         window = np.hanning(length + 2)[1:-1]
         self._window = window / np.sqrt(window @ window)
         frequencies, hypotheses = length // 2 + 1, len(allowance)
+        self._bands = np.ones((frequencies, 1))
+        self._bands[[0, -1]] = 0.5
+        self._weight = self._bands / self._bands.sum()
+        """Width of each frequency band, of which the first and the last count half; and its share"""
         self._eps = np.zeros((frequencies, 1))
         self._difference = np.zeros((frequencies, hypotheses))
         self._cross = np.zeros((frequencies, hypotheses), complex)
@@ -66,14 +71,14 @@ class Spectra:
         def cumulant(r: Floats) -> Floats:
             left = np.maximum(1 - r * slack, _LEAST)
             of_all = -np.log(left) / 2 - r * D / (2 * self._lam_i) + r**2 * moved / left
-            return np.asarray((self._weight() * of_all).sum(axis=0) - r * self._level)
+            return np.asarray((self._weight * of_all).sum(axis=0) - r * self._level)
 
         return _root(cumulant, 1 / np.maximum(slack.max(axis=0), _LEAST))
 
     def covariance(self) -> Floats:
         """Covariance of log r (H, H); infinite for hypotheses without evidence."""
         share = self._shares()
-        own = (share / self._bands()).T @ share * self._length / max(self._samples, 1)
+        own = (share / self._bands).T @ share * self._length / max(self._samples, 1)
         less = _MOST / np.maximum(np.sqrt(np.diag(own)), _MOST)
         return np.asarray(own * np.outer(less, less))
 
@@ -83,23 +88,10 @@ class Spectra:
         r = self.r()
         x, B = r * slack, r**2 * moved
         left = np.maximum(1 - x, _LEAST)
-        with_power = self._weight() * (x / (2 * left) + B / left**2)
-        with_r = self._weight() * (
-            x / (2 * left) - r * D / (2 * self._lam_i) + 2 * B / left + B * x / left**2
-        )
+        with_power = self._weight * (x / (2 * left) + B / left**2)
+        with_r = self._weight * (x / (2 * left) - r * D / (2 * self._lam_i) + 2 * B / left + B * x / left**2)
         slope = with_r.sum(axis=0) - r * self._level
         return np.asarray(with_power / np.where(slope > _LEAST, slope, np.inf))
-
-    def _bands(self) -> Floats:
-        """Width of each frequency band (F, 1); the first and the last count half."""
-        band = np.ones((len(self._eps), 1))
-        band[0] = band[-1] = 0.5
-        return band
-
-    def _weight(self) -> Floats:
-        """Weight of each frequency (F, 1) in a mean."""
-        bands = self._bands()
-        return np.asarray(bands / bands.sum())
 
     def _parts(self) -> tuple[Floats, Floats, Floats]:
         """D, x and B of each frequency and hypothesis (F, H), at r = 1."""
@@ -117,8 +109,4 @@ def _root(f: Callable[[Floats], Floats], most: Floats) -> Floats:
     low, high = np.zeros_like(most), np.minimum(most, 1.0)
     for _ in range(_DOUBLINGS):
         high = np.where(f(high) < 0, np.minimum(2 * high, most), high)
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        below = f(middle) < 0
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return high
+    return bisected(lambda r: f(r) < 0, low, high, _HALVINGS)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -146,17 +145,13 @@ def bootstrap_blocks(
     return MatchedBlocks(source.eps, length, max(FEWEST, round(share * len(source.eps) / length)), LANES, rng)
 
 
-class Innovations(Protocol):
-    """Innovations of LANES copies."""
-
-    def take(self, count: int) -> Floats:
-        """The next (count, LANES)."""
-
-
 def bootstrap_copies(
-    model: AxisModel, settings: Settings, source: CopySource, draw: Innovations
+    model: AxisModel, settings: Settings, source: CopySource, draw: Callable[[int], Floats]
 ) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
-    """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES)."""
+    """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES).
+
+    ``draw`` gives the next innovations (count, LANES).
+    """
     plants = Plants(model, settings, [model.nominal])
     which = np.zeros(LANES, np.int64)
     # From the sample before, whose torque acts until the first one.
@@ -167,7 +162,7 @@ def bootstrap_copies(
     chunk = min(CHUNK, N // LEAST_PARTS + 1)
     for k in range(0, N, chunk):
         u = np.repeat(source.u[k : k + chunk, np.newaxis], LANES, axis=1)
-        y, x = plants.run(which, x, before[0], u, draw.take(len(u)))
+        y, x = plants.run(which, x, before[0], u, draw(len(u)))
         before = u[-1:]
         t_us = source.t_us + step * np.arange(k + 1, k + 1 + len(u), dtype=np.int64)
         yield t_us, u, y
@@ -186,7 +181,7 @@ class _Copies:
         scale, q = model.scale[:, np.newaxis], stride(settings.memory)
         for a in range(LANES):
             self._bank.restore(a, *source.column)
-        for t_us, u, y in bootstrap_copies(model, settings, source, blocks):
+        for t_us, u, y in bootstrap_copies(model, settings, source, blocks.take):
             _, trace = self._bank.run_traced(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
             first = max(0, round(SETTLED * settings.memory) - since)
             since += len(u)
@@ -250,11 +245,11 @@ class _PeakCounter:
 
 
 PartSums = tuple[Floats, float]
-"""Of a part of the records: sums of the deviations and of their squares (2, p, W), and their number."""
+"""Sums of the deviations of a part of the records, and of their squares (2, p, W), and their number."""
 
 
 def part_sums(d: Floats) -> PartSums:
-    """Sums of the deviations (n, p, W) of a part."""
+    """Of the deviations (n, p, W)."""
     return np.stack([d.sum(axis=0), (d * d).sum(axis=0)]), float(len(d))
 
 

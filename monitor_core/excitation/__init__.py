@@ -9,37 +9,26 @@
 from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
 from monitor_core.excitation.motions import ExcitationError, Limits
 from monitor_core.excitation.multisine_signals import Lines, Multisine, lines_in, multisine
-from monitor_core.excitation.planned_drive import Controller, Plant
+from monitor_core.excitation.planned_drive import Plant
 from monitor_core.excitation.prediction import Estimation
 from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiments, faulty
-from monitor_core.excitation.sensitivity import (
-    LocalIdentifiability,
-    TorqueExperiment,
-    local_identifiability,
-    usual_experiment,
-)
 
 __all__ = [
     "FAULT_AT",
     "SAMPLES",
     "Command",
-    "Controller",
     "Estimation",
     "ExcitationError",
     "Experiment",
     "Limits",
     "Lines",
-    "LocalIdentifiability",
     "Multisine",
     "Plant",
     "Task",
-    "TorqueExperiment",
     "experiments",
     "faulty",
     "lines_in",
-    "local_identifiability",
     "multisine",
     "plan",
-    "usual_experiment",
     "warnings",
 ]

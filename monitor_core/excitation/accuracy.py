@@ -89,14 +89,6 @@ class Accuracy:
         _, sizes, directions = np.linalg.svd(np.pad(scaled, ((0, missing), (0, 0))), full_matrices=False)
         return sizes, directions
 
-    @property
-    def condition(self) -> float:
-        """Condition number of the scaled columns; infinite where a direction is hidden, NaN without parameters."""
-        sizes = self._svd[0]
-        if not self.names:
-            return np.nan
-        return np.inf if len(self.hidden) else float(sizes[0] / sizes[-1])
-
     @cached_property
     def hidden(self) -> Floats:
         """Directions (k, p) in which the output does not change at all, each with few parameters."""
@@ -128,23 +120,23 @@ class Accuracy:
         with np.errstate(invalid="ignore"):
             return np.asarray(self.covariance / np.outer(sd, sd))
 
-    def pairs(self, limit: float = LIMIT) -> tuple[Pair, ...]:
-        """Two parameters and the correlation of their estimates, where that is above the limit."""
+    def pairs(self) -> tuple[Pair, ...]:
+        """Two parameters and the correlation of their estimates, where that is above LIMIT."""
         R = self.correlations
         return tuple(
             (self.names[i], self.names[j], float(R[i, j]))
             for i, j in combinations(range(len(self.names)), 2)
-            if abs(R[i, j]) > limit
+            if abs(R[i, j]) > LIMIT
         )
 
-    def directions(self, limit: float = LIMIT) -> tuple[Direction, ...]:
+    def directions(self) -> tuple[Direction, ...]:
         """Joint changes without effect on the output, then those with little effect, the worst first.
 
-        Two parameters whose estimates correlate by the limit, and with no others, form one.
+        Two parameters whose estimates correlate by LIMIT, and with no others, form one.
         """
         sizes, rows = self._svd
         seen = range(len(sizes) - len(self.hidden))
-        weak = [k for k in reversed(seen) if sizes[k] < np.sqrt(1 - limit)]
+        weak = [k for k in reversed(seen) if sizes[k] < np.sqrt(1 - LIMIT)]
         return (
             *(Direction(0.0, self._parts(row, _TAKES_PART)) for row in self.hidden),
             *(Direction(float(sizes[k]), self._parts(rows[k], _LARGE)) for k in weak),
@@ -155,18 +147,18 @@ class Accuracy:
         sign = 1.0 if row[large[0]] > 0 else -1.0
         return tuple((self.names[i], float(sign * row[i])) for i in large)
 
-    def words(self, limit: float = LIMIT) -> tuple[str, ...]:
+    def words(self) -> tuple[str, ...]:
         """What this record does not determine, in sentences."""
-        return tuple(finding.sentence for finding in self.findings(limit))
+        return tuple(finding.sentence for finding in self.findings())
 
-    def findings(self, limit: float = LIMIT) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """What this record does not determine."""
         deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
-        groups = _groups(deviations, self.directions(limit))
-        pairs = self.pairs(limit)
+        directions, pairs = self.directions(), self.pairs()
+        groups = _groups(deviations, directions)
         apart = [p for p in pairs if not any(_inside(p, g) for g in groups)]
         return (
-            *_alone(deviations, self.directions(limit)),
+            *_alone(deviations, directions),
             *_in_pairs(deviations, apart),
             *_in_groups(groups, pairs),
         )

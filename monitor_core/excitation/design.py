@@ -14,11 +14,10 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.accuracy import FAIR, Accuracy
 from monitor_core.excitation.motions import (
-    ClosedLoop,
     ExcitationError,
     Fitted,
     Limits,
-    OpenLoop,
+    PlannedMotion,
     Schedule,
     fitted,
 )
@@ -30,9 +29,10 @@ from monitor_core.excitation.multisine_signals import (
     flattened,
     lines_in,
 )
-from monitor_core.excitation.planned_drive import Controller, Motion, Plant
+from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.prediction import (
     Estimation,
+    Optimum,
     information,
     linear_part,
     optimal_powers,
@@ -62,8 +62,7 @@ class Task:
         periods: to be evaluated, after one to warm up.
         band_hz: of the lines.
         lines: all of them, or the odd ones.
-        command: what is commanded: torque, or a reference for the controller.
-        controller: of the axis, where it is known.
+        command: what is commanded: torque, or a reference for the axis's own controller.
         free: estimated parameters; default all that can be distinguished.
         find: parameters for which the spectrum is optimised; default a flat spectrum.
     """
@@ -76,7 +75,6 @@ class Task:
     band_hz: tuple[float, float] = (0.0, 30.0)
     lines: Lines = "odd"
     command: Command = "torque"
-    controller: Controller | None = None
     free: tuple[str, ...] = ()
     find: tuple[str, ...] = ()
 
@@ -116,12 +114,11 @@ class Task:
 
 
 class Trial(NamedTuple):
-    """A signal in N m, before and after its peaks were reduced, its largest motion, and the reference (2, samples)."""
+    """A signal in N m, its largest motion, and the reference (2, samples) of angle and speed."""
 
-    random: Multisine
     signal: Multisine
     fitted: Fitted
-    reference: Floats | None
+    reference: Floats
 
 
 @dataclass(frozen=True)
@@ -144,7 +141,7 @@ class Experiment:
 
     @property
     def motion(self) -> Motion:
-        """Torque, angle and speed (samples, 1)."""
+        """Torque, angle and speed (samples,)."""
         return self.trial.fitted.motion
 
     @property
@@ -153,15 +150,9 @@ class Experiment:
         return self.task.limits.used(self.motion)
 
     @property
-    def crests(self) -> dict[str, float]:
-        """Crest factor of the period with random phases, with Schroeder's phases, and as it is."""
-        random = self.trial.random
-        forms = {
-            "random": random,
-            "Schroeder": random.with_schroeder_phases(),
-            "optimised": self.trial.signal,
-        }
-        return {name: crest_factor(form.samples()) for name, form in forms.items()}
+    def crest(self) -> float:
+        """Crest factor of a period."""
+        return crest_factor(self.trial.signal.samples())
 
     @property
     def gains(self) -> dict[str, float]:
@@ -178,7 +169,13 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
         ExcitationError: there is none; the text says what would be right.
         KeyError, ValueError: a parameter that the drive does not have, or that is zero and has no scale.
     """
-    flat = _trial(task, Multisine.random(rng, task.period, task.plant.interval_s, task.grid))
+    if task.command == "torque" and task.plant.bears_weight:
+        raise ExcitationError(
+            "a torque alone does not keep this drive in its place (its weight moves it away): plan a motion for its"
+            " controller, with speed or angle as the reference"
+        )
+    random = Multisine.random(rng, task.period, task.plant.interval_s, task.grid)
+    flat = _trial(task, random)
     inputs = flat.fitted.motion.inputs
     names = task.free or told_apart(task.estimation, inputs, task.find)
     if missing := [name for name in task.find if name not in names]:
@@ -189,7 +186,7 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
     experiment = Experiment(task, flat, accuracy, accuracy, held)
     if not task.find:
         return experiment
-    better = replace(flat.random, amplitudes=_best_amplitudes(task, names))
+    better = replace(random, amplitudes=_best_amplitudes(task, names))
     try:
         best = _trial(task, better)
     except ExcitationError:  # the drive can follow the flat spectrum, but not this one
@@ -205,35 +202,36 @@ def _trial(task: Task, random: Multisine) -> Trial:
     """The signal with low peaks, as large as the limits allow."""
     weights = task.over_limits(task.frequency_hz)
     signal = flattened(random, list(weights.values()))
-    loop = (
-        OpenLoop(task.plant, task.schedule, signal)
-        if task.command == "torque"
-        else ClosedLoop(task.plant, task.schedule, signal, task.controller)
-    )
+    motion = PlannedMotion(task.plant, task.schedule, signal)
     peak = max(np.abs(signal.through(G).samples()).max() for G in weights.values())
-    found = fitted(loop.move, task.limits, 0.9 / peak)
-    reference = loop.reference(found.size) if isinstance(loop, ClosedLoop) else None
-    return Trial(random.times(found.size), signal.times(found.size), found, reference)
+    found = fitted(motion.move, task.limits, 0.9 / peak)
+    return Trial(signal.times(found.size), found, motion.reference(found.size))
 
 
 def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
     """Optimal amplitudes of the lines (L,) for the parameters to find."""
-    responses = task.estimation.responses(names, task.frequency_hz)
+    best = _optimum(task, names, task.find, task.frequency_hz).powers
+    even = np.full(len(best), 1 / task.costs(task.frequency_hz).sum(axis=1).max())
+    return np.asarray(np.sqrt(2 * ((1 - _EVERYWHERE) * best + _EVERYWHERE * even)))
+
+
+def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequency_hz: Floats) -> Optimum:
+    """Optimal powers of lines at these frequencies (L,) for some of the estimated parameters.
+
+    Raises:
+        ExcitationError: the spectrum does not matter to them, or the lines do not determine all parameters.
+    """
+    responses = task.estimation.responses(names, frequency_hz)
     seen = linear_part(responses)
-    wanted = np.array([float(names[i] in task.find) for i in seen])
+    wanted = np.array([float(names[i] in find) for i in seen])
     if not wanted.any():
-        raise ExcitationError(
-            f"the spectrum does not matter to {' and '.join(task.find)}: leave out what to find"
-        )
-    costs = task.costs(task.frequency_hz)
+        raise ExcitationError(f"the spectrum does not matter to {' and '.join(find)}: leave out what to find")
     try:
-        best = optimal_powers(information(responses[:, seen]), costs, wanted).powers
+        return optimal_powers(information(responses[:, seen]), task.costs(frequency_hz), wanted)
     except np.linalg.LinAlgError:
         raise ExcitationError(
-            f"{len(task.grid)} lines do not determine {len(seen)} parameters: widen the band or lengthen the period"
+            f"{len(frequency_hz)} lines do not determine {len(seen)} parameters: widen the band or lengthen the period"
         ) from None
-    even = np.full(len(best), 1 / costs.sum(axis=1).max())
-    return np.asarray(np.sqrt(2 * ((1 - _EVERYWHERE) * best + _EVERYWHERE * even)))
 
 
 # --- What a planned experiment does not determine, and what would help, in sentences ----------------------------------
@@ -258,7 +256,7 @@ def _ends(experiment: Experiment) -> Iterator[str]:
         return
     torque = experiment.motion.torque
     motions = [replace(plant, coulomb=factor).moved(torque) for factor in (1 - _OFF, 1 + _OFF)]
-    away, speed = (max(abs(float(getattr(m, what)[-1, 0])) for m in motions) for what in ("angle", "speed"))
+    away, speed = (max(abs(float(getattr(m, what)[-1])) for m in motions) for what in ("angle", "speed"))
     shares = [share for m in motions for share in task.limits.used(m).items() if share[1] > 1]
     name, share = max(shares, key=lambda pair: pair[1], default=("", 0.0))
     beyond = f", and comes to {100 * share:.0f} % of the {name} limit on its way" if share else ""
@@ -300,25 +298,12 @@ def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
     wide = np.concatenate([inside, np.linspace(high, 0.8 * nyquist, _MOST_LINES)[1:]])
     if high >= 0.8 * nyquist:
         return None
-    best_inside, there = (_best(task, names, name, lines) for lines in (inside, wide))
-    if best_inside is None or there is None or best_inside[0] < _WORTH_IT**2 * there[0]:
+    try:
+        best_inside, best = (_optimum(task, names, (name,), lines) for lines in (inside, wide))
+    except ExcitationError:
         return None
-    below = np.cumsum(there[1]) / there[1].sum()
+    if best_inside.criterion < _WORTH_IT**2 * best.criterion:
+        return None
+    below = np.cumsum(best.powers) / best.powers.sum()
     top = float(wide[np.searchsorted(below, 0.95)])
     return top if top > high else None
-
-
-def _best(task: Task, names: tuple[str, ...], name: str, lines: Floats) -> tuple[float, Floats] | None:
-    """Smallest variance of this parameter, and the powers (L,) for it."""
-    responses = task.estimation.responses(names, lines)
-    seen = linear_part(responses)
-    wanted = np.array([float(names[i] == name) for i in seen])
-    if not wanted.any():
-        return None
-    M = information(responses[:, seen])
-    try:
-        powers = optimal_powers(M, task.costs(lines), wanted).powers
-        covariance = np.linalg.inv(np.tensordot(powers, M, axes=1))
-    except np.linalg.LinAlgError:
-        return None
-    return float(wanted @ np.diag(covariance)), powers

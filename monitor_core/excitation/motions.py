@@ -1,7 +1,7 @@
-"""Motions of a drive under a designed signal, as large as its limits allow: by a torque alone, or with a controller.
+"""Motions of a drive under a designed signal, as large as its limits allow, from rest to rest.
 
-A drive without a controller drifts: with friction it integrates the torque once, without it twice.  So an offset
-balances the mean, and pulses in the fades move the drive to where its motion has room on both sides, and back to rest.
+A drive under a torque signal alone drifts: with friction it integrates the torque once, without it twice.  So the
+linear motion under the signal is planned, and the drive is simulated with the torque that follows it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation.multisine_signals import Complex, Multisine
-from monitor_core.excitation.planned_drive import Controller, Motion, Plant
+from monitor_core.excitation.multisine_signals import Multisine
+from monitor_core.excitation.planned_drive import Motion, Plant
 
 
 @dataclass(frozen=True)
@@ -58,121 +58,12 @@ class Schedule:
         """The signal throughout the record (samples,); the first evaluated period starts with its phase zero."""
         return np.resize(signal.samples(), self.samples)
 
-    def pulses(self) -> Floats:
-        """Two pulses in each fade (4, samples), one of one sign and one of both, which move the drive to a position."""
-        phase = np.pi * np.arange(self.fade) / self.fade
-        shapes = np.array([np.sin(phase) ** 2, np.sin(phase) * np.sin(2 * phase)])
-        out = np.zeros((4, self.samples))
-        out[:2, : self.fade] = shapes
-        out[2:, -self.fade :] = shapes
-        return out
-
-
-# --- A torque without a position controller, which moves the drive and brings it back ---------------------------------
-
-
-_CORRECTIONS = 7
-_CLOSE = 1e-3
-"""Of the largest angle, and of the largest speed: so far the drive may end from rest."""
-_RESTS = 0.05
-"""Of the largest speed: more is no rest at the end."""
-_DRIFT = 10.0
-"""So much worse than a motion off the middle is one that leaves it further with every period."""
-_STEP = 0.02
-"""For the slopes, in rms values of the signal."""
-_LINEAR, _NONLINEAR = (np.inf, np.inf, 0.0), (0.2, 0.5, 0.03)
-"""The range in which the linearised drive is used and the largest pulse, in rms values of the signal, and the weight
-against pulses: friction damps them, and keeps the drive from running away."""
-
 
 class ExcitationError(ValueError):
     """An experiment that cannot be planned; the text says what would be right."""
 
 
-@dataclass(frozen=True)
-class OpenLoop:
-    """Motions of a plant under a torque signal of any amplitude.
-
-    Raises:
-        ExcitationError: in use, if the drive does not stay where it is put.
-    """
-
-    plant: Plant
-    schedule: Schedule
-    signal: Multisine
-
-    @cached_property
-    def planned_angle(self) -> Floats:
-        """Angle in the steady state of the linear drive (samples,), with the same room on both sides."""
-        angle = self.schedule.repeated(self.signal.through(self.plant.response(self.signal.frequency_hz)[0]))
-        return np.asarray(angle - (angle.max() + angle.min()) / 2)
-
-    @cached_property
-    def _corrections(self) -> Floats:
-        """Shapes of torque (samples, 5), each 1 N m high."""
-        return np.vstack([np.ones(self.schedule.samples), self.schedule.pulses()]).T
-
-    def move(self, size: float) -> Motion:
-        """The motion (samples, 1) with the signal scaled by a factor."""
-        from scipy.optimize import lsq_linear  # 16 MB, which the daemon does not need
-
-        wanted = size * self.schedule.window() * self.schedule.repeated(self.signal)
-        step_size = size * self.signal.rms
-        reach, highest, reluctance = _LINEAR if self.plant.is_linear else _NONLINEAR
-        # At first no pulses, and the offset that the drive needs at rest.
-        c = np.append(self.plant.countered(np.zeros(1), np.zeros(1)), np.zeros(4))
-        largest = np.array([np.inf, *[highest * step_size] * 4])
-        best: tuple[float, Motion] | None = None
-        for _ in range(_CORRECTIONS):
-            tried = c + _STEP * step_size * np.vstack([np.zeros(5), np.eye(5)])
-            with np.errstate(all="ignore"):
-                motion = self.plant.moved(wanted[:, None] + self._corrections @ tried.T)
-            misses = np.vstack([self._misses(motion, size), reluctance * tried.T[1:] / step_size])
-            if not np.isfinite(misses).all():
-                break
-            worst = float(np.linalg.norm(misses[:, 0]))
-            if best is None or worst < best[0]:
-                best = worst, motion
-            if worst < _CLOSE:
-                break
-            slopes = (misses[:, 1:] - misses[:, :1]) / _STEP
-            room = (
-                np.minimum(largest - c, reach * step_size),
-                np.maximum(-largest - c, -reach * step_size),
-            )
-            c = (
-                c
-                + step_size * lsq_linear(slopes, -misses[:, 0], (room[1] / step_size, room[0] / step_size)).x
-            )
-        return self._checked(best)
-
-    def _misses(self, motion: Motion, size: float) -> Floats:
-        """Errors of the mean angle, of its drift, and of the end from rest at zero.
-
-        (periods + 3, W), over the largest planned angle and speed.
-        """
-        s, planned = self.schedule, size * self.planned_angle
-        ranges = [slice(s.fade, s.N)] if s.fade < s.N else []
-        ranges += [slice(s.N * k, s.N * (k + 1)) for k in range(1, s.periods + 1)]
-        off = np.array([motion.angle[r].mean(axis=0) - planned[r].mean() for r in ranges])
-        off = np.vstack([off.mean(axis=0, keepdims=True), _DRIFT * np.diff(off, axis=0)])
-        top, fast = np.abs(planned).max(), np.abs(np.diff(planned)).max() / self.plant.interval_s
-        return np.vstack([off / top, motion.angle[-1] / top, motion.speed[-1] / fast])
-
-    def _checked(self, best: tuple[float, Motion] | None) -> Motion:
-        """Friction may keep the drive from returning completely; but it must be at rest."""
-        if best is None or (speed := np.abs(best[1].speed[:, 0]))[-1] > _RESTS * speed.max():
-            raise ExcitationError(_NOT_HELD if self.plant.bears_weight else _NO_REST)
-        torque, angle, speed, inputs = best[1]
-        return Motion(torque[:, :1], angle[:, :1], speed[:, :1], inputs)
-
-
-_ELSE = "plan a motion for its controller, with speed or angle as the reference"
-_NOT_HELD = f"a torque alone does not keep this drive in its place (its weight moves it away): {_ELSE}"
-_NO_REST = f"a torque alone does not bring this drive back to rest: raise the limits, or {_ELSE}"
-
-
-# --- A reference for the position controller, under which the drive gets the designed torque --------------------------
+# --- A motion that the drive follows, and the torque for it -----------------------------------------------------------
 
 
 _BANDWIDTH = 2.0
@@ -180,77 +71,60 @@ _BANDWIDTH = 2.0
 
 
 @dataclass(frozen=True)
-class ClosedLoop:
-    """Motions of a plant that follows a reference, with the torque signal at a given amplitude.
+class PlannedMotion:
+    """Motions of a plant along the linear motion under a torque signal, which has any amplitude.
 
-    Without a ``controller`` the real one is assumed to follow well: the reference is the linear motion under the
-    signal, and the torque along it is known beforehand.  With a controller, the reference makes it command the signal.
-
-    Raises:
-        ExcitationError: the controller does not hold the drive.
+    The signal, and the torque for friction and weight along the motion, are known beforehand.  A soft controller adds
+    what is missing: at the fades, and where friction differs from that of the linear motion.  The torque of this
+    simulation, applied alone to the same drive, makes the same motion; an axis with a good controller of its own
+    follows the motion as a reference.
     """
 
     plant: Plant
     schedule: Schedule
     signal: Multisine
-    controller: Controller | None = None
-
-    def __post_init__(self) -> None:
-        if not self.plant.held_together_by(self._controller):
-            c = self._controller
-            raise ExcitationError(
-                f"the drive is not stable with kp = {c.kp:g} N m/rad and kd = {c.kd:g} N m s/rad"
-            )
 
     @cached_property
-    def _controller(self) -> Controller:
-        if self.controller is not None:
-            return self.controller
-        J = self.plant.inertia
-        return Controller(J * _BANDWIDTH**2, J * _BANDWIDTH)
-
-    @cached_property
-    def planned_angle(self) -> Floats:
-        """Angle of the reference (samples,), from rest at zero and back, with the same room on both sides."""
-        G = self.plant.response(self.signal.frequency_hz)[0]
-        if self.controller is not None:
-            omega = 2 * np.pi * self.signal.frequency_hz
-            G = G + 1 / (self.controller.kp + 1j * omega * self.controller.kd)
-        angle = self.schedule.repeated(self.signal.through(G))
-        return np.asarray(self.schedule.window() * (angle - (angle.max() + angle.min()) / 2))
-
-    @cached_property
-    def _references(self) -> Floats:
-        """Angle and its derivative (2, samples)."""
-        return np.array([self.planned_angle, self._filtered(lambda f: 2j * np.pi * f)])
+    def _reference(self) -> Floats:
+        """Angle and speed (2, samples) from rest at zero and back, with the same room on both sides."""
+        angle, speed = (
+            self.schedule.repeated(self.signal.through(G))
+            for G in self.plant.response(self.signal.frequency_hz)
+        )
+        angle -= (angle.max() + angle.min()) / 2
+        window = self.schedule.window()
+        slope = np.gradient(window) / self.plant.interval_s
+        return np.array([window * angle, window * speed + slope * angle])
 
     @cached_property
     def _forward(self) -> Floats:
-        """The torque along the linear motion (samples,), from the inverse of the drive's frequency response."""
-        return self._filtered(lambda f: 1 / self.plant.response(f)[0])
+        """The torque along the reference (samples,) if the drive was linear, by the inverse of its frequency response.
 
-    def _filtered(self, response: Callable[[Floats], Complex]) -> Floats:
-        """The planned angle through a frequency response, below twice the highest line."""
-        N = len(self.planned_angle)
-        spectrum = np.fft.rfft(self.planned_angle)
-        frequency = np.arange(len(spectrum)) / (N * self.plant.interval_s)
-        top = min(2 * float(self.signal.frequency_hz.max()), 0.4 / self.plant.interval_s)
-        used = (frequency > 0) & (frequency <= max(top, float(self.signal.frequency_hz.max())))
+        Below twice the highest line: the fades contain next to nothing above.
+        """
+        angle = self._reference[0]
+        spectrum = np.fft.rfft(angle)
+        frequency = np.arange(len(spectrum)) / (len(angle) * self.plant.interval_s)
+        highest = float(self.signal.frequency_hz.max())
+        used = (frequency > 0) & (frequency <= max(highest, min(2 * highest, 0.4 / self.plant.interval_s)))
         spectrum[~used] = 0
-        spectrum[used] *= response(frequency[used])
-        return np.fft.irfft(spectrum, N)
+        spectrum[used] /= self.plant.response(frequency[used])[0]
+        return np.fft.irfft(spectrum, len(angle))
 
     def reference(self, size: float) -> Floats:
-        """Angle [rad] and speed [rad/s] (2, samples) that the controller must follow."""
-        return size * self._references
+        """Angle [rad] and speed [rad/s] (2, samples) that a controller must follow."""
+        return size * self._reference
 
     def move(self, size: float) -> Motion:
-        """The motion (samples, 1) with the signal scaled by a factor."""
+        """The motion (samples,) with the signal scaled by a factor.
+
+        Raises:
+            ExcitationError: the drive does not follow.
+        """
         angle, speed = self.reference(size)
-        forward = np.zeros(len(angle))
-        if self.controller is None:
-            forward = size * self._forward + self.plant.countered(angle, speed)
-        motion = self.plant.moved(forward[:, None], np.array([angle, speed]), self._controller)
+        forward = size * self._forward + self.plant.countered(angle, speed)
+        J = self.plant.inertia
+        motion = self.plant.moved(forward, np.array([angle, speed]), (J * _BANDWIDTH**2, J * _BANDWIDTH))
         if not all(math.isfinite(np.abs(x).max()) for x in motion):
             raise ExcitationError("the drive runs away from its controller")
         return motion
@@ -302,7 +176,7 @@ class Fitted(NamedTuple):
 
 
 def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> Fitted:
-    """The largest amplitude within the limits, from a first guess, with its motion (samples, 1).
+    """The largest amplitude within the limits, from a first guess, with its motion (samples,).
 
     Peaks grow with the amplitude, but not quite in proportion: friction takes its part of a small one.
 

@@ -92,9 +92,8 @@ class Multisine:
 
     def samples(self) -> Floats:
         """One period (N,)."""
-        spectrum = np.zeros(self.N // 2 + 1, dtype=complex)
-        spectrum[self.lines] = self.amplitudes * np.exp(1j * self.phases)
-        return np.asarray(np.fft.irfft(spectrum, self.N) * (self.N / 2))
+        (period,) = _signals((self.amplitudes * np.exp(1j * self.phases))[np.newaxis], self.lines, self.N)
+        return np.asarray(period)
 
     def times(self, factor: float) -> Multisine:
         """The signal scaled by a factor."""
@@ -105,16 +104,6 @@ class Multisine:
         return replace(
             self, amplitudes=self.amplitudes * np.abs(response), phases=self.phases + np.angle(response)
         )
-
-    def with_schroeder_phases(self) -> Multisine:
-        """Schroeder's phases, for which the frequency sweeps through the spectrum once in a period.
-
-        M. R. Schroeder, IEEE Trans. Information Theory 16 (1970): phase_k = -2 pi sum_{j<k} (k - j) p_j, p_j the share
-        of line j of the power.
-        """
-        shares = self.amplitudes**2 / np.sum(self.amplitudes**2)
-        before = np.concatenate([[0.0], np.cumsum(shares)[:-1]])
-        return replace(self, phases=-2 * np.pi * np.cumsum(before))
 
 
 # --- Crest factors: a multisine whose peaks are low for its power tells more within the same limits -------------------
@@ -178,6 +167,7 @@ def log_peak_norm(
 
 
 def _signals(c: Complex, lines: NDArray[np.intp], N: int) -> Floats:
+    """Samples (J, N) of signals with complex amplitudes c (J, L) at the lines (L,)."""
     spectrum = np.zeros((len(c), N // 2 + 1), dtype=complex)
     spectrum[:, lines] = c
     return np.asarray(np.fft.irfft(spectrum, N, axis=1) * (N / 2))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -24,23 +24,15 @@ _RIGID = np.array([0.1, 0.2])  # rad/s: so slow that nothing bends
 
 
 class Motion(NamedTuple):
-    """Torque [N m], angle [rad] and speed [rad/s] at each sample; the torque acts until the next: (N, W) each.
+    """Torque [N m], angle [rad] and speed [rad/s] at each sample (N,), and all inputs of the drive (N, m).
 
-    ``inputs`` (N, m) are all inputs of the drive, of the first column.
+    The torque acts until the next sample.
     """
 
     torque: Floats
     angle: Floats
     speed: Floats
     inputs: Floats
-
-
-@dataclass(frozen=True)
-class Controller:
-    """u = forward + kp (reference - angle) + kd (its slope - speed), in N m/rad and N m s/rad."""
-
-    kp: float
-    kd: float
 
 
 @dataclass(frozen=True)
@@ -74,16 +66,19 @@ class Plant:
         A, B, C = A / d[:, None] * d, B / d[:, None], C * d
         return A, B, np.vstack([C, C @ A])
 
-    @cached_property
+    @property
     def is_linear(self) -> bool:
         """Whether no input depends on the motion."""
-        B = self._balanced[1]
-        return not (np.isin(self.drive.inputs, OF_MOTION) & B.any(axis=0)).any()
+        return not self._has(OF_MOTION)
 
     @property
     def bears_weight(self) -> bool:
         """Whether gravity acts on it."""
-        return COSINE in self.drive.inputs or SINE in self.drive.inputs
+        return self._has((COSINE, SINE))
+
+    def _has(self, kinds: Sequence[int]) -> bool:
+        """Whether an input of these kinds acts on it."""
+        return bool((np.isin(self.drive.inputs, kinds) & self._balanced[1].any(axis=0)).any())
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Frequency response from the held torque to the samples of angle and speed (2, L)."""
@@ -113,7 +108,7 @@ class Plant:
         return np.asarray(-(like_torque.real * ~self.drive.of_torque) @ forces)
 
     def inputs(self, torque: Floats, angle: Floats, speed: Floats) -> Floats:
-        """All inputs (m, W) of drives with that torque (W,) at that angle and speed of the sensor."""
+        """All inputs (m, N) of the drive with that torque (N,) at that angle and speed of the sensor."""
         out = np.ones((len(self.drive.inputs), len(torque)))
         for i, (kind, ratio) in enumerate(zip(self.drive.inputs, self._ratio, strict=True)):
             if kind == TORQUE:
@@ -128,34 +123,26 @@ class Plant:
     def _ratio(self) -> Floats:
         return self.drive.matrix("ratio", self.values)[:, 0]
 
-    def held_together_by(self, controller: Controller) -> bool:
-        """Whether the linear part of the drive is stable with this controller."""
-        A, B, C = self._balanced
-        Ad, Bd = zero_order_hold(A, B[:, self.drive.of_torque].sum(axis=1, keepdims=True), self.interval_s)
-        back = Bd @ (controller.kp * C[:1] + controller.kd * C[1:])
-        return bool(np.abs(np.linalg.eigvals(Ad - back)).max() < 1)
-
     def moved(
-        self, forward: Floats, reference: Floats | None = None, controller: Controller | None = None
+        self, forward: Floats, reference: Floats | None = None, gains: tuple[float, float] = (0.0, 0.0)
     ) -> Motion:
-        """Motions from rest at angle zero, W drives side by side.
+        """Motion from rest at angle zero, under  u = forward + kp (reference - angle) + kd (its slope - speed).
 
         Args:
-            forward: torque (N, W) in addition to that of the controller.
-            reference: angle and its derivative (2, N), with a controller.
-            controller: of each drive.
+            forward: torque (N,).
+            reference: angle and its slope (2, N), with gains.
+            gains: kp [N m/rad] and kd [N m s/rad].
         """
         A, B, C = self._balanced
         parts = 1 if self.is_linear else max(1, round(self.interval_s / _SUBSTEP_S))
         Ad, Bd = zero_order_hold(A, B, self.interval_s / parts)
         follows = np.zeros((2, len(forward))) if reference is None else reference
-        gains = np.array([0.0, 0.0] if controller is None else [controller.kp, controller.kd])
-        out, inputs = np.empty((3, *forward.shape)), np.empty((len(forward), len(self.drive.inputs)))
+        out, inputs = np.empty((3, len(forward))), np.empty((len(forward), len(self.drive.inputs)))
         Ad, Bd, C = (np.ascontiguousarray(matrix) for matrix in (Ad, Bd, C))
         kinds, ratio = np.array(self.drive.inputs, dtype=float), self._ratio
         ratios = np.column_stack([ratio, ratio / self.speed_scale])
-        forward, follows = np.ascontiguousarray(forward), np.ascontiguousarray(follows.T)
-        step_through(Ad, Bd, C, kinds, ratios, parts, forward, follows, gains, out, inputs)
+        follows = np.ascontiguousarray(follows.T)
+        step_through(Ad, Bd, C, kinds, ratios, parts, forward, follows, np.array(gains), out, inputs)
         torque, angle, speed = out
         return Motion(torque, angle, speed, inputs)
 
@@ -177,51 +164,50 @@ def step_through(
     out: Floats,
     inputs: Floats,
 ) -> None:
-    """W drives from rest, one after the other.
+    """A drive from rest.
 
     Args:
-        Ad: (n, n) over one part of an interval; Bd (n, m).
+        Ad: (n, n) over one part of an interval.
         Bd: (n, m).
         C: rows of angle and speed (2, n).
         kinds: of the inputs (m,).
         ratio: angle at each input (m, 2) over angle, and speed over speed in units of that of friction.
         parts: of an interval, over which the forces that depend on the motion are held.
-        forward: torque (N, W).
+        forward: torque (N,).
         reference: angle and slope (N, 2).
         gains: of the controller on both (2,).
-        out: torque, angle, speed (3, N, W).
-        inputs: all inputs at each sample of the first drive (N, m).
+        out: torque, angle, speed (3, N).
+        inputs: all inputs at each sample (N, m).
     """
     n, m = Bd.shape
-    for w in range(forward.shape[1]):
-        x, y, f, moved = np.zeros(n), np.zeros(2), np.zeros(m), np.zeros(n)
-        for k in range(len(forward)):
-            for part in range(parts):
+    x, y, f, moved = np.zeros(n), np.zeros(2), np.zeros(m), np.zeros(n)
+    for k in range(len(forward)):
+        for part in range(parts):
+            for i in range(2):
+                y[i] = 0.0
+                for j in range(n):
+                    y[i] += C[i, j] * x[j]
+            if part == 0:
+                u = forward[k]
                 for i in range(2):
-                    y[i] = 0.0
-                    for j in range(n):
-                        y[i] += C[i, j] * x[j]
-                if part == 0:
-                    u = forward[k, w]
-                    for i in range(2):
-                        u += gains[i] * (reference[k, i] - y[i])
-                    out[0, k, w], out[1, k, w], out[2, k, w] = u, y[0], y[1]
-                for i in range(m):
-                    f[i] = 1.0
-                    if kinds[i] == TORQUE:
-                        f[i] = u
-                    elif kinds[i] == COULOMB:
-                        f[i] = math.tanh(ratio[i, 1] * y[1])
-                    elif kinds[i] == COSINE:
-                        f[i] = math.cos(ratio[i, 0] * y[0])
-                    elif kinds[i] == SINE:
-                        f[i] = math.sin(ratio[i, 0] * y[0])
-                if part == 0 and w == 0:
-                    inputs[k] = f
-                for i in range(n):
-                    moved[i] = 0.0
-                    for j in range(n):
-                        moved[i] += Ad[i, j] * x[j]
-                    for j in range(m):
-                        moved[i] += Bd[i, j] * f[j]
-                x[:] = moved
+                    u += gains[i] * (reference[k, i] - y[i])
+                out[0, k], out[1, k], out[2, k] = u, y[0], y[1]
+            for i in range(m):
+                f[i] = 1.0
+                if kinds[i] == TORQUE:
+                    f[i] = u
+                elif kinds[i] == COULOMB:
+                    f[i] = math.tanh(ratio[i, 1] * y[1])
+                elif kinds[i] == COSINE:
+                    f[i] = math.cos(ratio[i, 0] * y[0])
+                elif kinds[i] == SINE:
+                    f[i] = math.sin(ratio[i, 0] * y[0])
+            if part == 0:
+                inputs[k] = f
+            for i in range(n):
+                moved[i] = 0.0
+                for j in range(n):
+                    moved[i] += Ad[i, j] * x[j]
+                for j in range(m):
+                    moved[i] += Bd[i, j] * f[j]
+            x[:] = moved

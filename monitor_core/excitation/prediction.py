@@ -17,7 +17,7 @@ from monitor_core.drive.structure import Drive, split_name
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.motions import ExcitationError
 from monitor_core.excitation.multisine_signals import Complex
-from monitor_core.excitation.sensitivity import sensitivities_to, sensitivity_responses
+from monitor_core.excitation.sensitivity import Sensitivities
 from monitor_core.wording import listed
 
 _UNSEEN = 1e-9
@@ -63,13 +63,12 @@ class Estimation:
 
     def accuracy(self, names: Sequence[str], inputs: Floats) -> Accuracy:
         """Accuracy of estimates of these parameters from a record with these inputs (N, m) from rest."""
-        S = sensitivities_to(inputs, self.drive, self.values, names, self.interval_s, self.scales)
+        S = self._sensitivities(names).along(inputs)
         return Accuracy(tuple(names), self._innovations(S), float(np.sqrt(self.lam0)))
 
     def responses(self, names: Sequence[str], frequency_hz: Floats) -> Complex:
         """Frequency responses from the torque to sqrt(information) (L, p), relative, for one sample."""
-        s = sensitivity_responses(self.drive, self.values, names, frequency_hz, self.interval_s, self.scales)
-        s = s / np.sqrt(self.lam0)
+        s = self._sensitivities(names).responses(frequency_hz) / np.sqrt(self.lam0)
         if self.K is None:
             return np.asarray(s)
         Ad, C = self._held
@@ -77,6 +76,9 @@ class Estimation:
         K = np.asarray(self.K)[:, None]
         x = np.linalg.solve(z - Ad + Ad @ K @ C, np.broadcast_to(Ad @ K, (len(z), *K.shape)))
         return np.asarray(s * (1 - C @ x)[:, 0])
+
+    def _sensitivities(self, names: Sequence[str]) -> Sensitivities:
+        return Sensitivities(self.drive, self.values, names, self.interval_s, self.scales)
 
     @property
     def _held(self) -> tuple[Floats, Floats]:
@@ -134,9 +136,10 @@ _SINGULAR = 1e-13
 
 
 class Optimum(NamedTuple):
-    """Powers (L,) and an upper bound of (their criterion over the smallest possible) - 1."""
+    """Powers (L,), their criterion, and an upper bound of (criterion over the smallest possible) - 1."""
 
     powers: Floats
+    criterion: float
     excess: float
 
 
@@ -175,7 +178,7 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
         used = costs @ p
         weights = np.maximum(weights * np.sqrt(used / used.max()), _FLOOR)
         weights /= weights.sum()
-    return Optimum(powers, best / least - 1)
+    return Optimum(powers, best, best / least - 1)
 
 
 def _must_tell_all(M: Floats) -> None:

@@ -1,4 +1,4 @@
-"""Sensitivities of the output of a drive to its parameters, for a given torque.
+"""Sensitivities of the output of a drive to its parameters, for given inputs.
 
 Coulomb friction and gravity are inputs that depend on the motion.  As in the monitor they are treated as known signals:
 those of the motion at the given values.
@@ -7,8 +7,7 @@ those of the motion at the given values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -16,107 +15,79 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold_slopes
-from monitor_core.drive.structure import Drive, split_name
-from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.multisine_signals import multisine
+from monitor_core.drive.structure import Drive, Matrix, split_name
 from monitor_core.kernel.fixed_predictor import simulate_known
-from monitor_core.modeling.identifiability import structural
-from monitor_core.modeling.simulated_axis import SimulatedAxis
-from monitor_core.modeling.statespace import StateSpace, drive_of, nominal_of
-
-INTERVAL_S = 0.005
-BAND_HZ = (0.0, 30.0)
-SECONDS = 10.0
 
 _STEP = 1e-30
 """Of the complex step: so far below rounding that the derivative is exact."""
 
 
-class Linear(NamedTuple):
-    """A (n, n), B (n, m), C (n,), or their derivatives."""
+class Sensitivities:
+    """size_i * dy/dtheta_i of a drive from rest, all its inputs held over each interval.
 
-    A: Floats
-    B: Floats
-    C: Floats
+    By the exact zero-order hold of  (z_i, x)' = [A A_i; 0 A] (z_i, x) + (B_i, B) u,  z_i = dx/dtheta_i,  in states
+    x_j / d_j: springs on the arm side and inertias on the motor side would cost digits.
 
-
-def usual_torque(seed: int | np.random.Generator, rms: float) -> Floats:
-    """The reference experiment's torque (N,): multisine from 0 to 30 Hz at 200 Hz, with that rms value in N m."""
-    return multisine(np.random.default_rng(seed), round(SECONDS / INTERVAL_S), INTERVAL_S, BAND_HZ, rms)
-
-
-def sensitivities_to(
-    u: Floats,
-    drive: Drive,
-    values: Mapping[str, float],
-    names: Sequence[str],
-    interval_s: float,
-    scales: Mapping[str, float] | None = None,
-) -> Floats:
-    """S (N, p): size_i * dy/dtheta_i, from rest, all inputs u (N, m) of the drive held over each interval.
-
-    ``names`` are parameters of the drive, drawn ones, or reciprocals ("1/Ja").  size_i is |theta_i|, or the scale
-    given, which a parameter needs that is zero.
+    Args:
+        drive: of any output.
+        values: of its parameters.
+        names: (p,) parameters of the drive, drawn ones, or reciprocals ("1/Ja").
+        interval_s: between samples.
+        scales: sizes, which a parameter needs that is zero; default |theta_i|.
 
     Raises:
         KeyError: a name that the drive does not have, or a value that is missing.
         ValueError: a value that makes no sense; a parameter that is zero and has no scale.
     """
-    return _propagated(*_linearised(drive, values, names, scales or {}), u, interval_s)
 
+    def __init__(
+        self,
+        drive: Drive,
+        values: Mapping[str, float],
+        names: Sequence[str],
+        interval_s: float,
+        scales: Mapping[str, float] | None = None,
+    ) -> None:
+        stepped = [_stepped(drive, values, name, scales or {}) for name in names]
+        at = drive.complete(values)
+        A = drive.matrix("A", at)
+        d = np.asarray(sla.matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)
+        (n, m), p = (len(A), len(drive.inputs)), len(names)
+        units: dict[Matrix, Floats] = {
+            "A": d / d[:, np.newaxis],
+            "B": np.tile(1 / d[:, np.newaxis], m),
+            "C": d[np.newaxis],
+        }
+        A, B, C = (drive.matrix(which, at) * unit for which, unit in units.items())
+        dA, dB, dC = (
+            np.array([np.imag(drive.matrix(which, by)) * unit / _STEP for by in stepped]).reshape(
+                p, *unit.shape
+            )
+            for which, unit in units.items()
+        )
+        X, dX = zero_order_hold_slopes(A, B, dA, dB, np.array([interval_s]))
+        self._X, self._dX = X[0], dX[0]  # [Ad Bd] (n, n + m), and its derivatives (p, n, n + m)
+        self._C, self._dC = np.ascontiguousarray(C[0]), np.ascontiguousarray(dC.reshape(p, n).T)
+        self._interval_s, self._torque = interval_s, drive.of_torque.astype(float)
 
-def sensitivity_responses(
-    drive: Drive,
-    values: Mapping[str, float],
-    names: Sequence[str],
-    frequency_hz: Floats,
-    interval_s: float,
-    scales: Mapping[str, float] | None = None,
-) -> NDArray[np.complex128]:
-    """Frequency responses (L, p) from the torque, held over each interval, to the sensitivities of the output.
+    def along(self, u: Floats) -> Floats:
+        """Sensitivities (N, p) with inputs u (N, m)."""
+        n, p = self._dC.shape
+        by_input = np.ascontiguousarray(self._dX.transpose(2, 1, 0)).reshape(-1, n * p)
+        S = np.empty((len(u), p))
+        known = np.ascontiguousarray(u, dtype=float)
+        simulate_known(known, self._X, by_input, self._C, self._dC, S)
+        return S
 
-    Raises:
-        KeyError, ValueError: as ``sensitivities_to``.
-    """
-    system, slopes = _linearised(drive, values, names, scales or {})
-    torque = drive.of_torque[:, np.newaxis].astype(float)
-    n = len(system.A)
-    X, dX = _held(system, slopes, interval_s)
-    Ad, Bd = X[:, :n], X[:, n:]
-    z = np.exp(2j * np.pi * np.asarray(frequency_hz) * interval_s)[:, np.newaxis, np.newaxis]
-    resolvent = np.linalg.inv(z * np.eye(len(Ad)) - Ad)
-    x = resolvent @ (Bd @ torque)
-    columns = [
-        system.C @ (resolvent @ (of_slope[:, :n] @ x + of_slope[:, n:] @ torque)) + slope.C @ x
-        for of_slope, slope in zip(dX, slopes, strict=True)
-    ]
-    return np.asarray(np.hstack(columns) if columns else np.empty((len(z), 0), dtype=complex))
-
-
-def _linearised(
-    drive: Drive, values: Mapping[str, float], names: Sequence[str], scales: Mapping[str, float]
-) -> tuple[Linear, list[Linear]]:
-    """The drive and its derivatives by name, in balanced units of the states."""
-    slopes = [_slopes(drive, _stepped(drive, values, name, scales)) for name in names]
-    at = drive.complete(values)
-    nominal = Linear(drive.matrix("A", at), drive.matrix("B", at), drive.matrix("C", at)[0])
-    d = np.asarray(sla.matrix_balance(nominal.A, permute=False, separate=True)[1][0], dtype=float)
-    return _in_units(nominal, d), [_in_units(s, d) for s in slopes]
-
-
-def simulated(
-    drive: Drive, values: Mapping[str, float], torque: Floats, interval_s: float, speed_scale: float = 1.0
-) -> tuple[Floats, Floats]:
-    """All inputs (N, m) of a drive that the torque moves from rest, each held to the next sample; angle, speed (N, 2).
-
-    ``speed_scale`` [rad/s] is that of Coulomb friction.
-    """
-    axis = SimulatedAxis(values, speed_scale, substeps=1, drive=drive)
-    inputs, motion = [], []
-    for value in torque.tolist():
-        inputs.append(axis.inputs(value))
-        motion.append(axis.step(value, interval_s))
-    return np.array(inputs).reshape(len(torque), len(drive.inputs)), np.array(motion)
+    def responses(self, frequency_hz: Floats) -> NDArray[np.complex128]:
+        """Frequency responses (L, p) from the torque, held over each interval, to the sensitivities."""
+        n = len(self._C)
+        Ad, Bd = self._X[:, :n], self._X[:, n:]
+        z = np.exp(2j * np.pi * np.asarray(frequency_hz) * self._interval_s)
+        resolvent = np.linalg.inv(z[:, np.newaxis, np.newaxis] * np.eye(n) - Ad)
+        x = resolvent @ (Bd @ self._torque)
+        forced = np.einsum("pij,lj->lpi", self._dX[:, :, :n], x) + self._dX[:, :, n:] @ self._torque
+        return np.asarray(np.einsum("li,lpi->lp", self._C @ resolvent, forced) + x @ self._dC)
 
 
 def _stepped(
@@ -135,108 +106,3 @@ def _stepped(
     merged = drive.merged_from(base)
     given = {other: v for other, v in known.items() if other not in merged}
     return drive.complete({**given, base: 1 / moved if inverse else moved})  # type: ignore[dict-item]
-
-
-def _slopes(drive: Drive, stepped: Mapping[str, Any]) -> Linear:
-    A, B, C = (np.imag(drive.matrix(which, stepped)) / _STEP for which in ("A", "B", "C"))
-    return Linear(A, B, C[0])
-
-
-def _in_units(system: Linear, d: Floats) -> Linear:
-    """In states x_i / d_i: springs on the arm side and inertias on the motor side would cost digits."""
-    return Linear(system.A / d[:, None] * d, system.B / d[:, None], system.C * d)
-
-
-def _propagated(system: Linear, slopes: Sequence[Linear], u: Floats, interval_s: float) -> Floats:
-    """S (N, p) by the exact zero-order hold of  (z_i, x)' = [A A_i; 0 A] (z_i, x) + (B_i, B) u,  z_i = dx/dtheta_i."""
-    n, p = len(system.A), len(slopes)
-    X, dX = _held(system, slopes, interval_s)
-    by_input = np.ascontiguousarray(dX.transpose(2, 1, 0)).reshape(X.shape[1], n * p)
-    C_slope = np.array([slope.C for slope in slopes]).reshape(p, n)
-    S = np.empty((len(u), p))
-    C, known = np.ascontiguousarray(system.C), np.ascontiguousarray(u, dtype=float)
-    simulate_known(known, X, by_input, C, np.ascontiguousarray(C_slope.T), S)
-    return S
-
-
-def _held(system: Linear, slopes: Sequence[Linear], interval_s: float) -> tuple[Floats, Floats]:
-    """[Ad Bd] (n, n + m) and its derivatives (p, n, n + m)."""
-    dA, dB = (np.array([slope[k] for slope in slopes]).reshape(len(slopes), *system[k].shape) for k in (0, 1))
-    X, dX = zero_order_hold_slopes(system.A, system.B, dA, dB, np.array([interval_s]))
-    return X[0], dX[0]
-
-
-# --- Local identifiability: what a given torque tells of the parameters at their nominal values -----------------------
-
-
-NOISE_SHARE = 0.01
-"""Standard deviation of the noise on the output, as a share of its rms value, where it is not known."""
-
-_SEED = 1
-
-
-@dataclass(frozen=True, slots=True)
-class TorqueExperiment:
-    """A torque (N,) [N m] held over each interval [s], and the noise on the output [rad or rad/s; None: a share].
-
-    ``words`` says where it comes from.
-    """
-
-    torque: Floats
-    interval_s: float
-    words: str
-    noise: float | None = None
-
-
-def usual_experiment() -> TorqueExperiment:
-    """The multisine of the reference experiment, 0 to 30 Hz, at 200 samples a second."""
-    words = "10 s of a multisine from 0 to 30 Hz, 200 samples a second, 1 N m rms"
-    return TorqueExperiment(usual_torque(_SEED, 1.0), INTERVAL_S, words)
-
-
-@dataclass(frozen=True, slots=True)
-class LocalIdentifiability:
-    """``accuracy`` of the parameters that are not ``held`` known nor zero at nominal (``left_out``)."""
-
-    experiment: TorqueExperiment
-    noise: float
-    accuracy: Accuracy
-    held: tuple[str, ...]
-    left_out: tuple[str, ...]
-    quantity: str
-
-
-def local_identifiability(
-    ss: StateSpace, values: Mapping[str, float] | None, experiment: TorqueExperiment, speed_scale: float = 1.0
-) -> LocalIdentifiability:
-    """What the experiment determines of the parameters, with those held that prevent everything else.
-
-    Raises:
-        ModelError: the drive has more than one torque or sensor.
-        KeyError, ValueError: a nominal value is missing or makes no sense; the drive cannot be simulated.
-    """
-    nominal = nominal_of(ss, values)
-    held = structural(ss).suggestion
-    names = [p.name for p in ss.parameters if p.name not in held]
-    free = [name for name in names if nominal[name] != 0]
-    drive = drive_of(ss)
-    with np.errstate(over="ignore", invalid="ignore"):  # looked for below
-        u, motion = simulated(drive, nominal, experiment.torque, experiment.interval_s, speed_scale)
-        S = sensitivities_to(u, drive, nominal, free, experiment.interval_s)
-        rms = float(np.sqrt(np.mean(motion[:, 0 if drive.output == "angle" else 1] ** 2)))
-    _check_motion(drive.output, rms, S)
-    noise = experiment.noise or NOISE_SHARE * rms
-    left_out = tuple(name for name in names if name not in free)
-    return LocalIdentifiability(
-        experiment, noise, Accuracy(tuple(free), S, noise), held, left_out, drive.output
-    )
-
-
-def _check_motion(quantity: str, rms: float, S: Floats) -> None:
-    if not (np.isfinite(rms) and np.isfinite(S).all()):
-        raise ValueError(
-            f"simulated with these values, the {quantity} leaves the range of numbers "
-            "(an unstable drive, or a value with a wrong power of ten?)"
-        )
-    if rms == 0:
-        raise ValueError(f"with these values the torque does not change the {quantity}")

@@ -53,16 +53,16 @@ def model(
     """Derive the minimal state space x' = A x + B u, y = C x of a drive, in symbols.
 
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
-    distinguish, in principle and with a multisine. A report on standard output replaces the text.
+    distinguish. A report on standard output replaces the text.
     """
     _check_output(json)
     _check_source(drive, name, config, axis)
     with explained():
         if config is not None:
-            space, values, speed_scale = _drive_of_axis(config, axis, output)
+            space, values = _drive_of_axis(config, axis, output)
         else:
-            space, values, speed_scale = model_called(drive or "", name, output).space, {}, 1.0
-        facts = facts_of(space, values, speed_scale=speed_scale)
+            space, values = model_called(drive or "", name, output).space, {}
+        facts = facts_of(space, values)
         if json is not None:
             write(json, as_json(facts))
         if json != STDOUT:
@@ -87,9 +87,9 @@ def _check_source(drive: str | None, name: str | None, config: Path | None, axis
 
 def _drive_of_axis(
     config: Path, axis: str | None, output: Literal["speed", "angle"] | None
-) -> tuple[StateSpace, Mapping[str, float], float]:
-    """The state space, the nominal values, and the speed scale of Coulomb friction [rad/s] of an axis."""
-    from service.config import given_values, predictor_of
+) -> tuple[StateSpace, Mapping[str, float]]:
+    """The state space, and nominal values that go before the drawing's own."""
+    from service.config import given_values
 
     found = axis_of(config, axis).config
-    return model_of_axis(found, output).space, given_values(found), predictor_of(found).friction_speed_scale
+    return model_of_axis(found, output).space, given_values(found)

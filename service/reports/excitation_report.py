@@ -25,11 +25,11 @@ def as_csv(experiment: Experiment) -> str:
     motion, task = experiment.motion, experiment.task
     columns = {
         "t_s": np.arange(len(motion.torque)) * task.plant.interval_s,
-        "torque_Nm": motion.torque[:, 0],
-        "speed_rad_s": motion.speed[:, 0],
-        "angle_rad": motion.angle[:, 0],
+        "torque_Nm": motion.torque,
+        "speed_rad_s": motion.speed,
+        "angle_rad": motion.angle,
     }
-    if experiment.trial.reference is not None:
+    if task.command != "torque":
         columns[REFERENCE[task.command]] = experiment.trial.reference[0 if task.command == "angle" else 1]
     out = StringIO()
     rows = np.column_stack(list(columns.values()))
@@ -38,7 +38,7 @@ def as_csv(experiment: Experiment) -> str:
 
 
 def print_text(experiment: Experiment, axis: str, console: Console) -> None:
-    """Course, limits, crest factors, predicted standard deviations, and warnings."""
+    """Course, limits, crest factor, predicted standard deviations, and warnings."""
     task, signal = experiment.task, experiment.trial.signal
     s, h = task.schedule, task.plant.interval_s
     console.print(
@@ -49,11 +49,7 @@ def print_text(experiment: Experiment, axis: str, console: Console) -> None:
         f"{len(signal.lines)} lines from {signal.frequency_hz[0]:.3g} to {signal.frequency_hz[-1]:.4g} Hz,"
         f" torque {signal.rms:.3g} N m rms"
     )
-    crests = experiment.crests
-    console.print(
-        f"crest factor {crests['optimised']:.2f} (random phases {crests['random']:.2f},"
-        f" Schroeder's {crests['Schroeder']:.2f})\n"
-    )
+    console.print(f"crest factor {experiment.crest:.2f}\n")
     console.print(_limits(experiment))
     console.print(_accuracy(experiment))
     if experiment.held:
@@ -125,7 +121,7 @@ def _course(rows: np.ndarray, experiment: Experiment) -> None:
     for axes, (name, unit) in zip(rows, UNITS.items(), strict=True):
         evaluated = t[task.schedule.evaluated]
         axes.axvspan(evaluated[0], evaluated[-1], color=_BAND, linewidth=0)
-        axes.plot(t, getattr(motion, name)[:, 0], linewidth=0.8, color=_INK)
+        axes.plot(t, getattr(motion, name), linewidth=0.8, color=_INK)
         if np.isfinite(limits[name]):
             for limit in (-limits[name], limits[name]):
                 axes.axhline(limit, color=_LIMIT, linewidth=1.2, linestyle="--")
@@ -152,4 +148,4 @@ def _spectrum(axes: Axes, experiment: Experiment) -> None:
     axes.set_ylim(bottom=0)
     axes.set_xlabel("frequency [Hz]")
     axes.set_ylabel("amplitude of torque [N m]")
-    axes.set_title(f"spectrum; crest factor {experiment.crests['optimised']:.2f}", loc="left", fontsize=10)
+    axes.set_title(f"spectrum; crest factor {experiment.crest:.2f}", loc="left", fontsize=10)

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling import Laurent, StateSpace
 from service.reports.formats import json_text
 
 if TYPE_CHECKING:
-    from monitor_core.excitation import LocalIdentifiability, TorqueExperiment
     from monitor_core.modeling import Resonances
 
 _MOST_STATES = 100
 """Beyond that it takes minutes to find what can be identified."""
 _MOST_MERGED = 60
 """Parameters that stand only inside of merged ones; each of them takes a further pass."""
-_MOST_LOCAL = 40
-"""Beyond that it takes long to find what a record determines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +25,7 @@ class Facts:
 
     ``missing``: parameters without a nominal value; with any of them there is no ``motion``.
     ``motion``: poles [1/s], resonances and anti-resonances from the torque to the first output.
-    ``identifiability``: sentences.  ``local``: what a record determines of the parameters, if one torque and one sensor
-    and all nominal values are there; ``untold``: why the record could not be simulated.
+    ``identifiability``: sentences.
     """
 
     space: StateSpace
@@ -37,25 +33,10 @@ class Facts:
     missing: tuple[str, ...]
     motion: Resonances | None
     identifiability: tuple[str, ...]
-    local: LocalIdentifiability | None = None
-    untold: str = ""
 
 
-def facts_of(
-    space: StateSpace,
-    values: Mapping[str, float] | None = None,
-    experiment: TorqueExperiment | None = None,
-    speed_scale: float = 1.0,
-) -> Facts:
-    """All of it.
-
-    Args:
-        space: the drive.
-        values: nominal values that go before the drawing's own.
-        experiment: what torque the parameters are to be told from; by default a multisine.
-        speed_scale: of Coulomb friction [rad/s].
-    """
-    from monitor_core.excitation import local_identifiability, usual_experiment
+def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Facts:
+    """All of it, with nominal values that go before the drawing's own."""
     from monitor_core.modeling import nominal_of, resonances_of, structural
 
     nominal = nominal_of(space, values)
@@ -63,14 +44,7 @@ def facts_of(
     motion = None if missing else resonances_of(space, values)
     why = _not_examined(space)
     identifiability = (f"Not examined: {why}.",) if why else structural(space).words()
-    local, untold = None, ""
-    torques = sum(u.kind == TORQUE for u in space.inputs)
-    if not (missing or why) and len(space.states) <= _MOST_LOCAL and (torques, len(space.sensors)) == (1, 1):
-        try:
-            local = local_identifiability(space, values, experiment or usual_experiment(), speed_scale)
-        except ValueError as error:
-            untold = f"not known: {error}"
-    return Facts(space, nominal, missing, motion, identifiability, local, untold)
+    return Facts(space, nominal, missing, motion, identifiability)
 
 
 def _not_examined(space: StateSpace) -> str:
@@ -135,23 +109,6 @@ def as_json(facts: Facts) -> str:
             "flat_states": report.flat_states,
             "remaining_equations": report.remaining_equations,
             "identifiability": facts.identifiability,
-            "local": _local(facts.local) if facts.local else None,
             "notes": space.notes,
         }
     )
-
-
-def _local(local: LocalIdentifiability) -> dict[str, Any]:
-    """What a record determines; null where a parameter is not determined at all."""
-    accuracy = local.accuracy
-    deviations = zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True)
-    return {
-        "experiment": local.experiment.words,
-        "noise": local.noise,
-        "held_known": local.held,
-        "left_out": local.left_out,
-        "relative_standard_deviations": dict(deviations),
-        "condition": accuracy.condition,
-        "correlated_pairs": [{"names": [a, b], "correlation": r} for a, b, r in accuracy.pairs()],
-        "words": accuracy.words(),
-    }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Iterator
 from typing import Literal
 
@@ -12,13 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.excitation import LocalIdentifiability
 from monitor_core.modeling import FlatInput, FlatSensor, Laurent, Resonances, StateSpace, modes
 from service.reports.model_facts import OUTPUT_UNITS, Facts, matrices
 
 _PAPER = "three-mass"
 _INDENT = 2
-_SIDE_BY_SIDE = 4
 
 
 def print_text(facts: Facts, console: Console) -> None:
@@ -46,10 +43,6 @@ def _print(facts: Facts, console: Console) -> None:
         ("Poles at nominal", _poles(facts, "+-" if ascii_only else "±")),
         ("Resonances at nominal", _resonances(facts.motion) if facts.motion else None),
         ("Identifiability", _sentences(facts.identifiability)),
-        (
-            "What a record determines",
-            _told(facts.local) if facts.local else _lines(filter(None, [facts.untold])),
-        ),
         ("Notes", _sentences(space.notes)),
     ]
     for title, content in sections:
@@ -133,14 +126,6 @@ def _resonances(motion: Resonances) -> RenderableType:
     return _grid(rows, "", "Hz", "damping", right=("Hz", "damping")) if rows else Text("none")
 
 
-def _told(local: LocalIdentifiability) -> RenderableType:
-    """The standard deviation of each parameter, side by side to save lines, and what is not determined, in words."""
-    cells = list(_deviation_cells(local))
-    starts = range(0, len(cells), _SIDE_BY_SIDE)
-    table = _grid(tuple(cells[start : start + _SIDE_BY_SIDE]) for start in starts)
-    return Group(Text(_experiment_words(local)), table, _sentences(_local_words(local)) or Text(""))
-
-
 def _lines(lines: Iterable[str]) -> RenderableType | None:
     found = list(lines)
     return Group(*(Text(line, overflow="fold") for line in found)) if found else None
@@ -151,7 +136,7 @@ def _sentences(sentences: Iterable[str]) -> RenderableType | None:
     return table if table.row_count else None
 
 
-# --- What goes into a drive and comes out, and what a record determines of its parameters, in words -----------------
+# --- What goes into a drive and comes out, in words ------------------------------------------------------------------
 
 
 _INPUTS = {
@@ -172,32 +157,6 @@ def _input_words(given: FlatInput) -> str:
 def _output_words(sensor: FlatSensor) -> str:
     """``encoder: speed, rad/s``."""
     return f"{sensor.name}: {sensor.quantity}, {OUTPUT_UNITS[sensor.quantity]}"
-
-
-_MODEST = 10
-"""Condition of the scaled sensitivities below which nothing is said of it."""
-
-
-def _experiment_words(local: LocalIdentifiability) -> str:
-    noise = f"{local.noise:.3g} {OUTPUT_UNITS[local.quantity]}"
-    return f"{local.experiment.words}; noise {noise}; standard deviation of each parameter:"
-
-
-def _deviation_cells(local: LocalIdentifiability) -> Iterator[str]:
-    """``Jm 0.3 %`` for each parameter."""
-    for name, sd in zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True):
-        yield f"{name} {100 * sd:.2g} %" if sd < math.inf else f"{name}: not determined"
-
-
-def _local_words(local: LocalIdentifiability) -> tuple[str, ...]:
-    words = local.accuracy.words()
-    if local.accuracy.condition > _MODEST:
-        words += (f"Condition of the scaled sensitivities: {local.accuracy.condition:.3g}.",)
-    if local.held:
-        words += (f"Held known: {', '.join(local.held)}.",)
-    if local.left_out:
-        words += (f"Zero at nominal, left out: {', '.join(local.left_out)}.",)
-    return words
 
 
 # --- A, B and C in lines of text: as matrices where they fit, else as equations ---------------------------------------

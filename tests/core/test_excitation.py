@@ -28,7 +28,7 @@ from monitor_core.excitation.multisine_signals import (
     lines_in,
     log_peak_norm,
 )
-from monitor_core.excitation.planned_drive import Controller, Motion, Plant
+from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.prediction import Estimation, information, optimal_powers, told_apart
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass
@@ -98,28 +98,13 @@ def test_phases_are_uniform_and_its_own(seed: int) -> None:
 
 
 @pytest.mark.parametrize("which", ["all", "odd"])
-def test_peaks_become_lower_than_schroeders_and_the_spectrum_stays(which: Lines, seed: int) -> None:
+def test_peaks_become_low_and_the_spectrum_stays(which: Lines, seed: int) -> None:
     lines = lines_in(2000, 0.005, (0.0, 30.0), which)
     m = Multisine.random(np.random.default_rng(seed), 2000, 0.005, lines)
     flat = flattened(m)
     assert flat.amplitudes is m.amplitudes
     assert crest_factor(flat.samples()) < 1.45
     assert crest_factor(m.samples()) > 2.0
-    assert 1.55 < crest_factor(m.with_schroeder_phases().samples()) < 1.85
-
-
-def test_schroeders_phases_suit_any_spectrum(seed: int) -> None:
-    lines = lines_in(4000, 0.005, (0.0, 30.0))
-    m = Multisine.random(np.random.default_rng(seed), 4000, 0.005, lines)
-    m = replace(m, amplitudes=1 / np.sqrt(np.arange(10, 10 + len(lines))))
-    assert crest_factor(m.with_schroeder_phases().samples()) < 2.2 < crest_factor(m.samples())
-
-
-def test_schroeders_phases_of_equal_lines() -> None:
-    """As he writes them: -pi k (k - 1) / L."""
-    m = Multisine(64, 0.01, np.arange(1, 11), np.full(10, 0.7), np.zeros(10))
-    k = np.arange(1, 11)
-    assert m.with_schroeder_phases().phases == pytest.approx(-np.pi * k * (k - 1) / 10, abs=1e-12)
 
 
 @given(multisines(), st.sampled_from([1, 2, 8, 64]), st.integers(0, 2**32))
@@ -220,12 +205,12 @@ def planned_or_none(seed: int, asked: Task) -> Experiment | None:
 def check_limits(x: Experiment | None, plant: Plant) -> None:
     if x is None:
         return
-    angle, speed = replayed(plant, x.motion.torque[:, 0])
+    angle, speed = replayed(plant, x.motion.torque)
     limits = x.task.limits
     assert np.abs(x.motion.torque).max() <= limits.torque
     assert np.abs(speed).max() <= limits.speed * (1 + 1e-6)
     assert np.abs(angle).max() <= limits.angle * (1 + 1e-6)
-    assert x.motion.angle[:, 0] == pytest.approx(angle, abs=1e-6 * (1 + np.abs(angle).max()))
+    assert x.motion.angle == pytest.approx(angle, abs=1e-6 * (1 + np.abs(angle).max()))
     assert max(x.used, key=lambda name: x.used[name]) == x.trial.fitted.binding
 
 
@@ -241,23 +226,25 @@ def test_a_linear_drive_starts_and_ends_at_rest_and_repeats_its_periods(lines: s
     x = planned(seed, task(Limits(2, 20), lines=lines, periods=3))
     s, motion = x.task.schedule, x.motion
     assert len(motion.torque) == s.samples == 400 * 4 + 200
-    assert abs(motion.angle[-1, 0]) < 2e-3 * np.abs(motion.angle).max()
-    assert abs(motion.speed[-1, 0]) < 2e-3 * np.abs(motion.speed).max()
-    periods = motion.torque[s.evaluated, 0].reshape(3, -1)
-    assert periods[1:] == pytest.approx(periods[:-1], abs=1e-9)
-    spectrum = np.abs(np.fft.rfft(periods[0])) * 2 / 400
-    assert spectrum[x.task.grid] == pytest.approx(x.trial.signal.amplitudes, rel=1e-9)
+    assert abs(motion.angle[-1]) < 2e-3 * np.abs(motion.angle).max()
+    assert abs(motion.speed[-1]) < 2e-3 * np.abs(motion.speed).max()
+    periods = motion.torque[s.evaluated].reshape(3, -1)
+    # The first one still remembers how the arm began to swing in the fade, up to 0.5 %.
+    assert periods[1] == pytest.approx(periods[0], abs=2e-2 * np.abs(periods).max())
+    assert periods[2] == pytest.approx(periods[1], abs=1e-4 * np.abs(periods).max())
+    spectrum = np.abs(np.fft.rfft(periods[2])) * 2 / 400
+    assert spectrum[x.task.grid] == pytest.approx(x.trial.signal.amplitudes, rel=1e-4)
     outside = np.delete(spectrum, [0, *x.task.grid])
-    assert outside == pytest.approx(0.0, abs=1e-9)
-    angle = motion.angle[s.evaluated, 0].reshape(3, -1)[-1]
+    assert outside == pytest.approx(0.0, abs=1e-4 * x.trial.signal.amplitudes[0])
+    angle = motion.angle[s.evaluated].reshape(3, -1)[-1]
     assert abs(angle.max() + angle.min()) < 0.05 * np.ptp(angle)
 
 
 def test_an_offset_is_borne_so_that_nothing_drifts(seed: int) -> None:
     x = planned(seed, task(Limits(2, 20), two_masses(tau0=0.3), periods=4))
-    means = x.motion.angle[x.task.schedule.evaluated, 0].reshape(4, -1).mean(axis=1)
+    means = x.motion.angle[x.task.schedule.evaluated].reshape(4, -1).mean(axis=1)
     assert means == pytest.approx(means[0], abs=0.01 * np.abs(x.motion.angle).max())
-    assert x.motion.torque[0, 0] == pytest.approx(-0.3, abs=0.02)
+    assert x.motion.torque[0] == pytest.approx(-0.3, abs=0.02)
 
 
 @pytest.mark.parametrize("limits", [Limits(2, 20), Limits(angle=0.5)])
@@ -266,8 +253,7 @@ def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: Limits, s
     x = planned(seed, task(limits, two_masses(fc=0.3)))
     said = [words for words in warnings(x) if "Coulomb friction" in words]
     motions = [
-        replayed(replace(x.task.plant, values=two_masses(fc=fc)), x.motion.torque[:, 0])
-        for fc in (0.24, 0.36)
+        replayed(replace(x.task.plant, values=two_masses(fc=fc)), x.motion.torque) for fc in (0.24, 0.36)
     ]
     away, speed = (max(abs(m[i][-1]) for m in motions) for i in range(2))
     largest = max(np.abs(angle).max() for angle, _ in motions)
@@ -287,32 +273,32 @@ def test_what_has_the_limit_gets_the_low_peaks(seed: int) -> None:
     assert crest_factor(x.trial.signal.samples()) > 1.6
 
 
-def test_a_good_controller_follows_and_a_known_one_commands_the_signal(seed: int) -> None:
+def test_a_good_controller_follows(seed: int) -> None:
     good = planned(seed, task(Limits(2, 20), command="angle"))
-    assert good.trial.reference is not None
-    assert good.motion.angle[:, 0] == pytest.approx(
-        good.trial.reference[0], abs=0.05 * np.abs(good.motion.angle).max()
+    largest = np.abs(good.motion.angle).max()
+    assert good.motion.angle == pytest.approx(good.trial.reference[0], abs=0.05 * largest)
+
+
+def test_a_torque_and_a_reference_are_of_one_motion(seed: int) -> None:
+    """With friction, too: the drive under the torque alone goes where a good controller would have led it."""
+    given, followed = (
+        planned(seed, task(Limits(2, 20), two_masses(fc=0.3), command=c)) for c in ("torque", "angle")
     )
-    known = planned(seed, task(Limits(2, 20), command="angle", controller=Controller(2.0, 0.2)))
-    wanted = known.trial.signal.samples()
-    got = known.motion.torque[known.task.schedule.evaluated, 0][-400:]
-    assert got == pytest.approx(wanted, abs=0.05 * np.abs(wanted).max())
-
-
-def test_a_controller_that_cannot_hold_the_drive_is_refused(seed: int) -> None:
-    with pytest.raises(ExcitationError, match="not stable with kp = 1e\\+06"):
-        planned(seed, task(Limits(2), command="angle", controller=Controller(1e6, 0.0)))
+    np.testing.assert_array_equal(given.motion.torque, followed.motion.torque)
+    angle, _ = replayed(given.task.plant, given.motion.torque)
+    reference = followed.trial.reference[0]
+    assert angle == pytest.approx(reference, abs=0.05 * np.abs(reference).max())
 
 
 def test_a_weight_cannot_be_moved_by_torque_alone(seed: int) -> None:
     plant = Plant(chain(2, "angle"), {**values(2), "gc": 0.0, "gs": -30.0}, H)  # upside down
     estimation = Estimation(plant.drive, plant.values, H, 1e-6)
-    with pytest.raises(ExcitationError, match=r"weight moves it away|limit does not hold"):
+    with pytest.raises(ExcitationError, match="weight moves it away"):
         planned(seed, task(Limits(torque=5, angle=3), plant=plant, estimation=estimation))
 
 
 def test_limits_that_hold_for_no_amplitude() -> None:
-    borne = np.full((3, 1), 2.0)
+    borne = np.full(3, 2.0)
     with pytest.raises(ExcitationError, match="the torque limit does not hold, however small the signal"):
         fitted(lambda size: Motion(borne + size, borne * 0, borne * 0, borne), Limits(torque=1.0), 1.0)
 
@@ -358,7 +344,7 @@ def test_predicted_deviations_are_those_of_many_estimates(torque_noise: float, s
         K, lam0 = filter_gain(AxisModel(two_mass("speed"), two_masses(), ()), H, torque_noise, noise)
     asked = task(Limits(1.0), free=names)
     x = planned(seed, replace(asked, estimation=replace(asked.estimation, lam0=lam0, K=K)))
-    u = x.motion.torque[:, 0]
+    u = x.motion.torque
     w, v = torque_noise * rng.standard_normal((len(u), runs)), noise * rng.standard_normal((len(u), runs))
     y = filtered(two_masses(), u[:, None] + w, None, K * 0)[0] + v
     at = two_masses()

@@ -16,7 +16,7 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.excitation import multisine
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
-from monitor_core.excitation.sensitivity import sensitivities_to
+from monitor_core.excitation.sensitivity import Sensitivities
 from monitor_core.identification.greybox import Disturbance, Problem, fit
 from monitor_core.identification.problem import Predictor
 from monitor_core.identification.records import Record
@@ -120,7 +120,7 @@ def bound(record: Record) -> Floats:
     """Cramer and Rao's (p,), relative, for white noise on the output and the torque as recorded."""
     u = np.zeros((len(record), len(DRIVE.inputs)))
     u[:, TORQUE_AT] = record.u
-    S = sensitivities_to(u, DRIVE, REFERENCE_VALUES, FREE, INTERVAL_S)
+    S = Sensitivities(DRIVE, REFERENCE_VALUES, FREE, INTERVAL_S).along(u)
     return Accuracy(FREE, S, NOISE["speed"]).standard_deviations
 
 

@@ -96,24 +96,6 @@ def test_the_file_is_used_by_the_daemon_and_then_the_bank_alarms(
     np.testing.assert_allclose(bank.allowance, [one.allowance for one in own])
 
 
-def test_what_the_bank_would_have_caught(found: Calibration) -> None:
-    """Faults of a fifth: all, under their names, and sooner than the tests of estimates, which need a memory."""
-    assert found.result.bank is not None
-    large = [
-        (one, paper)
-        for one, paper in zip(found.result.bank.caught, found.result.caught, strict=True)
-        if abs(one.fault.size) == 0.2
-    ]
-    assert len(large) == 6
-    for one, paper in large:
-        print(one.fault, one.delay(0.5), paper.delay(0.5), one.first)
-        assert one.fault == paper.fault
-        assert one.found_within(found.result.within_s) == 1.0
-        assert one.delay(0.5) < paper.delay(0.5)
-    right = [first == one.fault.parameter for one, _ in large for first in one.first]
-    assert sum(right) > 0.7 * len(right)
-
-
 def test_page(found: Calibration) -> None:
     page = as_html(found)
     assert page.count("<svg") == 3
@@ -160,12 +142,6 @@ def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:
 def test_less_time_than_a_memory_takes(robot: Path) -> None:
     words = refused(robot, CalibrationOptions(600.0, 1.0, (0.2,), 8))
     assert "--within 1: a memory is 1 s" in words
-
-
-def test_nominal_values_of_another_axis(robot: Path) -> None:
-    words = refused(robot, text=robot_text({"fm": 0.03}))
-    assert "is off its nominal value all along" in words
-    assert "identify" in words
 
 
 def test_budgets() -> None:
