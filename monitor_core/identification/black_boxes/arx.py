@@ -24,7 +24,7 @@ from monitor_core.identification.black_boxes.frequency_response import (
     on_circle,
 )
 from monitor_core.identification.records.record import Bools, Record
-from monitor_core.identification.records.uniform_grid import Regular, on_grid
+from monitor_core.identification.records.uniform_grid import Regular, on_grid, stretches
 from monitor_core.kernel.compile import entry
 
 _LARGEST = 200
@@ -239,7 +239,7 @@ class Lags(NamedTuple):
         return self.last - self.first + 1
 
 
-def rows(known: Sequence[Bools], blocks: Sequence[Lags]) -> Iterator[tuple[int, int]]:
+def rows(known: Sequence[Bools], blocks: Sequence[Lags]) -> list[tuple[int, int]]:
     """Ranges (a, b) of t in which every z(t - lag) of every column is known; ``known`` (N,) for each signal."""
     N = known[0].size
     good = np.ones(N, np.bool_)
@@ -249,8 +249,7 @@ def rows(known: Sequence[Bools], blocks: Sequence[Lags]) -> Iterator[tuple[int, 
         low, high = t - block.last, t - block.first
         good &= low >= 0
         good &= unknown[np.minimum(high, N - 1) + 1] == unknown[np.maximum(low, 0)]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.view(np.int8), [0]])))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return stretches(good)
 
 
 def gram(signals: Floats, blocks: Sequence[Lags], a: int, b: int) -> Floats:

@@ -83,17 +83,6 @@ def robot(folder: Path) -> Config:
     return load(folder / "robot.toml", {})
 
 
-TABLE_AXIS = """\
-[[robot]]
-name = "cell1"
-[[robot.axis]]
-name = "axis1"
-sample_interval_s = 0.005
-torque = { column = "torque" }
-angle = { column = "angle" }
-"""
-"""The beginning of a configuration for tables alone."""
-
 FREE = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch identify <healthy.csv> & more")
 
