@@ -23,19 +23,12 @@ _TOLERANCE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Regular:
-    """N samples, each one interval after the other; zero where they are not known."""
+    """N samples, each one interval after the other; zero where nothing was measured."""
 
     interval_s: float
     u: Floats  # (N,) torque, N m
     y: Floats  # (N,) angle, rad, or speed, rad/s
-    u_known: Bools  # (N,)
-    y_known: Bools  # (N,)
-    name: str = ""
-
-    @property
-    def known(self) -> Bools:
-        """(N,) both are."""
-        return self.u_known & self.y_known
+    known: Bools  # (N,) both are
 
 
 def on_grid(records: Sequence[Record] | Sequence[Regular]) -> tuple[Regular, ...]:
@@ -84,11 +77,10 @@ def _on_grid(record: Record, h: float) -> Regular:
             " needs regular samples, resample it"
         )
     place = np.concatenate([[0], np.cumsum(steps_rounded)])
-    u, y = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1)
-    u_known, y_known = np.zeros(u.size, np.bool_), np.zeros(u.size, np.bool_)
-    u[place], u_known[place] = record.u, True
-    y[place], y_known[place] = np.where(record.measured, record.y, 0.0), record.measured
-    return Regular(h, u, y, u_known, y_known, record.name)
+    u, y, known = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1), np.zeros(place[-1] + 1, np.bool_)
+    u[place], y[place] = record.u, np.where(record.measured, record.y, 0.0)
+    known[place] = record.measured
+    return Regular(h, u, y, known)
 
 
 # --- Another grid: resampling without aliasing and without delay ------------------------------------------------------

@@ -21,7 +21,7 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.records import Record
-from monitor_core.identification.starting import fit_from, fit_from_scratch
+from monitor_core.identification.starting import fit_from, fit_from_scratch, grow
 from monitor_core.identification.starting.chains import (
     Chain,
     Slots,
@@ -280,11 +280,14 @@ def refused(record: Record, words: str) -> bool:
     return False
 
 
-@pytest.mark.parametrize("way", ["scratch", "given"])
-def test_progress_grows_from_step_to_step_to_the_end(way: Way, seed: int) -> None:
-    problem, told = TWO.problem(TWO.wrong(seed)), list[tuple[int, int]]()
-    fitted = fit_from_scratch if way == "scratch" else fit_from
-    fitted(problem, [TWO.record(seed)], progress=lambda *step: told.append(step))
+@pytest.mark.parametrize("way", ["scratch", "given", "grow"])
+def test_progress_grows_from_step_to_step_to_the_end(way: Way | Literal["grow"], seed: int) -> None:
+    problem, record, told = TWO.problem(TWO.wrong(seed)), TWO.record(seed), list[tuple[int, int]]()
+    if way == "grow":
+        grow([record], 2, progress=lambda *step: told.append(step))
+    else:
+        fitted = fit_from_scratch if way == "scratch" else fit_from
+        fitted(problem, [record], progress=lambda *step: told.append(step))
     done, of = zip(*told, strict=True)
     assert len(set(of)) == 1
     assert done[-1] == of[0]

@@ -140,14 +140,6 @@ def test_masses_that_are_none() -> None:
     assert doubt_of(Chain(J[:1], k[:0]), 1.0) == ""
 
 
-def test_steps_are_told(seed: int) -> None:
-    told = list[tuple[int, int]]()
-    grow([TWO.record(seed)], 2, progress=lambda *step: told.append(step))
-    done, of = zip(*told, strict=True)
-    assert done[-1] == of[0] == of[-1]
-    assert list(done) == sorted(set(done))
-
-
 @pytest.mark.parametrize("output", ["speed", "angle"])
 def test_one_mass_needs_only_itself(output: Output, seed: int) -> None:
     """Its inertia is between that of the motor and that of all masses, though the response has a resonance."""

@@ -84,15 +84,6 @@ def test_what_cannot_be_told_makes_no_nominal_values(found: IdentificationReport
     assert "not converged" in stuck.rejection
 
 
-def test_a_delay_and_a_disturbance_are_found_too(folder: Path, robot: Config) -> None:
-    request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
-    result = task(folder, robot, "healthy.csv", request=request).run(PROVENANCE)
-    rows = {row.name: row for row in result.result.rows()}
-    assert abs(rows["delay"].value) < 1e-4
-    assert rows["delay"].unit == "s"
-    assert len(result.result.estimate.K) == 7
-
-
 def test_noises_may_be_held(folder: Path, robot: Config) -> None:
     request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), hold_noise=True)
     noise = task(folder, robot, "healthy.csv", request=request).problem.disturbance
@@ -100,15 +91,6 @@ def test_noises_may_be_held(folder: Path, robot: Config) -> None:
     assert (noise.torque, noise.output) == (0.05, 0.0001)
     found = task(folder, robot, "healthy.csv", request=request).run(PROVENANCE).result.estimate.noise
     assert found["torque"] / found["output"] == pytest.approx(500)
-
-
-def test_requests_that_contradict_and_records_that_are_refused(folder: Path, robot: Config) -> None:
-    contradiction = Request(start="values", predictor="output-error")
-    for request in (replace(contradiction, hold_noise=True), replace(contradiction, disturbance_s=1.0)):
-        with pytest.raises(IdentificationError, match="no noise"):
-            task(folder, robot, "healthy.csv", request=request)
-    with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
-        task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
 
 
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
