@@ -62,14 +62,6 @@ class FrequencyResponse:
         return self.db - sigmas * self.sd_db, self.db + sigmas * self.sd_db
 
 
-def circular(frequency_hz: Floats, G: Complexes, variance: Floats, name: str = "") -> FrequencyResponse:
-    """With E|dG|^2 = ``variance`` (F,), equal in all directions of the plane, as of spectra."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sd = np.sqrt(variance / 2) / np.abs(G)
-    sd = np.where(np.isnan(sd), np.inf, sd)
-    return FrequencyResponse(frequency_hz, G, DECIBEL * sd, sd, name)
-
-
 def by_gradient(
     frequency_hz: Floats, G: Complexes, dG: Complexes, root: Floats, name: str = ""
 ) -> FrequencyResponse:
@@ -150,7 +142,11 @@ def local_response(
         )
     fits = [_fit(spectra, _band(longest, value), value) for value in f.tolist()]
     G, variance = (np.array(column) for column in zip(*fits, strict=True))
-    return circular(f, G, variance, name)
+    # The variance is that of |dG|, equal in all directions of the plane.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sd = np.sqrt(variance / 2) / np.abs(G)
+    sd = np.where(np.isnan(sd), np.inf, sd)
+    return FrequencyResponse(f, G, DECIBEL * sd, sd, name)
 
 
 def _spectrum(record: Regular, a: int, b: int) -> Spectrum:
