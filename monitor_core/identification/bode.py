@@ -23,7 +23,6 @@ from monitor_core.identification.black_boxes.frequency_response import (
     local_response,
     on_circle,
     root_of,
-    spectral_response,
 )
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
@@ -78,7 +77,7 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
         name = "drive, nominal before"
         before = drive_response(start.drive, start.nominal, h, f, delay_s=start.delay_s, name=name)
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
-    measured, no_spectrum = _tried("frequency response of the record", lambda: _measured(regular, f))
+    measured, no_spectrum = _tried("frequency response of the record", lambda: _local(regular, f))
     if records[0].quantity == "angle":
         found = _as_speed(found)
         before, black_box, measured = (curve and _as_speed(curve) for curve in (before, black_box, measured))
@@ -126,12 +125,8 @@ def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
     return replace(found, name=f"{found.name}, every {1e3 * every * h:.3g} ms") if every > 1 else found
 
 
-def _measured(records: Sequence[Record], f: Floats) -> FrequencyResponse:
-    """From local polynomials; from averaged spectra where samples are missing."""
-    try:
-        return local_response(records, f, name="record, local polynomials")
-    except ValueError:
-        return spectral_response(records, name="record, spectra").between(f[0], f[-1])
+def _local(records: Sequence[Record], f: Floats) -> FrequencyResponse:
+    return local_response(records, f, name="record, local polynomials")
 
 
 def _as_speed(response: FrequencyResponse) -> FrequencyResponse:

@@ -54,6 +54,7 @@ class Request:
     Args:
         free: names of the parameters to estimate; empty: all that are identifiable.
         fix: names of the parameters to hold.
+        predictor: None: as configured.
         delay: estimate the skew between torque and motion, too.
         disturbance_s: time constant of a slow torque disturbance [s]; None: there is none.
         robust: give outliers less weight.
@@ -64,6 +65,7 @@ class Request:
 
     free: tuple[str, ...] = ()
     fix: tuple[str, ...] = ()
+    predictor: Predictor | None = None
     delay: bool = False
     disturbance_s: float | None = None
     robust: bool = False
@@ -136,6 +138,8 @@ def prepare(
         for group in (used, kept_aside)
     )
     problem = _problem(axis, drive, nominal, selection, used, request, schedule)
+    if problem.predictor == "output-error" and drive.output == "angle":
+        warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     options = IdentificationOptions(
         start,
         tuple(axis.config.model.monitor),
@@ -225,11 +229,12 @@ def _problem(
     schedule: Schedule,
 ) -> Problem:
     predictor = predictor_of(axis.config)
+    kind = request.predictor or predictor.kind
     try:
         return Problem(
-            drive, nominal, selection.free, predictor.kind,
+            drive, nominal, selection.free, kind,
             speed_scale=predictor.friction_speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
-            disturbance=_disturbance(predictor.kind, used, request.disturbance_s),
+            disturbance=_disturbance(kind, used, request.disturbance_s),
             loss="huber" if request.robust else "squares", varying=schedule,
         )  # fmt: skip
     except ValueError as error:

@@ -36,6 +36,10 @@ Fix = Annotated[
     list[str] | None,
     typer.Option("--fix", metavar="NAMES", help="These stay at their nominal values, beside kT and r."),
 ]
+PredictorOption = Annotated[
+    Literal["innovations", "output-error"] | None,
+    typer.Option("--predictor", help="How the motion is predicted. Default: as configured."),
+]
 Varying = Annotated[
     list[str] | None,
     typer.Option(
@@ -85,6 +89,7 @@ def identify(
     axis: AxisName = None,
     free: Free = None,
     fix: Fix = None,
+    predictor: PredictorOption = None,
     varying: Varying = None,
     validate: Validate = None,
     delay: Delay = False,
@@ -116,6 +121,7 @@ def identify(
         request = Request(
             free=names_in(",".join(free or ())),
             fix=names_in(",".join(fix or ())),
+            predictor=predictor,
             delay=delay,
             disturbance_s=disturbance,
             robust=robust,

@@ -1,4 +1,4 @@
-"""Fits of one record: the grey box against scipy, ARX and subspace models against the truth.
+"""Fits of one record: the grey box against scipy, ARX models against the truth.
 
 The bench is a stiff three-mass drive on the motor side, motor speed at 200 Hz, 8000 samples of a Schroeder multisine
 from 0.5 to 40 Hz with white torque, white noise 30 dB below the speed.
@@ -18,16 +18,14 @@ from monitor_core.arrays import Floats
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import (
     FrequencyResponse,
-    circular,
     local_response,
 )
-from monitor_core.identification.black_boxes.subspace import fit_subspace
 from monitor_core.identification.greybox import Problem, fit
 from monitor_core.identification.problem import Predictor
 from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import three_mass
 from tests.bench.measure import Say, in_turns
-from tests.core.identification.systems import INTERVAL_S, Discrete, bench_drive, bench_record, decibels
+from tests.core.identification.systems import INTERVAL_S, bench_drive, bench_record, decibels
 
 pytestmark = pytest.mark.bench
 
@@ -115,7 +113,6 @@ FITS: dict[str, Callable[[Record], FrequencyResponse]] = {
     "ARX 20": lambda r: fit_arx([r], 20).response(FREQUENCIES),
     "ARX 40": lambda r: fit_arx([r], 40).response(FREQUENCIES),
     "ARX by AIC": lambda r: fit_arx([r]).response(FREQUENCIES),
-    "subspace, order 5": lambda r: _subspace(r, 5),
     "local polynomials": lambda r: local_response([r], FREQUENCIES),
 }
 
@@ -157,10 +154,3 @@ def test_arx_of_high_order(seed: int, say: Say) -> None:
     }
     times = in_turns(fits, 3)
     say("ARX of 20 000 samples", ("fit", "ms"), [(name, 1e3 * times[name]) for name in fits])
-
-
-def _subspace(record: Record, order: int) -> FrequencyResponse:
-    """Without deviations, which the method does not state."""
-    model = fit_subspace([record], order)
-    G = Discrete(model.A, model.B[:, None], model.C[None]).response(FREQUENCIES)
-    return circular(FREQUENCIES, G, np.full(FREQUENCIES.size, np.inf))

@@ -1,4 +1,4 @@
-"""Frequency responses with their uncertainty: one type for all methods and plots, and what spectra tell.
+"""Frequency responses with their uncertainty: one type for all methods and plots, and what spectra of records tell.
 
 G is the response from the held torque to the samples of the output, G(e^{jwh}) for the interval h: what a discrete
 model has, what spectra of samples estimate, and what a continuous model has after its zero-order hold.  Only these
@@ -7,18 +7,17 @@ can be compared: at a quarter of the sampling frequency the hold alone turns the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
-from scipy.signal.windows import hann
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.record import Record
-from monitor_core.identification.records.uniform_grid import Regular, on_grid
+from monitor_core.identification.records.uniform_grid import Regular, on_grid, stretches
 
 Complexes = NDArray[np.complex128]
 
@@ -62,19 +61,6 @@ class FrequencyResponse:
         """Lower and upper limit of |G| (F,) each, dB."""
         return self.db - sigmas * self.sd_db, self.db + sigmas * self.sd_db
 
-    def between(self, low_hz: float, high_hz: float) -> FrequencyResponse:
-        """The part of it inside that band."""
-        k = (self.frequency_hz >= low_hz) & (self.frequency_hz <= high_hz)
-        return FrequencyResponse(self.frequency_hz[k], self.G[k], self.sd_db[k], self.sd_phase[k], self.name)
-
-
-def circular(frequency_hz: Floats, G: Complexes, variance: Floats, name: str = "") -> FrequencyResponse:
-    """With E|dG|^2 = ``variance`` (F,), equal in all directions of the plane, as of spectra."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sd = np.sqrt(variance / 2) / np.abs(G)
-    sd = np.where(np.isnan(sd), np.inf, sd)
-    return FrequencyResponse(frequency_hz, G, DECIBEL * sd, sd, name)
-
 
 def by_gradient(
     frequency_hz: Floats, G: Complexes, dG: Complexes, root: Floats, name: str = ""
@@ -109,67 +95,20 @@ def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Compl
     return f, np.exp(2j * np.pi * f * interval_s)
 
 
-# --- From any excitation: averaged spectra, and local polynomials -----------------------------------------------------
+# --- From any excitation: local polynomials ---------------------------------------------------------------------------
 
+
+# In a narrow band G is a polynomial of the frequency, and so is the transient that the motion before and after a
+# stretch of samples leaves in its spectrum (Pintelon and Schoukens, System Identification, 2nd ed., ch. 7).
 
 _LINES, _DEGREE = 21, 2
-"""Lines of the longest record in the band around each frequency, and degree of the polynomials there."""
+"""Lines of the longest stretch in the band around each frequency, and degree of the polynomials there."""
 _HIDDEN = 1e-10
-"""Of the strongest line of the record: polynomials told apart by less are not determined at all."""
-
-
-def spectral_response(
-    records: Sequence[Record] | Sequence[Regular], segment: int | None = None, *, name: str = "spectra"
-) -> FrequencyResponse:
-    """G at the lines of a segment, without the constant and the Nyquist frequency.
-
-    Args:
-        records: with one interval; segments with a missing sample are left out.
-        segment: samples of a segment, of which the next one shares half; default: an eighth of the longest record.
-        name: as in a legend.
-
-    Raises:
-        ValueError: segments that are too short, or fewer than two of them.
-    """
-    series = on_grid(records)
-    L = segment or max(record.u.size for record in series) // 8
-    if L < 8:
-        raise ValueError(f"segments of {L} samples: 8 at least are needed")
-    window = hann(L, sym=False)
-    Z = np.array([np.fft.rfft(window * part, axis=1) for part in _segments(series, L)])
-    if len(Z) < 2:
-        raise ValueError(f"{len(Z)} segments of {L} samples without a missing one: two at least are needed")
-    S = np.einsum("kaf,kbf->fab", Z, np.conj(Z))[1 : (L + 1) // 2] / len(Z)
-    Syy, Syu, Suu = S[:, 0, 0].real, S[:, 0, 1], S[:, 1, 1].real
-    with np.errstate(divide="ignore", invalid="ignore"):
-        G: Complexes = Syu / Suu
-        noise = np.maximum(Syy - 2 * np.real(np.conj(G) * Syu) + np.abs(G) ** 2 * Suu, 0.0)
-        variance = noise / Suu / (_independent(window, len(Z)) - 1)
-    return circular(np.arange(1, (L + 1) // 2) / (L * series[0].interval_s), G, variance, name)
-
-
-def _segments(series: Sequence[Regular], L: int) -> Iterator[Floats]:
-    """y and u (2, L), less their means."""
-    for record in series:
-        for start in range(0, record.u.size - L + 1, L // 2):
-            part = slice(start, start + L)
-            if record.known[part].all():
-                z = np.array([record.y[part], record.u[part]])
-                yield z - z.mean(axis=1, keepdims=True)
-
-
-def _independent(window: Floats, K: int) -> float:
-    """Number of independent segments that K overlapping ones are worth; neighbours correlate by rho^2."""
-    half = window.size // 2
-    rho = float(window[half:] @ window[: window.size - half] / (window @ window))
-    return K / (1 + 2 * rho**2 * (K - 1) / K)
-
-
-# --- Local polynomials ------------------------------------------------------------------------------------------------
+"""Of the strongest line: polynomials told apart by less are not determined at all."""
 
 
 class Spectrum(NamedTuple):
-    """Of one record at the lines 1 .. N/2 - 1."""
+    """Of N samples without a missing one, at the lines 1 .. N/2 - 1."""
 
     frequency_hz: Floats  # (F,)
     y: Complexes  # (F,)
@@ -185,34 +124,36 @@ def local_response(
     """G at any frequencies; NaN where the lines nearby are not excited.
 
     Args:
-        records: with one interval, without missing samples; the polynomial of G is common, transients are not.
+        records: with one interval; the polynomial of G is common, each stretch without a missing sample has its own
+            transient.
         frequency_hz: (F,) Hz.
         name: as in a legend.
 
     Raises:
-        ValueError: a missing sample, too few lines, a frequency beyond half the sampling frequency.
+        ValueError: too few lines, a frequency beyond half the sampling frequency.
     """
     series = on_grid(records)
     f, _ = on_circle(frequency_hz, series[0].interval_s)
-    spectra = [_spectrum(record) for record in series]
-    longest = max(spectra, key=lambda s: s.frequency_hz.size).frequency_hz
+    spectra = [_spectrum(record, a, b) for record in series for a, b in stretches(record.known)]
+    longest = max((s.frequency_hz for s in spectra), key=len, default=np.empty(0))
     if longest.size < _LINES:
-        raise ValueError(f"{longest.size} lines in the longest record: {_LINES} are wanted at a time")
+        raise ValueError(
+            f"{longest.size} lines in the longest stretch without a missing sample: {_LINES} are wanted at a time"
+        )
     fits = [_fit(spectra, _band(longest, value), value) for value in f.tolist()]
     G, variance = (np.array(column) for column in zip(*fits, strict=True))
-    return circular(f, G, variance, name)
+    # The variance is that of |dG|, equal in all directions of the plane.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sd = np.sqrt(variance / 2) / np.abs(G)
+    sd = np.where(np.isnan(sd), np.inf, sd)
+    return FrequencyResponse(f, G, DECIBEL * sd, sd, name)
 
 
-def _spectrum(record: Regular) -> Spectrum:
-    missing = np.count_nonzero(~record.known)
-    if missing:
-        raise ValueError(
-            f"record {record.name or '(no name)'}: {missing} samples are missing; a spectrum of the whole record"
-            " needs all: cut it at the gaps, or average spectra of segments"
-        )
-    N = record.u.size
-    z = np.array([record.y, record.u])
-    # A spectrum without window: its noise has the same size for records of all lengths.
+def _spectrum(record: Regular, a: int, b: int) -> Spectrum:
+    """Of its samples a .. b-1."""
+    N = b - a
+    z = np.array([record.y[a:b], record.u[a:b]])
+    # A spectrum without window: its noise has the same size for stretches of all lengths.
     y, u = np.fft.rfft(z - z.mean(axis=1, keepdims=True), axis=1)[:, 1 : (N + 1) // 2] / np.sqrt(N)
     return Spectrum(np.arange(1, (N + 1) // 2) / (N * record.interval_s), y, u)
 
@@ -225,7 +166,7 @@ def _band(frequency: Floats, at: float) -> tuple[float, float]:
 
 
 def _fit(spectra: Sequence[Spectrum], band: tuple[float, float], at: float) -> tuple[complex, float]:
-    """G and its variance: y on the powers of frequency times u, and on those alone for each record."""
+    """G and its variance: y on the powers of frequency times u, and on those alone for each stretch."""
     used = [(s, np.flatnonzero((s.frequency_hz >= band[0]) & (s.frequency_hz <= band[1]))) for s in spectra]
     used = [(s, k) for s, k in used if k.size > _DEGREE + 1]
     powers = [

@@ -11,7 +11,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.greybox.estimate import Estimate
-from monitor_core.identification.greybox.residuals import scores_covariance
+from monitor_core.identification.greybox.residuals import information
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record
@@ -106,22 +106,15 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
     errors = predictor.errors(fit_starts(predictor))
     end = len(free) + sum(map(len, varying.values()))  # number of parameters and slopes, before the delay
     own, start = [*range(len(free)), *[end] * problem.free_delay], end + problem.free_delay
-    psi = [_beside(e.psi[:, own], e.psi[:, start:]) for e in errors]
-    size = np.sqrt(sum((J**2).sum(axis=0) for J in psi))
-    psi = [J / np.where(size > 0, size, 1.0) for J in psi]  # their units differ by orders of magnitude
-    inverse = np.linalg.pinv(sum(J.T @ J for J in psi), hermitian=True)
-    S, _ = scores_covariance([e.eps for e in errors], psi)
-    white, coloured = np.diag(estimate.lam0 * inverse), np.diag(inverse @ S @ inverse)
-    return float(np.max(coloured / white, initial=1.0, where=white > 0))
+    gradients, starts = [e.psi[:, own] for e in errors], [e.psi[:, start:] for e in errors]
+    names = [predictor.layout.names[k] for k in own]
+    told = information(names, np.ones(len(own)), gradients, starts, [e.eps for e in errors], estimate.lam0)
+    white, coloured = np.diag(told.white), np.diag(told.covariance)
+    known = np.isfinite(white)
+    return float(np.max(coloured[known] / white[known], initial=1.0))
 
 
 def _free(varying: Iterable[str], monitored: Sequence[str]) -> tuple[str, ...]:
     """The monitored parameters; a scheduled one by the name (Ja or 1/Ja) that has the slopes."""
     called = {split_name(name)[0]: name for name in varying}
     return tuple(called.get(split_name(name)[0], name) for name in monitored if name != DELAY)
-
-
-def _beside(psi: Floats, start: Floats) -> Floats:
-    """The part of the gradients that the initial state does not explain."""
-    Q = np.linalg.qr(start)[0]
-    return np.asarray(psi - Q @ (Q.T @ psi))

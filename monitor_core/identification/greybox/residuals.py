@@ -148,6 +148,7 @@ class Information(NamedTuple):
 
     accuracy: Accuracy  # the same, relative to the sizes, with what is not determined
     covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be determined
+    white: Floats  # (p, p) what it would be with white errors of the same variance
     order: int  # of the errors' autoregressive model; 0: white
 
 
@@ -178,14 +179,15 @@ def information(
     R: Floats = np.asarray(np.linalg.qr(np.concatenate(scaled), mode="r"))
     accuracy = Accuracy(tuple(names), R, np.sqrt(variance) if variance > 0 else 1e-300)
     S, order = scores_covariance(eps, scaled)
+    white = accuracy.covariance * np.outer(sizes, sizes)
     if order == 0:
-        return Information(accuracy, accuracy.covariance * np.outer(sizes, sizes), 0)
+        return Information(accuracy, white, white, 0)
     with np.errstate(invalid="ignore"):
         inverse = _pseudo_inverse(R)
         known = np.isfinite(np.diag(accuracy.covariance))
         covariance = accuracy.covariance.copy()
         covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
-        return Information(_as_told(accuracy, covariance), covariance * np.outer(sizes, sizes), order)
+        return Information(_as_told(accuracy, covariance), covariance * np.outer(sizes, sizes), white, order)
 
 
 def _as_told(accuracy: Accuracy, covariance: Floats) -> Accuracy:

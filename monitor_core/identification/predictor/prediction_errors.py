@@ -20,6 +20,7 @@ from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records.record import Record
 from monitor_core.kernel.fixed_predictor import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
 from monitor_core.kernel.tables import COULOMB, TORQUE
+from monitor_core.samples import forward_fill
 
 
 class Errors(NamedTuple):
@@ -325,19 +326,16 @@ def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:
     """Mean values (L, s) and their index (N,); a missing value is replaced by the one before."""
     if not signals:
         return np.zeros((1, 0)), np.zeros(N, dtype=np.int64)
-    filled = np.stack([_filled(signal) for signal in signals], axis=1)
+    columns = np.stack(signals, axis=1)
+    measured = np.isfinite(columns)
+    if not measured.any(axis=0).all():
+        raise ValueError("a signal that the parameters depend on was never measured")
+    filled = forward_fill(columns, columns[measured.argmax(axis=0), np.arange(len(signals))])
     parts = np.stack([_part(column) for column in filled.T], axis=1)
     level = np.unique(parts, axis=0, return_inverse=True)[1].reshape(-1)
     count = np.bincount(level)
     sums = [np.bincount(level, weights=column) for column in filled.T]
     return np.stack(sums, axis=1) / count[:, None], level
-
-
-def _filled(signal: Floats) -> Floats:
-    good = np.flatnonzero(np.isfinite(signal))
-    if good.size == 0:
-        raise ValueError("a signal that the parameters depend on was never measured")
-    return signal[good[np.maximum(np.searchsorted(good, np.arange(signal.size), side="right") - 1, 0)]]
 
 
 def _part(column: Floats) -> Ints:

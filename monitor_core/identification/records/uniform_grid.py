@@ -1,4 +1,4 @@
-"""Records on a regular grid, for what only knows one interval: ARX, subspace methods, spectra.
+"""Records on a regular grid, for what only knows one interval: ARX models, spectra.
 
 Where a sample was lost the grid has a place at which nothing is known.  A record that is not on a grid, or sampled far
 faster than the axis moves, is resampled, which costs: the torque within the new intervals is forgotten but for its
@@ -8,7 +8,7 @@ mean, and the errors of neighbouring samples become correlated.  A grey-box fit 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -23,33 +23,12 @@ _TOLERANCE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Regular:
-    """N samples, each one interval after the other; zero where they are not known."""
+    """N samples, each one interval after the other; zero where nothing was measured."""
 
     interval_s: float
     u: Floats  # (N,) torque, N m
     y: Floats  # (N,) angle, rad, or speed, rad/s
-    u_known: Bools  # (N,)
-    y_known: Bools  # (N,)
-    name: str = ""
-
-    @property
-    def known(self) -> Bools:
-        """(N,) both are."""
-        return self.u_known & self.y_known
-
-    @property
-    def centred(self) -> Regular:
-        """Less the means of what is known."""
-        u = np.where(self.u_known, self.u - self.u[self.u_known].mean(), 0.0)
-        y = np.where(self.y_known, self.y - self.y[self.y_known].mean(), 0.0)
-        return replace(self, u=u, y=y)
-
-
-def of_size_one(series: Sequence[Regular]) -> tuple[tuple[Regular, ...], float, float]:
-    """The records centred, u and y over their standard deviations, and these; a lost torque counts as held."""
-    su = _size([record.u[record.u_known] for record in series])
-    sy = _size([record.y[record.y_known] for record in series])
-    return tuple(_in_units(record.centred, su, sy) for record in series), su, sy
+    known: Bools  # (N,) both are
 
 
 def on_grid(records: Sequence[Record] | Sequence[Regular]) -> tuple[Regular, ...]:
@@ -64,6 +43,12 @@ def on_grid(records: Sequence[Record] | Sequence[Regular]) -> tuple[Regular, ...
     rest = [record for record in records if isinstance(record, Record)]
     h = _common_interval(rest)
     return tuple(_on_grid(record, h) for record in rest)
+
+
+def stretches(known: Bools) -> list[tuple[int, int]]:
+    """Ranges (a, b) of samples in a row that are all known (N,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _common_interval(records: Sequence[Record]) -> float:
@@ -92,21 +77,10 @@ def _on_grid(record: Record, h: float) -> Regular:
             " needs regular samples, resample it"
         )
     place = np.concatenate([[0], np.cumsum(steps_rounded)])
-    u, y = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1)
-    u_known, y_known = np.zeros(u.size, np.bool_), np.zeros(u.size, np.bool_)
-    u[place], u_known[place] = record.u, True
-    y[place], y_known[place] = np.where(record.measured, record.y, 0.0), record.measured
-    return Regular(h, u, y, u_known, y_known, record.name)
-
-
-def _size(parts: Sequence[Floats]) -> float:
-    """Standard deviation within the records; 1 if they do not move."""
-    return float(np.sqrt(np.mean(np.concatenate([(part - part.mean()) ** 2 for part in parts])))) or 1.0
-
-
-def _in_units(record: Regular, su: float, sy: float) -> Regular:
-    last = np.maximum.accumulate(np.where(record.u_known, np.arange(record.u.size), 0))
-    return replace(record, u=record.u[last] / su, y=record.y / sy)
+    u, y, known = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1), np.zeros(place[-1] + 1, np.bool_)
+    u[place], y[place] = record.u, np.where(record.measured, record.y, 0.0)
+    known[place] = record.measured
+    return Regular(h, u, y, known)
 
 
 # --- Another grid: resampling without aliasing and without delay ------------------------------------------------------

@@ -1,9 +1,9 @@
 """Starting values, and fits that need no guess.
 
-From the records alone (``fit_from_scratch``): the resonances of black boxes give masses and springs in closed form, and
-the dampers by linear least squares; where that is doubtful, chains grow mass by mass from one rigid mass.  From values
-that may be wrong by a factor of three each (``fit_from``): a search in the frequency response, from broad to narrow.
-In both cases the best results are the starts of the fit of the records themselves.
+From the records alone (``fit_from_scratch``): chains grow in the frequency response mass by mass, since masses and
+springs follow from resonances in closed form.  From values that may be wrong by a factor of three each (``fit_from``):
+a search in the frequency response, from broad to narrow.  In both cases the best results are the starts of the fit of
+the records themselves.
 
 If the number of masses is unknown, ``grow`` fits one, two, three, .. and reports how many the records support.
 """

@@ -199,6 +199,8 @@ class Slots:
 
     def damped(self, values: Mapping[str, float], decay: Floats) -> dict[str, float]:
         """The values with dampers whose modal damping comes next to ``decay`` (n,): to first order it is linear."""
+        if not self.dampers:
+            return dict(values)
         A, W, V = self._modes(values)
         rates = np.empty((self.masses, len(self.dampers)))
         for j, name in enumerate(self.dampers):

@@ -1,4 +1,4 @@
-"""Number of masses of a drive: chains grow as long as the records support one more mass (modes.py).
+"""Number of masses of a drive: chains grow as long as the records support one more mass (growing_chains.py).
 
 The estimates of every model start the next one.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from monitor_core.identification.greybox import Estimate, Problem, traces_of
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
-from monitor_core.identification.starting.modes import Stem, longer, rigid
+from monitor_core.identification.starting.growing_chains import Stem, longer, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Found, Progress, Steps
 from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, candidate
@@ -45,13 +45,17 @@ def grow(
     if upto < 1:
         raise ValueError(f"chains of up to {upto} masses: need at least one")
     measured, steps = measure(records), Steps(progress, upto * FITTING)
-    stems, models, failed = rigid(measured), list[Grown](), ""
+    grown, models, failed = (
+        stems(problem_of(1, measured.output, friction=("fm",)), measured),
+        list[Grown](),
+        "",
+    )
     for masses in range(1, upto + 1):
         problem = problem_of(masses, measured.output, like, friction)
         if models:
-            stems = longer(problem, (_stem(models[-1]), *stems), measured)
+            grown = longer(problem, (_stem(models[-1]), *grown), measured)
         try:
-            found = _fitted(problem, records, stems, measured, steps.part((masses - 1) * FITTING, FITTING))
+            found = _fitted(problem, records, grown, measured, steps.part((masses - 1) * FITTING, FITTING))
         except ValueError as error:
             if not models:
                 raise
@@ -74,16 +78,16 @@ def _stem(model: Grown) -> Stem:
     """The chain as the records themselves have it; a damper below zero has no logarithm and stays as it is."""
     problem = model.estimate.problem
     response = Response(problem)
-    return Stem(response, Found(response.start, np.inf), Slots(problem) if model.masses > 1 else None)
+    return Stem(response, Found(response.start, np.inf), Slots(problem))
 
 
 def _fitted(
-    problem: Problem, records: Sequence[Record], stems: Sequence[Stem], measured: Measured, reached: Reached
+    problem: Problem, records: Sequence[Record], grown: Sequence[Stem], measured: Measured, reached: Reached
 ) -> Estimate:
-    if not stems:
+    if not grown:
         raise ValueError("the frequency response shows no further resonance")
     origin = "a chain that grew mass by mass"
-    found = [candidate(stem.response, stem.end, measured, origin) for stem in stems]
+    found = [candidate(stem.response, stem.end, measured, origin) for stem in grown]
     return best_fit(problem, records, found, reached)
 
 

@@ -25,7 +25,7 @@ from monitor_core.identification.black_boxes.frequency_response import DECIBEL, 
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Bools, Record
-from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample
+from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample, stretches
 
 _ORDER = 100
 """Of the ARX model: half a second of memory at 5 ms."""
@@ -90,7 +90,8 @@ def measure(records: Sequence[Record]) -> Measured:
     lowest = 0.15 / (arx.a.size * arx.interval_s)
     wide = np.linspace(lowest, 0.9 * nyquist, 2 * _POINTS)
     sure = (medfilt(_relative(arx, wide), 5) < _SURE) & _excited(arx, series, wide)
-    known = wide[_longest(sure)]
+    first, end = max(stretches(sure), key=lambda band: band[1] - band[0], default=(0, 0))
+    known = wide[first:end]
     if known.size < 5:
         raise ValueError("the records do not give a frequency response: the torque hardly moves the axis, or all that"
                          " was measured is noise")  # fmt: skip
@@ -141,16 +142,6 @@ def _errors(arx: Arx, s: Regular) -> Floats:
     lost[: A.size] = True
     e = np.where(lost, 0.0, e - (e[~lost].mean() if not lost.all() else 0.0))
     return np.asarray(e, dtype=np.float64)
-
-
-def _longest(good: Bools) -> slice:
-    """The longest run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]])))
-    first, end = edges[::2], edges[1::2]
-    if not first.size:
-        return slice(0, 0)
-    k = int(np.argmax(end - first))
-    return slice(int(first[k]), int(end[k]))
 
 
 def _relative(arx: Arx, f: Floats) -> Floats:

@@ -61,7 +61,7 @@ _HELD = 1e4
 """Weight of the prior of what is held."""
 _SLACK = 4.0
 """Standard deviations of a chi-square by which the right model may exceed what is expected."""
-SAME = 1.02
+_SAME = 1.02
 """Costs within this factor are of the same minimum."""
 
 
@@ -102,7 +102,7 @@ def search(
             reached(count + 1)
         best = min(e.cost for e in ends)
         needed = _EXPLAINED if best < explained(measured) else _AGAIN
-        if count + 1 >= most or sum(e.cost < SAME * best for e in ends) >= needed:
+        if count + 1 >= most or sum(e.cost < _SAME * best for e in ends) >= needed:
             break
     return tuple(distinct(ends))
 
@@ -125,7 +125,7 @@ def distinct(ends: Iterable[_End]) -> Iterator[_End]:
     """Those that are finite, sorted by cost, each minimum once."""
     last = 0.0
     for end in sorted(ends, key=lambda e: e.cost):
-        if SAME * last < end.cost < np.inf:
+        if _SAME * last < end.cost < np.inf:
             yield end
             last = end.cost
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,23 +11,20 @@ from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import value_of
 from monitor_core.identification.records.record import Record
-from monitor_core.identification.starting.chains import Slots, chain_of_modes
-from monitor_core.identification.starting.modes import black_boxes, longer, modal, stems
+from monitor_core.identification.starting.growing_chains import stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
-    SAME,
     Found,
     Progress,
     Steps,
     distinct,
     explained,
-    polish,
     search,
 )
 
 _FEWER = 20
-"""Searches around what the closed form has found."""
+"""Searches around a chain that does not explain the response."""
 _RIVALS = 2
 """Candidates from which the records themselves are fitted."""
 _DOUBTFUL = 10.0
@@ -99,60 +96,28 @@ def around_nominal(problem: Problem, measured: Measured, reached: Reached) -> li
 
 
 def from_records(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
-    """The cheapest method first: closed form, growth, search; the next one where the result is doubtful.
+    """Chains that grew mass by mass; where none of them explains the response, also searches around the best.
 
     Raises:
         ValueError: the motor does not see a chain of masses that are all free, or the response shows none.
     """
-    slots = Slots(problem)
-    found = list(_closed(problem, slots, measured))
-    if _doubtful(found, measured):
-        found += _grown(problem, slots, measured)
-    if not found:
+    grown = stems(problem, measured)
+    if not grown:
         raise ValueError(
             "the frequency response shows no chain of so many masses: give values to search from"
         )
-    if _doubtful(found, measured):
-        best = min(found, key=lambda candidate: candidate.cost)
-        response = Response(problem, best.values)
+    origin = "a chain that grew mass by mass"
+    found = [candidate(stem.response, stem.end, measured, origin) for stem in grown]
+    if found[0].cost > explained(measured):
+        response = Response(problem, found[0].values)
         ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
-        origin = f"a search around {best.origin}"
-        found += [candidate(response, end, measured, origin) for end in ends]
+        found += [candidate(response, end, measured, f"a search around {origin}") for end in ends]
     return list(distinct(found))
 
 
 def candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
     """Where a search in the frequency response ended."""
     return Candidate(response.named(end.x), origin, end.cost, measured.expected)
-
-
-def _doubtful(found: Sequence[Candidate], measured: Measured) -> bool:
-    """As in the search: one end may be stuck next to the right minimum, two alike that explain the response are not."""
-    best = min((candidate.cost for candidate in found), default=np.inf)
-    agreed = sum(candidate.cost < SAME * best for candidate in found) > 1
-    return not agreed or best > explained(measured)
-
-
-def _closed(problem: Problem, slots: Slots, measured: Measured) -> Iterator[Candidate]:
-    """Closed form, polished, one for each black box that shows enough resonances."""
-    for name, poles, residues in black_boxes(measured, slots.masses):
-        try:
-            seen = modal(measured, slots.masses, poles, residues)
-            values = slots.values(chain_of_modes(seen.p, seen.a), seen.decay)
-        except (ValueError, np.linalg.LinAlgError):
-            continue
-        response = Response(problem, values)
-        end = polish(response, measured, response.start)
-        if np.isfinite(end.cost):
-            yield candidate(response, end, measured, f"the resonances of {name}")
-
-
-def _grown(problem: Problem, slots: Slots, measured: Measured) -> Iterator[Candidate]:
-    """Chains that grew mass by mass; a single mass has nothing to grow from."""
-    if slots.masses == 1:
-        return
-    for stem in longer(problem, stems(measured, slots.masses - 1), measured):
-        yield candidate(stem.response, stem.end, measured, f"a chain that grew to {slots.masses} masses")
 
 
 # --- The fit of the records from the best of them ---------------------------------------------------------------------

@@ -14,11 +14,11 @@ from service.commands.identification_task import Request, prepare
 from service.config import Config, load
 from service.reports.identification_report import IdentificationReport
 from tests.service.command_line import refused, shown
-from tests.service.config_texts import TABLE_AXIS
+from tests.service.config_texts import TABLES
 from tests.service.identification.conftest import FREE, PROVENANCE
 
 GRAVITY = (
-    TABLE_AXIS
+    TABLES.partition("model =")[0]
     + """\
 [robot.axis.model]
 monitor = ["f"]

@@ -79,12 +79,16 @@ def test_notes_cannot_break_the_file(found: IdentificationReport) -> None:
     assert content["drive"]["file"] == 'a"b\\.mo'
 
 
-def test_a_disturbance_and_a_delay_reach_the_file(folder: Path, robot: Any, tmp_path: Path) -> None:
-    request = Request(start="values", free=("Jm", "fm", "Ja"), delay=True, disturbance_s=0.3)
-    record = f"{folder / 'healthy.csv'}@0:8"
-    other = prepare(robot, robot.axes[0], [record], [], request).run(PROVENANCE)
+def test_a_disturbance_and_a_delay_are_found_and_reach_the_file(
+    folder: Path, robot: Any, tmp_path: Path
+) -> None:
+    request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
+    other = prepare(robot, robot.axes[0], [str(folder / "healthy.csv")], [], request).run(PROVENANCE)
     (tmp_path / "n.toml").write_text(as_toml(other), encoding="utf-8")
     read = read_found(NominalFile, tmp_path / "n.toml")
+    (delay,) = (row for row in other.result.rows() if row.name == "delay")
+    assert abs(delay.value) < 1e-4
+    assert delay.unit == "s"
     assert read.drive.torque_disturbance
     assert read.values["Td"] == pytest.approx(0.3)
     assert len(read.predictor.gain) == 7

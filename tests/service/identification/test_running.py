@@ -20,7 +20,6 @@ from service.config.drive_sources import model_called
 from service.ingest.identification_records import load
 from service.reports.identification_report import IdentificationReport
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE, with_estimate
-from tests.service.pipeline.robots import changed
 
 
 def task(folder: Path, robot: Config, *records: str, request: Request | None = None) -> IdentificationTask:
@@ -85,21 +84,19 @@ def test_what_cannot_be_told_makes_no_nominal_values(found: IdentificationReport
     assert "not converged" in stuck.rejection
 
 
-def test_a_delay_and_a_disturbance_are_found_too(folder: Path, robot: Config) -> None:
-    request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
-    result = task(folder, robot, "healthy.csv", request=request).run(PROVENANCE)
-    rows = {row.name: row for row in result.result.rows()}
-    assert abs(rows["delay"].value) < 1e-4
-    assert rows["delay"].unit == "s"
-    assert len(result.result.estimate.K) == 7
-
-
 def test_requests_that_contradict_and_records_that_are_refused(folder: Path, robot: Config) -> None:
-    by_output_error = changed(robot, estimator={"predictor": "output-error"})
+    by_output_error = Request(start="values", disturbance_s=1.0, predictor="output-error")
     with pytest.raises(IdentificationError, match="no disturbance"):
-        task(folder, by_output_error, "healthy.csv", request=Request(start="values", disturbance_s=1.0))
+        task(folder, robot, "healthy.csv", request=by_output_error)
     with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
         task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
+
+
+def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
+    made = task(
+        folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error")
+    )
+    assert any("not for the daemon" in words for words in made.warnings)
 
 
 def test_the_band_is_that_of_the_torque() -> None:
