@@ -38,12 +38,16 @@ class Quantity(NamedTuple):
 
 
 def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Quantity:
-    """The quantity in a message of the bus."""
+    """The quantity in a message of the bus, which the decoder decodes from now on.
+
+    Raises:
+        DbcError: the DBC has no such message or signal.
+    """
     message, signal = source.message, source.signal
     assert message is not None  # a cross-check of the configuration ensures it
     assert signal is not None
     wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
-    return Quantity(name, decoder.key(message), message, signal, source.factor, source.offset, wrap_period)
+    return Quantity(name, decoder.want(message, signal), message, signal, source.factor, source.offset, wrap_period)
 
 
 class HeldSignal:
