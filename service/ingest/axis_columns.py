@@ -51,9 +51,7 @@ class AxisColumns:
         wanted |= {self._time: "time"} if self._time is not None else {}
         return {column: f"the {what} of axis {self._id}" for column, what in wanted.items()}
 
-    def samples(
-        self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None
-    ) -> SampleBlock:
+    def samples(self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None) -> SampleBlock:
         """The samples in these rows.
 
         Args:

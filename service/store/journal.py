@@ -103,15 +103,11 @@ class Journal:
         self._db = Database(path, MIGRATIONS, "FULL")
         self.messages = self._db.messages
 
-    def record(self, axis: str, unit: str, nominal: float, episode: Alarm) -> int:
-        """Insert an alarm, or update the open one of its axis, parameter and direction.
+    def record(self, entries: Iterable[Entry]) -> list[int]:
+        """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
 
-        Returns its id; it is on the disk then.
+        Returns their ids; they are on the disk then.
         """
-        return self.record_many([Entry(axis, unit, nominal, episode)])[0]
-
-    def record_many(self, entries: Iterable[Entry]) -> list[int]:
-        """As ``record`` for several, in their order, all or none of them."""
         with self._db.write() as connection:
             return [_record(connection, entry) for entry in entries]
 

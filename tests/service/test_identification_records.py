@@ -1,6 +1,7 @@
 """Files become records for identification: ranges, torn rows, further signals, where they come from."""
 
 import hashlib
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import pytest
 from monitor_core.identification.records import Known, suspicions
 from service.can.user_errors import RecordError
 from service.config.schema import Config
-from service.ingest.identification_records import Loaded, Wanted, load, wanted
+from service.ingest.axis_records import Wanted, wanted
+from service.ingest.identification_records import Loaded, load
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, make_config, write_table
 
@@ -181,6 +183,10 @@ def log_of(path: Path, count: int = 200) -> Path:
     return path
 
 
+SPEEDS = [2.0 * ((k - 6) // 10 * 10 + 5) + 1 for k in range(6, 200)]
+"""As the daemon has them: from the first sample after the one during which the speed was received."""
+
+
 @pytest.mark.parametrize("suffix", [".log", ".blf", ".asc", ".trc"])
 def test_a_can_log_becomes_the_samples_of_replay(tmp_path: Path, suffix: str) -> None:
     config = make_config(tmp_path, axis1(signal=[SPEED]), axis2())
@@ -193,8 +199,8 @@ def test_a_can_log_becomes_the_samples_of_replay(tmp_path: Path, suffix: str) ->
     assert np.array_equal(found.record.y, np.concatenate([block.y for block in blocks]))
     assert len(found.record) == 200
     speed = found.record.signals["speed"]
-    assert np.isnan(speed[:5]).all()
-    assert speed[5:].tolist() == [2.0 * ((k - 5) // 10 * 10 + 5) + 1 for k in range(5, 200)]
+    assert np.isnan(speed[:6]).all()
+    assert speed[6:].tolist() == SPEEDS
 
 
 def test_the_motion_of_another_axis_is_a_signal(tmp_path: Path, seed: int) -> None:
@@ -202,12 +208,28 @@ def test_the_motion_of_another_axis_is_a_signal(tmp_path: Path, seed: int) -> No
     signal = [{"name": "other", "axis": "two", "factor": 2.0, "offset": 1.0}]
     config = make_config(tmp_path, axis1(signal=signal, time={"column": "t"}), axis2())
     found = load(str(log_of(tmp_path / "a.log")), config, "r.one").record.signals["other"]
-    assert found[5:].tolist() == [2.0 * ((k - 5) // 10 * 10 + 5) + 1 for k in range(5, 200)]
+    assert found[6:].tolist() == SPEEDS
     columns = {**table(seed, 50), "torque_two": np.zeros(50), "speed_two": np.arange(50.0)}
     rows = "\n".join(",".join(repr(float(v)) for v in row) for row in zip(*columns.values(), strict=True))
     (tmp_path / "a.csv").write_text(",".join(columns) + "\n" + rows + "\n", encoding="utf-8")
     found = load(str(tmp_path / "a.csv"), config, "r.one").record.signals["other"]
     assert found.tolist() == [2.0 * k + 1 for k in range(50)]
+
+
+def test_a_signal_is_held_as_long_as_the_daemon_holds_it(tmp_path: Path, seed: int) -> None:
+    """In a log from its receipt, in a table from its row; of a row that was refused it is not taken."""
+    signal = {**SPEED, "max_age_s": 0.02}
+    config = make_config(tmp_path, axis1(time={"column": "t"}, signal=[signal]))
+    found = load(str(log_of(tmp_path / "a.log")), config, "r.one").record.signals["speed"]
+    assert found[5:16].tolist() == pytest.approx([math.nan, *[11.0] * 4, *[math.nan] * 6], nan_ok=True)
+    columns = table(seed, 40)
+    columns["w"][1:] = np.nan
+    columns["w"][[20, 30]], columns["torque_one"][30] = 5.0, 1e9
+    path = write_table(tmp_path / "a.parquet", columns)
+    found = load(str(path), config, "r.one").record.signals["speed"]
+    known = np.flatnonzero(np.isfinite(found))
+    assert known.tolist() == [*range(5), *range(20, 25)]
+    assert set(found[20:25]) == {11.0}
 
 
 def test_a_signal_that_never_comes_or_is_in_no_table(tmp_path: Path, seed: int) -> None:

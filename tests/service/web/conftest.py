@@ -24,6 +24,7 @@ from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
+from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
 from service.web.app import create_app
 
@@ -168,6 +169,11 @@ class Stage:
 
     def client(self) -> TestClient:
         return TestClient(self.app())
+
+    def record(self, axis: str, unit: str, nominal: float, alarm: Alarm) -> int:
+        """The number of this alarm in the journal."""
+        (number,) = self.journal.record([JournalEntry(axis, unit, nominal, alarm)])
+        return number
 
     def healthy(self) -> None:
         """All buses up, all axes with samples."""

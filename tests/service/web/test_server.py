@@ -165,8 +165,8 @@ def test_answers_are_what_the_schema_says(
     schema: dict[str, Any],
     fm_alarm: Alarm,
 ) -> None:
-    stage.journal.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
-    stage.journal.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))
+    stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
+    stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))
     answer = client.get(request_path)
     described = schema["paths"][path]["get"]["responses"][str(answer.status_code)]
     body_schema = described["content"]["application/json"]["schema"]
