@@ -98,7 +98,7 @@ def test_what_the_encoder_shows_changes_nothing(encoder: str, course: Course, tm
     plain = found(config(tmp_path / "plain"), table(tmp_path, course, lambda y: y))
     file = config(tmp_path / "encoder", angle)
     record = table(tmp_path, course, shown)
-    if "wraps" in angle:
+    if "wrap_period" in angle:
         assert np.abs(np.diff(shown(course[1]))).max() > 1  # it does start again
     assert "kT" in [a["parameter"] for a in plain["alarms"]]
     alike(found(file, record), plain)

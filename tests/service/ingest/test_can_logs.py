@@ -169,20 +169,15 @@ def test_a_file_that_is_no_log(tmp_path: Path, suffix: str, content: bytes) -> N
     assert fault(tmp_path / f"a{suffix}")
 
 
-@pytest.mark.parametrize("cut", [0.001, 0.5, 0.99])
-def test_a_blf_that_is_cut_off(tmp_path: Path, cut: float, seed: int) -> None:
-    path = tmp_path / "a.blf"
-    write(path, traffic(seed, 5000))
-    data = path.read_bytes()
-    path.write_bytes(data[: int(cut * len(data))])
-    assert "is damaged or no .blf file: " in fault(path)
-
-
-def test_a_blf_with_a_wrong_byte(tmp_path: Path, seed: int) -> None:
+@pytest.mark.parametrize("kept", [0.001, 0.5, 0.99, None])
+def test_a_blf_that_is_cut_off_or_has_a_wrong_byte(tmp_path: Path, kept: float | None, seed: int) -> None:
     path = tmp_path / "a.blf"
     write(path, traffic(seed, 20_000))
     data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 0xFF
+    if kept is None:
+        data[len(data) // 2] ^= 0xFF
+    else:
+        del data[int(kept * len(data)) :]
     path.write_bytes(data)
     assert "is damaged or no .blf file: " in fault(path)
 

@@ -168,16 +168,6 @@ def test_alarms_of_parameters_no_longer_monitored_end(journal: Journal) -> None:
     assert [a.id for a in journal.query(active=True)[0]] == [kept]
 
 
-def test_alarms_outlive_closing(tmp_path: Path) -> None:
-    path = tmp_path / "alarms.sqlite"
-    for number in range(3):
-        journal = Journal(path)
-        assert journal.messages == ()
-        assert journal.query()[1] == number
-        raised(journal, replace(episode(raised_us=number), ended_us=number))
-        journal.close()
-
-
 def test_a_second_writer_is_told_who_has_the_journal(tmp_path: Path) -> None:
     path = tmp_path / "alarms.sqlite"
     holder = f"""
