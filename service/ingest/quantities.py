@@ -73,7 +73,10 @@ class HeldSignal:
 
 
 class HeldColumns:
-    """The auxiliary signals in the rows of a table, block by block; an empty cell has the value before it."""
+    """The auxiliary signals (at least one) in the rows of a table, block by block.
+
+    An empty cell has the value before it.
+    """
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self._sources = tuple(sources)
@@ -87,11 +90,10 @@ class HeldColumns:
             time_us: times of the rows (N,) [us]; rows with NaN are ignored.
             columns: of these rows (N,), by name.
         """
-        raw = [s.factor * columns[str(s.column)] + s.offset for s in self._sources]
-        values = np.array(raw, float).reshape(len(self._sources), len(time_us)).T
-        received_us = np.where(np.isfinite(values), time_us[:, np.newaxis], np.nan)
-        values = forward_fill(np.where(np.isfinite(received_us), values, np.nan), self._values)
-        times = forward_fill(received_us, self._times)
+        raw = np.stack([s.factor * columns[str(s.column)] + s.offset for s in self._sources], axis=1)
+        known_us = np.where(np.isfinite(raw), time_us[:, np.newaxis], np.nan)
+        values = forward_fill(np.where(np.isfinite(known_us), raw, np.nan), self._values)
+        times = forward_fill(known_us, self._times)
         if len(values):
             self._values, self._times = values[-1], times[-1]
         return np.where(np.abs(time_us[:, np.newaxis] - times) <= self._most_us, values, np.nan)

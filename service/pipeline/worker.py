@@ -70,7 +70,8 @@ class Recording:
         try:
             self._recorder.close()
         except RecordError as error:
-            log.error("the end of the recording is lost", reason=str(error))
+            if self.problem is None:
+                log.error("the end of the recording is lost", reason=str(error))
 
 
 class BusIntake:

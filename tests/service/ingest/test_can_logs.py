@@ -96,22 +96,16 @@ def fill_the_disk(recorder: FrameRecorder) -> None:
     os.close(full)
 
 
-def test_a_full_disk_is_said_once(tmp_path: Path) -> None:
-    recorder = FrameRecorder(tmp_path / "a.log")
+def test_a_full_disk(tmp_path: Path) -> None:
+    """It is said when frames are written, and again when the file is closed, which it is in any case."""
+    recorder, full = FrameRecorder(tmp_path / "a.log"), r"cannot write .*a\.log: No space left on device"
     fill_the_disk(recorder)
-    with pytest.raises(RecordError, match=r"cannot write .*a\.log: No space left on device"):
+    with pytest.raises(RecordError, match=full):
         recorder.write("bus0", traffic(0, 1))
-    recorder.close()
-    recorder.close()
-    assert recorder._file.closed
-
-
-def test_a_disk_that_is_full_when_the_record_is_closed(tmp_path: Path) -> None:
-    recorder = FrameRecorder(tmp_path / "a.log")
-    fill_the_disk(recorder)
     recorder._file.write("what a disk took only into its buffer")
-    with pytest.raises(RecordError, match=r"cannot write .*a\.log: No space left on device"):
+    with pytest.raises(RecordError, match=full):
         recorder.close()
+    recorder.close()
     assert recorder._file.closed
 
 

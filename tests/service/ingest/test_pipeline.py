@@ -94,7 +94,7 @@ def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
     [
         ([(math.nan, 1.0), (1.0, -math.inf)], "not_finite"),
         # A torque of 1e30 would leave fm at twice its value for a long time.
-        ([(1e30, 1.0), (1.0, -1e30), (-1.1e6, 1.0)], "absurd"),
+        ([(1e30, 1.0), (1.0, -1e30), (-1.1e6, 1.0), (1.0, 1.1e5)], "absurd"),
     ],
 )
 def test_values_that_no_motor_ever_had(
