@@ -12,6 +12,7 @@ from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import Arrays, AxisMonitor
 from monitor_core.trend import SlowHistory
+from monitor_core.wording import listed
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.trends import Trends, completed_id, gathered_id
@@ -261,9 +262,5 @@ def _parts(losses: list[Loss]) -> str:
         of_part = [loss for loss in losses if loss.part == part]
         parameters = list(dict.fromkeys(loss.parameter for loss in of_part if loss.parameter))
         if of_part:
-            found.append(f"{name} of {_listed(parameters)}" if parameters else name)
-    return _listed(found)
-
-
-def _listed(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+            found.append(f"{name} of {listed(parameters)}" if parameters else name)
+    return listed(found)

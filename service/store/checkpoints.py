@@ -65,17 +65,14 @@ class AxisState(NamedTuple):
 class Checkpoint:
     """A saved state; ``at_us`` is when it was saved, microseconds since 1970."""
 
-    axis: str
     at_us: int
     arrays: Arrays
 
 
 @dataclass(frozen=True, slots=True)
 class QuarantinedCheckpoint:
-    """A saved state that cannot be used: it is kept in a separate table, for inspection."""
+    """Why a saved state cannot be used: it is kept in a separate table, for inspection."""
 
-    axis: str
-    at_us: int
     reason: str
 
 
@@ -144,15 +141,13 @@ def _checksum(axis: str, key: bytes, at_us: int, data: bytes) -> bytes:
 def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
     axis, saved_key, at_us, data, checksum = row
     if checksum != _checksum(axis, saved_key, at_us, data):
-        return QuarantinedCheckpoint(axis, at_us, "it is damaged (its checksum does not fit)")
+        return QuarantinedCheckpoint("it is damaged (its checksum does not fit)")
     if saved_key != key.encode():
-        return QuarantinedCheckpoint(
-            axis, at_us, "it was saved with another model, other parameters or other settings"
-        )
+        return QuarantinedCheckpoint("it was saved with another model, other parameters or other settings")
     try:
-        return Checkpoint(axis, at_us, unpack(data))
+        return Checkpoint(at_us, unpack(data))
     except UnreadableError as error:
-        return QuarantinedCheckpoint(axis, at_us, f"it cannot be read ({error})")
+        return QuarantinedCheckpoint(f"it cannot be read ({error})")
 
 
 def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:
