@@ -61,6 +61,10 @@ def sha256_of(path: Path) -> str:
         raise RecordError(f"cannot read {path}: {error.strerror}") from None
 
 
+Progress = Callable[[float], None]
+"""Called with the part that has been read, 0 to 1."""
+
+
 class AxisRecord(NamedTuple):
     """The samples of an axis in a file, and how much became none: rows of a table or values of a log, by reason."""
 
@@ -73,7 +77,7 @@ def axis_record(
     config: Config,
     axis: NamedAxis,
     signals: Sequence[Source],
-    progress: Callable[[float], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> AxisRecord:
     """The samples of an axis in a table or a CAN log, with continuous angles.
 
@@ -82,14 +86,16 @@ def axis_record(
         config: says where the axis is in it.
         axis: the axis.
         signals: auxiliary signals that the samples carry.
-        progress: called with the part that has been read, 0 to 1.
+        progress: called after each block.
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
         DbcError, IngestError: the configuration cannot be used.
     """
-    read = _table_record if is_table(path) else _log_record
-    record = read(path, config, axis, signals, progress)
+    if is_table(path):
+        record = _table_record(path, axis, signals, progress)
+    else:
+        record = _log_record(path, config, axis, signals, progress)
     turns = turns_of(axis.config)
     if turns is None:
         return record
@@ -98,11 +104,7 @@ def axis_record(
 
 
 def _log_record(
-    path: Path,
-    config: Config,
-    axis: NamedAxis,
-    signals: Sequence[Source],
-    progress: Callable[[float], None],
+    path: Path, config: Config, axis: NamedAxis, signals: Sequence[Source], progress: Progress
 ) -> AxisRecord:
     if axis.config.records_only:
         raise RecordError(
@@ -113,13 +115,7 @@ def _log_record(
     return AxisRecord(block, log.quality.axis_dropped[axis.id])
 
 
-def _table_record(
-    path: Path,
-    config: Config,  # noqa: ARG001 - as _log_record
-    axis: NamedAxis,
-    signals: Sequence[Source],
-    progress: Callable[[float], None],
-) -> AxisRecord:
+def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progress: Progress) -> AxisRecord:
     """Samples from a .csv, .parquet or .mat file.
 
     A row with an absurd number is refused as a whole and counted as "absurd": where one cell is broken the others of

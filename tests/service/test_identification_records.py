@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from monitor_core.identification.records import Known, suspicions
+from monitor_core.modeling.standard_drives import reference_model
 from service.can.frames import Frame
 from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.axis_records import Wanted, wanted
+from service.ingest.calibration_records import read
 from service.ingest.identification_records import Loaded, load
 from service.ingest.records import read_record, samples_of
 from tests.service.ingest.plant import axis1, axis2, make_config, write_table
@@ -135,6 +137,9 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     found = load(str(write_table(tmp_path / "a.csv", columns)), timed(tmp_path), "r.one")
     assert np.array_equal(found.record.u, np.delete(columns["torque_one"], [20, 21, 40]))
     assert "3 missing, 3 ahead" in found.source.words
+    config = timed(tmp_path)
+    (block,), _ = read([str(tmp_path / "a.csv")], config, config.axes[0], reference_model("angle"))
+    assert np.array_equal(block.u, found.record.u), "calibration has the same samples"
 
 
 @pytest.mark.parametrize(
