@@ -122,8 +122,7 @@ def _claim(path: Path) -> IO[str]:
 
 
 def _connect(uri: str) -> sqlite3.Connection:
-    # Transactions are begun by hand (isolation_level None); connections go from thread to thread, one at a
-    # time.
+    # Transactions are begun by hand (isolation_level None); the writer is used by several threads, one at a time.
     return sqlite3.connect(
         uri, uri=True, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
     )

@@ -147,8 +147,8 @@ def whole_snapshot() -> Snapshot:
         started_us=NOON_US - 600_000_000,
         axes=(monitored_axis(), waiting_axis()),
         buses=(
-            BusSnapshot("can0", "up", True, 242_420, {"queue_full": 12, "socket": 0}),
-            BusSnapshot("can1", "down: Network is down", False, 0, {"queue_full": 0, "socket": 0}),
+            BusSnapshot("can0", "up", 242_420, {"queue_full": 12, "socket": 0}),
+            BusSnapshot("can1", "down: Network is down", 0, {"queue_full": 0, "socket": 0}),
         ),
         processing=Histogram((0.001, 0.01, 0.1), (100, 20, 3, 1), 1.25),
         checkpoint_us=NOON_US - 30_000_000,
