@@ -13,8 +13,8 @@ from typing import Any, ParamSpec, TypeVar, cast
 from llvmlite import binding as llvm
 from numba import njit
 
-# Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long runs
-# that never come: the code would be twice as long and no faster, and a quarter of the compile time would go into it.
+# Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long
+# runs that never come: the code would be twice as long and no faster, and compiling would take a quarter longer.
 llvm.set_option("axiswatch", "-unroll-runtime=false")
 
 _P = ParamSpec("_P")

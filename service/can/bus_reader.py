@@ -63,9 +63,13 @@ class ReaderStats:
     """State and counters of a bus.  ``state``: "up", "down: ..." with the reason, or "closed"."""
 
     state: str
-    up: bool
     frames: int
     dropped: Mapping[str, int]
+
+    @property
+    def up(self) -> bool:
+        """Whether frames can be received."""
+        return self.state == "up"
 
 
 class CanReader:
@@ -122,8 +126,7 @@ class CanReader:
 
     def stats(self) -> ReaderStats:
         """State and counters now."""
-        state = self._state
-        return ReaderStats(state, state == "up", self._frames, MappingProxyType(self._dropped.copy()))
+        return ReaderStats(self._state, self._frames, MappingProxyType(self._dropped.copy()))
 
     def _run(self) -> None:
         try:

@@ -1,6 +1,5 @@
 """DBC files: which messages and signals a bus carries, and decoding of frames by them."""
 
-from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -114,34 +113,31 @@ class _Wanted(NamedTuple):
 class Decoder:
     """Decodes the wanted signals of a bus.
 
-    Args:
-        dbc: the DBC file.
-        wanted: (message, signal) by their names in the DBC.
-
     Raises:
-        DbcError: the file cannot be read, or has no such message or signal.
+        DbcError: the DBC file cannot be read.
     """
 
-    def __init__(self, dbc: Path, wanted: Iterable[tuple[str, str]]) -> None:
-        database = read_dbc(dbc)
+    def __init__(self, dbc: Path) -> None:
+        self._database = read_dbc(dbc)
         self._messages: dict[FrameKey, _Wanted] = {}
-        self._by_name: dict[str, FrameKey] = {}
-        for name, signal in wanted:
-            message = find_message(database, name)
-            find_signal(message, signal)
-            key = _identifier(message)
-            known = self._messages.get(key, _Wanted(message, ())).signals
-            self._messages[key] = _Wanted(message, tuple(dict.fromkeys((*known, signal))))
-            self._by_name[name] = key
+
+    def want(self, message: str, signal: str) -> FrameKey:
+        """Decode that signal from now on; returns which frames carry it.
+
+        Raises:
+            DbcError: the DBC has no such message or signal.
+        """
+        found = find_message(self._database, message)
+        find_signal(found, signal)
+        key = _identifier(found)
+        known = self._messages.get(key, _Wanted(found, ())).signals
+        self._messages[key] = _Wanted(found, tuple(dict.fromkeys((*known, signal))))
+        return key
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:
         """The frames with wanted signals: for the filters of the bus."""
         return tuple(self._messages)
-
-    def key(self, message: str) -> FrameKey:
-        """The frames of a wanted message."""
-        return self._by_name[message]
 
     def message(self, key: FrameKey) -> Message:
         """The message that those frames carry."""

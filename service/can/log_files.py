@@ -169,7 +169,6 @@ class FrameRecorder:
         self.path = path
         self._writer = can.CanutilsLogWriter(self._file)
         self._writer.last_timestamp = 0.0  # otherwise times before that of the first frame are changed
-        self._failed = False
 
     def write(self, bus: str, frames: Iterable[Frame]) -> None:
         """Write frames of a bus; they are in the file when this returns.
@@ -182,20 +181,18 @@ class FrameRecorder:
                 self._writer.on_message_received(_message(bus, frame))
             self._file.flush()
         except OSError as error:
-            self._failed = True
             raise self._error(error) from None
 
     def close(self) -> None:
         """Close the file; a second time does nothing.
 
         Raises:
-            RecordError: the disk does not take what is left, and ``write`` has not said so already.
+            RecordError: the disk does not take what is left; the file is closed nevertheless.
         """
         try:
             self._writer.stop()
-        except OSError as error:  # flush the buffer and close the file in any case
-            if not self._failed:
-                raise self._error(error) from None
+        except OSError as error:
+            raise self._error(error) from None
 
     def _error(self, error: OSError) -> RecordError:
         return RecordError(f"cannot write {self.path}: {error.strerror}")

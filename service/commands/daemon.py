@@ -14,7 +14,7 @@ from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
 from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.checkpointing import Checkpointer, loss_messages, restore, restore_trends
+from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.warming import EARLY, CacheFiller
 from service.pipeline.worker import BusIntake, Recording, Worker
 from service.store.checkpoints import Checkpoints
@@ -126,21 +126,18 @@ def _worker(
     stack.callback(journal.close)
     checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
     stack.callback(checkpoints.close)
-    monitors = core.monitors.by_id
-    restored = restore(monitors, checkpoints, journal, now_us())
-    alarms = Alarms(journal, quantities(monitors))
+    restored = restore(core.monitors, checkpoints, journal, now_us())
+    alarms = Alarms(journal, quantities(core.monitors.by_id))
     alarms.adopt(restored.open)
-    alarms.record(restored.unrecorded)
+    alarms.record(restored.changes)
     interval_s = config.service.checkpoint_interval_s
-    trends = core.monitors.trends
-    losses = [*restored.losses, *restore_trends(trends, checkpoints, now_us())]
-    alarms.record(trends.adopt(restored.open, now_us()))
-    messages = (*restored.messages, *loss_messages(losses))
-    for message in messages:
+    for message in restored.messages:
         log.warning("start", message=message)
-    saver = Checkpointer(checkpoints, monitors, interval_s, restored.checkpoint_us, now_us, trends=trends)
+    saver = Checkpointer(checkpoints, core.monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
-    worker = Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
+    worker = Worker(
+        config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
+    )
     return worker, journal
 
 

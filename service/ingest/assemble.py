@@ -70,13 +70,19 @@ class Assembler:
         tolerance_s: pairing tolerance [s], below half an interval.
         max_gap_s: a step back in time by more than this means that the clock was set back [s].
         patience: number of intervals that a value waits for its partner.
+        motion: what the motion is: "angle" or "speed".
 
     Raises:
         IngestError: the tolerance is not below half an interval.
     """
 
     def __init__(
-        self, interval_s: float, tolerance_s: float, max_gap_s: float, patience: float = 1.0
+        self,
+        interval_s: float,
+        tolerance_s: float,
+        max_gap_s: float,
+        patience: float = 1.0,
+        motion: str = "angle",
     ) -> None:
         if not 0 < tolerance_s < interval_s / 2:
             raise IngestError(
@@ -87,6 +93,7 @@ class Assembler:
         self._tolerance_us = tolerance_s * 1e6
         self._gap_us = max_gap_s * 1e6
         self._patience_us = patience * self._interval_us
+        self._limits = {"torque": PHYSICAL_LIMITS["torque"], "motion": PHYSICAL_LIMITS[motion]}
         self._lanes: dict[Kind, _Lane] = {"torque": _Lane(), "motion": _Lane()}
         self._newest_us: int | None = None  # of all values received
         self._floor_us: int | None = None  # later of the two values of the last sample, as received
@@ -103,7 +110,7 @@ class Assembler:
             value: torque [N m], or angle [rad] or speed [rad/s].
             sample_us: time of the sample [us] by the sample counter, where this message has one.
         """
-        if (nonsense := _nonsense(kind, value)) is not None:
+        if (nonsense := self._nonsense(kind, value)) is not None:
             self.drop(nonsense)
             return None
         self._notice(t_us)
@@ -126,7 +133,7 @@ class Assembler:
         self, t_us: int, torque: float, motion: float, sample_us: int | None = None
     ) -> Sample | None:
         """Take both values from one frame: they belong together, whatever the tolerance."""
-        nonsense = _nonsense("torque", torque) or _nonsense("motion", motion)
+        nonsense = self._nonsense("torque", torque) or self._nonsense("motion", motion)
         if nonsense is not None:
             self.drop(nonsense, 2)
             return None
@@ -190,9 +197,8 @@ class Assembler:
         self.dropped["missing"] += max(0, round((time_us - self._last_us) / self._interval_us) - 1)
         return time_us > self._last_us
 
-
-def _nonsense(kind: Kind, value: float) -> str | None:
-    """Why a value is impossible for any axis."""
-    if not math.isfinite(value):
-        return "not_finite"
-    return "absurd" if abs(value) > PHYSICAL_LIMITS["torque" if kind == "torque" else "angle"] else None
+    def _nonsense(self, kind: Kind, value: float) -> str | None:
+        """Why a value is impossible for any axis."""
+        if not math.isfinite(value):
+            return "not_finite"
+        return "absurd" if abs(value) > self._limits[kind] else None

@@ -51,10 +51,8 @@ class AxisColumns:
         wanted |= {self._time: "time"} if self._time is not None else {}
         return {column: f"the {what} of axis {self._id}" for column, what in wanted.items()}
 
-    def samples(
-        self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None
-    ) -> tuple[NDArray[np.int64], SampleBlock]:
-        """Indices of the rows that became samples, and the samples.
+    def samples(self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None) -> SampleBlock:
+        """The samples in these rows.
 
         Args:
             rows: some rows of the table.
@@ -67,21 +65,26 @@ class AxisColumns:
         finite = np.isfinite(torque) & np.isfinite(motion) & timed
         looked_at = np.ones(len(finite), np.bool_) if sound is None else sound
         self.dropped["not_finite"] += int(np.count_nonzero(~finite & looked_at))
-        fine = finite & (abs(torque) <= PHYSICAL_LIMITS["torque"]) & (abs(motion) <= PHYSICAL_LIMITS["angle"])
+        fine = finite & ~self.absurd(torque, motion)
         self.dropped["absurd"] += int(np.count_nonzero(finite & ~fine & looked_at))
         index = np.flatnonzero(fine & looked_at)
         t_us = time_us[index].astype(np.int64)
         later = self._increasing(t_us)
         index = index[later]
         # A row without a sample may still hold a signal, such as a temperature in a row of its own.
-        held = self._held.take(np.where(timed, time_us, np.nan), rows.columns) if self._held else None
-        signals = None if held is None else held[index]
-        return index, SampleBlock(t_us[later], torque[index], motion[index], signals=signals)
+        held_us = np.where(timed & looked_at, time_us, np.nan)
+        signals = self._held.take(held_us, rows.columns)[index] if self._held else None
+        return SampleBlock(t_us[later], torque[index], motion[index], signals=signals)
 
     def quantities(self, rows: Rows) -> tuple[Floats, Floats]:
         """Torque and motion in these rows, in SI units."""
         torque = _si(self._config.torque, rows.columns[self._torque])
         return torque, _si(self._config.motion, rows.columns[self._motion])
+
+    def absurd(self, torque: Floats, motion: Floats) -> NDArray[np.bool_]:
+        """Which of these values (N,) are beyond physical limits."""
+        limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[self._config.output]
+        return np.asarray((abs(torque) > limits[0]) | (abs(motion) > limits[1]), np.bool_)
 
     def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
         """Times [us], rounded once to whole ones."""

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from service.can.dbc import DbcError, Decoder, find_counter
 from service.can.frames import FrameKey, Sample
 from service.can.user_errors import IngestError
-from service.config.conditions import needed
-from service.config.schema import NamedAxis
+from service.config.schema import NamedAxis, Source
 from service.ingest.assemble import Assembler
 from service.ingest.clocks import CyclicClock, SampleClock
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
 from service.ingest.timestamp_jitter import StampMeter, Stamps
-
-
-def wanted_signals(axis: NamedAxis) -> Iterator[tuple[str, str]]:
-    """(message, signal) of all signals that an axis needs."""
-    config = axis.config
-    for source in (config.torque, config.motion):
-        yield source.message, source.signal
-    if config.time.counter_message and config.time.counter_signal:
-        yield config.time.counter_message, config.time.counter_signal
-    for auxiliary in needed(axis):
-        if auxiliary.message is not None and auxiliary.signal is not None:
-            yield auxiliary.message, auxiliary.signal
 
 
 class _Values(NamedTuple):
@@ -47,17 +34,23 @@ _HELD = 4.0
 class AxisInput:
     """Samples of one axis from the decoded messages of its bus.
 
+    Args:
+        axis: as configured.
+        decoder: of its bus; it is asked for the signals of this axis.
+        signals: the auxiliary signals that the samples carry.
+
     Raises:
+        DbcError: the DBC has no such message or signal.
         IngestError: the counter or the tolerance of this axis cannot be used.
     """
 
-    def __init__(self, axis: NamedAxis, decoder: Decoder) -> None:
+    def __init__(self, axis: NamedAxis, decoder: Decoder, signals: Iterable[Source]) -> None:
         config = axis.config
         self.id = axis.id
         self.torque = quantity_of("torque", config.torque, decoder)
         self.motion = quantity_of(config.output, config.motion, decoder)
-        self.held = [HeldSignal(source, decoder) for source in needed(axis)]
-        """Auxiliary signals that its samples carry, in the order of the configuration."""
+        self.held = [HeldSignal(source, decoder) for source in signals]
+        """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
         self._counter_offset = 0.0
         self._clock: SampleClock | None = None
@@ -67,13 +60,17 @@ class AxisInput:
         cyclic, interval_s = config.time.clock == "cyclic", config.sample_interval_s
         try:
             self._assembler = Assembler(
-                interval_s, config.pairing_tolerance_s, config.max_gap_s, _HELD if cyclic else 1.0
+                interval_s,
+                config.pairing_tolerance_s,
+                config.max_gap_s,
+                _HELD if cyclic else 1.0,
+                config.output,
             )
         except IngestError as error:
             raise IngestError(f"axis {axis.id}: {error}") from None
-        if config.time.counter_message and config.time.counter_signal:
-            key = decoder.key(config.time.counter_message)
-            self.counter = Quantity("counter", key, config.time.counter_message, config.time.counter_signal)
+        message, signal = config.time.counter_message, config.time.counter_signal
+        if message and signal:
+            self.counter = Quantity("counter", decoder.want(message, signal), message, signal)
             self._clock = self._counting(self.counter, decoder, interval_s)
         elif cyclic:
             self._cyclic = CyclicClock(interval_s), CyclicClock(interval_s)

@@ -10,12 +10,21 @@ import numpy as np
 from monitor_core.samples import SampleBlock
 from service.can.dbc import Decoder
 from service.can.frames import Frame, FrameKey, Sample
-from service.config.schema import Config
-from service.ingest.axis_input import AxisInput, wanted_signals
+from service.config.conditions import needed
+from service.config.schema import Config, Source
+from service.ingest.axis_input import AxisInput
 from service.ingest.quantities import HeldSignal
 
 FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
 """Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Ingest.dropped``."""
+
+Carried = Mapping[str, Sequence[Source]]
+"""The auxiliary signals that samples carry, by axis; other axes are not read."""
+
+
+def carried_by(config: Config) -> Carried:
+    """The signals that the monitoring of each axis needs."""
+    return {axis.id: needed(axis) for axis in config.axes}
 
 
 def block_of(samples: Sequence[Sample]) -> SampleBlock:
@@ -44,17 +53,18 @@ class Ingest:
     Args:
         config: the whole configuration.
         bus: name of one of its buses.
+        carried: axes and their signals; None: as the monitoring needs them.
 
     Raises:
         DbcError: the DBC cannot be read, or has no such message or signal.
         IngestError: settings of an axis contradict each other.
     """
 
-    def __init__(self, config: Config, bus: str) -> None:
-        axes = [axis for axis in config.axes if axis.config.bus == bus]
-        dbc = next(described.dbc for described in config.bus if described.name == bus)
-        self.decoder = Decoder(dbc, [pair for axis in axes for pair in wanted_signals(axis)])
-        self.axes = {axis.id: AxisInput(axis, self.decoder) for axis in axes}
+    def __init__(self, config: Config, bus: str, carried: Carried | None = None) -> None:
+        signals = carried_by(config) if carried is None else carried
+        axes = [axis for axis in config.axes if axis.config.bus == bus and axis.id in signals]
+        self.decoder = Decoder(next(described.dbc for described in config.bus if described.name == bus))
+        self.axes = {axis.id: AxisInput(axis, self.decoder, signals[axis.id]) for axis in axes}
         """The axes on this bus, by their names"""
         self._inputs: dict[FrameKey, list[AxisInput]] = {key: [] for key in self.decoder.keys}
         self._held: dict[FrameKey, list[HeldSignal]] = {}

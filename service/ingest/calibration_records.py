@@ -1,4 +1,4 @@
-"""Records for calibration: read by the pipeline of the daemon, with operating conditions."""
+"""Records for calibration, with operating conditions."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from monitor_core.drive import AxisModel, Operating
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
-from service.ingest.identification_records import sha256_of, wanted
-from service.ingest.records import read_record, samples_of
-from service.ingest.unwrap import turns_of
+from service.config.conditions import needed
+from service.ingest.axis_records import axis_record, sha256_of, wanted
 
 
 class Source(NamedTuple):
@@ -46,7 +45,7 @@ def read(
         def part(done: float, before: int = number) -> None:
             progress((before + done) / len(texts))
 
-        block = samples_of(read_record(want.path, config), axis.id, part)
+        block = axis_record(want.path, config, axis, needed(axis), part).block
         if not block.size:
             raise RecordError(f"{want.path}: no samples of axis {axis.id}")
         block = _with_conditions(block._replace(name=want.path.name), axis, model)
@@ -64,9 +63,6 @@ def read(
 
 
 def _with_conditions(block: SampleBlock, axis: NamedAxis, model: AxisModel) -> SampleBlock:
-    turns = turns_of(axis.config)
-    if turns is not None:
-        block = turns.unwrapped(block)
     conditions = conditions_of(axis)
     shift = gate = None
     if conditions:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.samples import forward_fill
 from service.can.dbc import Decoder
 from service.can.frames import FrameKey
 from service.config.schema import AngleConfig, SignalConfig, Source
@@ -38,12 +39,18 @@ class Quantity(NamedTuple):
 
 
 def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Quantity:
-    """The quantity in a message of the bus."""
+    """The quantity in a message of the bus, which the decoder decodes from now on.
+
+    Raises:
+        DbcError: the DBC has no such message or signal.
+    """
     message, signal = source.message, source.signal
     assert message is not None  # a cross-check of the configuration ensures it
     assert signal is not None
     wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
-    return Quantity(name, decoder.key(message), message, signal, source.factor, source.offset, wrap_period)
+    return Quantity(
+        name, decoder.want(message, signal), message, signal, source.factor, source.offset, wrap_period
+    )
 
 
 class HeldSignal:
@@ -66,11 +73,15 @@ class HeldSignal:
 
 
 class HeldColumns:
-    """The auxiliary signals in the rows of a table, block by block; an empty cell has the value before it."""
+    """The auxiliary signals (at least one) in the rows of a table, block by block.
+
+    An empty cell has the value before it.
+    """
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self._sources = tuple(sources)
-        self._before = [(math.nan, 0.0)] * len(self._sources)
+        self._most_us = 1e6 * np.array([source.max_age_s for source in sources])
+        self._values = self._times = np.full(len(self._sources), np.nan)
 
     def take(self, time_us: Floats, columns: Mapping[str, Floats]) -> Floats:
         """The signals (N, S) at these rows; NaN: unknown.
@@ -79,18 +90,10 @@ class HeldColumns:
             time_us: times of the rows (N,) [us]; rows with NaN are ignored.
             columns: of these rows (N,), by name.
         """
-        values = np.empty((len(time_us), len(self._sources)))
-        for k, source in enumerate(self._sources):
-            raw = source.factor * columns[str(source.column)] + source.offset
-            values[:, k] = self._held(k, time_us, raw, source.max_age_s * 1e6)
-        return values
-
-    def _held(self, k: int, time_us: Floats, raw: Floats, most_us: float) -> Floats:
-        value, since = self._before[k]
-        known = np.isfinite(raw) & np.isfinite(time_us)
-        # Index of the row, or of the last known one before it; 0: in an earlier block.
-        place = np.maximum.accumulate(np.where(known, np.arange(1, len(raw) + 1), 0))
-        values, times = np.append(value, raw)[place], np.append(since, time_us)[place]
-        if len(raw):
-            self._before[k] = float(values[-1]), float(times[-1])
-        return np.where(np.abs(time_us - times) <= most_us, values, math.nan)
+        raw = np.stack([s.factor * columns[str(s.column)] + s.offset for s in self._sources], axis=1)
+        known_us = np.where(np.isfinite(raw), time_us[:, np.newaxis], np.nan)
+        values = forward_fill(np.where(np.isfinite(known_us), raw, np.nan), self._values)
+        times = forward_fill(known_us, self._times)
+        if len(values):
+            self._values, self._times = values[-1], times[-1]
+        return np.where(np.abs(time_us[:, np.newaxis] - times) <= self._most_us, values, np.nan)

@@ -11,10 +11,9 @@ from monitor_core.samples import SampleBlock, concatenate
 from service.can.frames import Frame
 from service.can.log_files import LOG_SUFFIXES, CanLog
 from service.can.user_errors import RecordError
-from service.config.conditions import needed
 from service.config.schema import AxisConfig, Config
 from service.ingest.axis_columns import AxisColumns
-from service.ingest.bus_samples import Ingest, block_of
+from service.ingest.bus_samples import Carried, Ingest, block_of, carried_by
 from service.ingest.table_files import TABLE_SUFFIXES, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
@@ -96,7 +95,8 @@ class TableRecord:
         self.path = path
         self._table = open_table(path)
         axes = [axis for axis in config.axes if _has_columns(axis.config)]
-        self._axes = {axis.id: AxisColumns(axis.id, axis.config, needed(axis)) for axis in axes}
+        signals = carried_by(config)
+        self._axes = {axis.id: AxisColumns(axis.id, axis.config, signals[axis.id]) for axis in axes}
         if not self._axes:
             raise RecordError(
                 f"{path}: no axis says where it is in a table: set torque.column and angle.column or "
@@ -116,7 +116,7 @@ class TableRecord:
         """The samples in order, once."""
         first_row = 0
         for rows in self._table.rows(list(self._wanted)):
-            samples = {axis_id: axis.samples(rows, first_row)[1] for axis_id, axis in self._axes.items()}
+            samples = {axis_id: axis.samples(rows, first_row) for axis_id, axis in self._axes.items()}
             first_row += len(next(iter(rows.columns.values())))
             yield Step({axis_id: block for axis_id, block in samples.items() if block.size}, rows.done)
 
@@ -128,16 +128,21 @@ def _has_columns(config: AxisConfig) -> bool:
 class LogRecord:
     """A .log, .asc, .blf or .trc file: its frames pass through the same pipeline as those of a bus.
 
+    Args:
+        path: the file.
+        config: buses and axes.
+        carried: axes to read and the signals of their samples; None: as the monitoring needs them.
+
     Raises:
         RecordError: it cannot be opened.
         DbcError, IngestError: the configuration cannot be used.
     """
 
-    def __init__(self, path: Path, config: Config) -> None:
+    def __init__(self, path: Path, config: Config, carried: Carried | None = None) -> None:
         self.path = path
         self._config = config
         self._log = CanLog(path)
-        self._ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self._ingests = {bus.name: Ingest(config, bus.name, carried) for bus in config.bus}
         self._other_bus = 0
 
     @property

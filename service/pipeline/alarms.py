@@ -94,7 +94,7 @@ class Alarms:
     def _write(self) -> None:
         changes = list(self._waiting.values())
         try:
-            self._journal.record_many([self._entry(change) for change in changes])
+            self._journal.record([self._entry(change) for change in changes])
         except StoreError as error:
             self._next_try = self._clock() + RETRY_S
             if self.problem is None:

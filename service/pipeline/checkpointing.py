@@ -12,7 +12,9 @@ from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import Arrays, AxisMonitor
 from monitor_core.trend import SlowHistory
+from monitor_core.wording import listed
 from service.pipeline.alarms import AxisAlarm
+from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.database import StoreError
@@ -53,24 +55,22 @@ class Checkpointer:
 
     Args:
         checkpoints: the store.
-        monitors: by axis.
+        monitors: of all axes, with their long-term trends.
         interval_s: time between two checkpoints [s].
         saved_us: time of the checkpoint that the monitors were restored from.
         now_us: wall clock.
-        trends: the slow histories, saved with them.
     """
 
     def __init__(
         self,
         checkpoints: Checkpoints,
-        monitors: Mapping[str, AxisMonitor],
+        monitors: AxisMonitors,
         interval_s: float,
         saved_us: int | None,
         now_us: Callable[[], int],
-        trends: Trends | None = None,
     ) -> None:
         self._checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
-        self._now_us, self._trends = now_us, trends
+        self._now_us = now_us
         self._due = monotonic() + interval_s
         self.saved_us = saved_us
         self.problem: str | None = None
@@ -85,7 +85,7 @@ class Checkpointer:
         """Save now; a failure is reported to the operator and retried after the interval."""
         self._due = monotonic() + self._interval_s
         now_us = self._now_us()
-        states = [*self._states(), *(self._trends.to_save() if self._trends else ())]
+        states = [*self._states(), *self._monitors.trends.to_save()]
         try:
             self._checkpoints.save(states, now_us)
         except StoreError as error:
@@ -93,11 +93,10 @@ class Checkpointer:
             log.error("checkpoint failed", reason=str(error))
             return
         self.saved_us, self.problem = now_us, None
-        if self._trends:
-            self._trends.saved()
+        self._monitors.trends.saved()
 
     def _states(self) -> Iterator[AxisState]:
-        for axis_id, monitor in self._monitors.items():
+        for axis_id, monitor in self._monitors.by_id.items():
             for state in states_of(axis_id, monitor):
                 arrays = state.arrays()
                 if arrays is not None:
@@ -127,72 +126,14 @@ class Loss(NamedTuple):
 class Restored(NamedTuple):
     """What was restored.
 
-    ``open`` are the alarms that are open in the journal; ``unrecorded`` those that it does not have yet.
+    ``open`` are the alarms that are open in the journal, ``changes`` what it does not have yet: alarms of the
+    checkpoint, ends of forecasts whose limit is gone.  ``messages`` tell the operator what was lost.
     """
 
     checkpoint_us: int | None
     open: tuple[AxisAlarm, ...]
-    unrecorded: tuple[AxisAlarm, ...]
+    changes: tuple[AxisAlarm, ...]
     messages: tuple[str, ...]
-    losses: tuple[Loss, ...] = ()
-
-
-def restore(
-    monitors: Mapping[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal, now_us: int
-) -> Restored:
-    """Bring the monitors to the state of the last run.
-
-    The journal decides which alarms are open, as it may be newer than the checkpoint.  Only an alarm that the journal
-    has never seen, as its file was damaged and created again, is taken from the checkpoint.
-
-    Raises:
-        StoreError: a file cannot be read or written.
-    """
-    messages: list[str] = [*checkpoints.messages, *journal.messages]
-    loader, times = _Loader(checkpoints, now_us), list[int]()
-    opened: list[AxisAlarm] = []
-    unrecorded: list[AxisAlarm] = []
-    for axis_id, monitor in monitors.items():
-        for state in states_of(axis_id, monitor):
-            at = Loss(axis_id, state.part, "")
-            found = loader.load(at, state.name, state.key)
-            if found is not None and loader.use(at, state.name, state.restore, found.arrays):
-                times.append(found.at_us)
-        messages += _close_unmonitored(axis_id, monitor, journal, now_us)
-        recorded = journal.open_alarms(axis_id)
-        opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
-        changes = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
-        unrecorded += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, changes, journal)]
-    messages += _removed_axes(monitors, journal)
-    return Restored(
-        min(times, default=None), tuple(opened), tuple(unrecorded), tuple(messages), tuple(loader.losses)
-    )
-
-
-def restore_trends(trends: Trends, checkpoints: Checkpoints, now_us: int) -> list[Loss]:
-    """Restore the long-term histories; returns those that cannot be used.
-
-    A history that is damaged, or was made with other nominal values, is quarantined, counted, and starts again.
-
-    Raises:
-        StoreError: the file cannot be read or written.
-    """
-    loader = _Loader(checkpoints, now_us)
-    for axis_id, (names, monitor, key) in trends.axes.items():
-        each = [(Loss(axis_id, "history", "", name), completed_id(axis_id, name)) for name in names]
-        completed = [loader.load(at, name, key) for at, name in each]
-        gathered = loader.load(Loss(axis_id, "history", ""), gathered_id(axis_id), key)
-        opened = {} if gathered is None else gathered.arrays
-        for (at, name), history, found in zip(each, monitor.histories, completed, strict=True):
-            nothing: Arrays = {"entries": history.closed_to_array()}
-            resume = partial(_restore_history, history, np.asarray(opened.get(at.parameter, ()), float))
-            loader.use(at, name, resume, nothing if found is None else found.arrays)
-    trends.resume(loss.axis_id for loss in loader.losses)
-    return loader.losses
-
-
-def _restore_history(history: SlowHistory, gathered: Floats, arrays: Arrays) -> None:
-    history.restore(np.asarray(arrays["entries"], float), gathered)
 
 
 class _Loader:
@@ -219,6 +160,55 @@ class _Loader:
             self.losses.append(at._replace(reason=reason))
             return False
         return True
+
+
+def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, now_us: int) -> Restored:
+    """Bring the monitors and their trends to the state of the last run.
+
+    The journal decides which alarms are open, as it may be newer than the checkpoint.  Only an alarm that the journal
+    has never seen, as its file was damaged and created again, is taken from the checkpoint.
+
+    Raises:
+        StoreError: a file cannot be read or written.
+    """
+    messages: list[str] = [*checkpoints.messages, *journal.messages]
+    loader, times = _Loader(checkpoints, now_us), list[int]()
+    opened: list[AxisAlarm] = []
+    changes: list[AxisAlarm] = []
+    for axis_id, monitor in monitors.by_id.items():
+        for state in states_of(axis_id, monitor):
+            at = Loss(axis_id, state.part, "")
+            found = loader.load(at, state.name, state.key)
+            if found is not None and loader.use(at, state.name, state.restore, found.arrays):
+                times.append(found.at_us)
+        messages += _close_unmonitored(axis_id, monitor, journal, now_us)
+        recorded = journal.open_alarms(axis_id)
+        opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
+        own = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
+        changes += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, own, journal)]
+    messages += _removed_axes(monitors.by_id, journal)
+    _restore_trends(monitors.trends, loader)
+    changes += monitors.trends.adopt(opened, now_us)
+    messages += loss_messages(loader.losses)
+    return Restored(min(times, default=None), tuple(opened), tuple(changes), tuple(messages))
+
+
+def _restore_trends(trends: Trends, loader: _Loader) -> None:
+    """A history that is damaged, or was made with other nominal values, is counted, and starts again."""
+    for axis_id, (names, monitor, key) in trends.axes.items():
+        each = [(Loss(axis_id, "history", "", name), completed_id(axis_id, name)) for name in names]
+        completed = [loader.load(at, name, key) for at, name in each]
+        gathered = loader.load(Loss(axis_id, "history", ""), gathered_id(axis_id), key)
+        opened = {} if gathered is None else gathered.arrays
+        for (at, name), history, found in zip(each, monitor.histories, completed, strict=True):
+            nothing: Arrays = {"entries": history.closed_to_array()}
+            resume = partial(_restore_history, history, np.asarray(opened.get(at.parameter, ()), float))
+            loader.use(at, name, resume, nothing if found is None else found.arrays)
+    trends.resume(loss.axis_id for loss in loader.losses if loss.part == "history")
+
+
+def _restore_history(history: SlowHistory, gathered: Floats, arrays: Arrays) -> None:
+    history.restore(np.asarray(arrays["entries"], float), gathered)
 
 
 # --- open alarms ----------------------------------------------------------------------------------------
@@ -272,9 +262,5 @@ def _parts(losses: list[Loss]) -> str:
         of_part = [loss for loss in losses if loss.part == part]
         parameters = list(dict.fromkeys(loss.parameter for loss in of_part if loss.parameter))
         if of_part:
-            found.append(f"{name} of {_listed(parameters)}" if parameters else name)
-    return _listed(found)
-
-
-def _listed(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+            found.append(f"{name} of {listed(parameters)}" if parameters else name)
+    return listed(found)

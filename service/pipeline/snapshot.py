@@ -72,9 +72,13 @@ class BusSnapshot:
 
     name: str
     state: str
-    up: bool
     frames: int
     dropped: Mapping[str, int]
+
+    @property
+    def up(self) -> bool:
+        """Whether frames can be received."""
+        return self.state == "up"
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,7 +70,8 @@ class Recording:
         try:
             self._recorder.close()
         except RecordError as error:
-            log.error("the end of the recording is lost", reason=str(error))
+            if self.problem is None:
+                log.error("the end of the recording is lost", reason=str(error))
 
 
 class BusIntake:
@@ -96,7 +97,7 @@ class BusIntake:
             say = log.info if stats.up or stats.state == "closed" else log.error
             say("bus", bus=self.name, state=stats.state)
         dropped = {**stats.dropped, **self._ingest.dropped}
-        return BusSnapshot(self.name, stats.state, stats.up, stats.frames, dropped)
+        return BusSnapshot(self.name, stats.state, stats.frames, dropped)
 
 
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)

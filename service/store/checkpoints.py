@@ -65,17 +65,14 @@ class AxisState(NamedTuple):
 class Checkpoint:
     """A saved state; ``at_us`` is when it was saved, microseconds since 1970."""
 
-    axis: str
     at_us: int
     arrays: Arrays
 
 
 @dataclass(frozen=True, slots=True)
 class QuarantinedCheckpoint:
-    """A saved state that cannot be used: it is kept in a separate table, for inspection."""
+    """Why a saved state cannot be used: it is kept in a separate table, for inspection."""
 
-    axis: str
-    at_us: int
     reason: str
 
 
@@ -122,12 +119,6 @@ class Checkpoints:
         with self._db.write() as connection:
             _move(connection, axis, reason, now_us)
 
-    def quarantined(self) -> list[QuarantinedCheckpoint]:
-        """All states that were quarantined, oldest first."""
-        with self._db.read() as connection:
-            rows = connection.execute("SELECT axis, at_us, reason FROM quarantine ORDER BY id")
-            return [QuarantinedCheckpoint(*row) for row in rows]
-
     def close(self) -> None:
         """Close the file."""
         self._db.close()
@@ -150,15 +141,13 @@ def _checksum(axis: str, key: bytes, at_us: int, data: bytes) -> bytes:
 def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
     axis, saved_key, at_us, data, checksum = row
     if checksum != _checksum(axis, saved_key, at_us, data):
-        return QuarantinedCheckpoint(axis, at_us, "it is damaged (its checksum does not fit)")
+        return QuarantinedCheckpoint("it is damaged (its checksum does not fit)")
     if saved_key != key.encode():
-        return QuarantinedCheckpoint(
-            axis, at_us, "it was saved with another model, other parameters or other settings"
-        )
+        return QuarantinedCheckpoint("it was saved with another model, other parameters or other settings")
     try:
-        return Checkpoint(axis, at_us, unpack(data))
+        return Checkpoint(at_us, unpack(data))
     except UnreadableError as error:
-        return QuarantinedCheckpoint(axis, at_us, f"it cannot be read ({error})")
+        return QuarantinedCheckpoint(f"it cannot be read ({error})")
 
 
 def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:
@@ -194,13 +183,7 @@ def unpack(data: bytes) -> Arrays:
         UnreadableError: the bytes are damaged, or hold pickles.
     """
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            return {name.removesuffix(".npy"): _read(archive, name) for name in archive.namelist()}
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            return dict(archive)
     except (ValueError, EOFError, OSError, NotImplementedError, RuntimeError, zipfile.BadZipFile) as error:
         raise UnreadableError(str(error)) from error
-
-
-def _read(archive: zipfile.ZipFile, name: str) -> NDArray[np.generic]:
-    with archive.open(name) as member:
-        array: NDArray[np.generic] = np.lib.format.read_array(member, allow_pickle=False)
-        return array

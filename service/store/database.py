@@ -2,11 +2,10 @@
 
 import fcntl
 import os
-import queue
 import sqlite3
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Literal
@@ -32,7 +31,7 @@ class _DamagedError(StoreError):
 
 
 class Database:
-    """A file with one writing connection and as many reading ones as there are readers at a time.
+    """A file with one writing connection, and a connection for each reading.
 
     ``messages`` are for the operator, e.g. that a damaged file was quarantined.  Nothing is ever deleted.
 
@@ -46,7 +45,6 @@ class Database:
         self.messages: tuple[str, ...] = ()
         self._lock = threading.Lock()
         self._closed = False
-        self._idle: queue.SimpleQueue[sqlite3.Connection] = queue.SimpleQueue()
         self._owner = _claim(path)
         try:
             self._writer = self._open(migrations, synchronous)
@@ -87,37 +85,16 @@ class Database:
             StoreError: it could not be read.
         """
         with _explained(self.path):
-            connection = self._reader()
-            try:
+            if self._closed:
+                raise sqlite3.ProgrammingError("it has been closed")
+            with closing(_connect(f"{self.path.resolve().as_uri()}?mode=ro")) as connection:
                 connection.execute("BEGIN")
                 yield connection
-                connection.execute("COMMIT")
-            except BaseException:
-                connection.close()
-                raise
-            self._put_back(connection)
-
-    def _reader(self) -> sqlite3.Connection:
-        if self._closed:
-            raise sqlite3.ProgrammingError("it has been closed")
-        try:
-            return self._idle.get_nowait()
-        except queue.Empty:
-            return _connect(f"{self.path.resolve().as_uri()}?mode=ro")
-
-    def _put_back(self, connection: sqlite3.Connection) -> None:
-        with self._lock:
-            if self._closed:
-                connection.close()
-            else:
-                self._idle.put(connection)
 
     def close(self) -> None:
         """Close the file; a transaction that is under way finishes first."""
         with self._lock:
             self._closed = True
-            while not self._idle.empty():
-                self._idle.get_nowait().close()
             self._writer.close()
             self._owner.close()
 
@@ -145,8 +122,7 @@ def _claim(path: Path) -> IO[str]:
 
 
 def _connect(uri: str) -> sqlite3.Connection:
-    # Transactions are begun by hand (isolation_level None); connections go from thread to thread, one at a
-    # time.
+    # Transactions are begun by hand (isolation_level None); the writer is used by several threads, one at a time.
     return sqlite3.connect(
         uri, uri=True, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
     )

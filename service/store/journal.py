@@ -4,7 +4,7 @@ import json
 import math
 import sqlite3
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -103,15 +103,11 @@ class Journal:
         self._db = Database(path, MIGRATIONS, "FULL")
         self.messages = self._db.messages
 
-    def record(self, axis: str, unit: str, nominal: float, episode: Alarm) -> int:
-        """Insert an alarm, or update the open one of its axis, parameter and direction.
+    def record(self, entries: Iterable[Entry]) -> list[int]:
+        """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
 
-        Returns its id; it is on the disk then.
+        Returns their ids; they are on the disk then.
         """
-        return self.record_many([Entry(axis, unit, nominal, episode)])[0]
-
-    def record_many(self, entries: Iterable[Entry]) -> list[int]:
-        """As ``record`` for several, in their order, all or none of them."""
         with self._db.write() as connection:
             return [_record(connection, entry) for entry in entries]
 
@@ -125,15 +121,15 @@ class Journal:
         names = set(monitored)
         with self._db.write() as connection:
             stale = [alarm for alarm in _open(connection, axis) if alarm.parameter not in names]
-            for alarm in stale:
-                ended_us = max(at_us, alarm.updated_us)
-                connection.execute("UPDATE alarm SET ended_us = ? WHERE id = ?", (ended_us, alarm.id))
-            return [alarm for alarm in (_get(connection, a.id) for a in stale) if alarm is not None]
+            ended = [replace(alarm, ended_us=max(at_us, alarm.updated_us)) for alarm in stale]
+            rows = [(alarm.ended_us, alarm.id) for alarm in ended]
+            connection.executemany("UPDATE alarm SET ended_us = ? WHERE id = ?", rows)
+            return ended
 
     def get(self, alarm_id: int) -> RecordedAlarm | None:
         """The alarm of that id."""
         with self._db.read() as connection:
-            return _get(connection, alarm_id)
+            return next(iter(_select(connection, "WHERE id = ?", [alarm_id])), None)
 
     def query(
         self,
@@ -246,10 +242,6 @@ def _columns_of(entry: Entry) -> dict[str, _Value]:
 
 def _open(connection: sqlite3.Connection, axis: str) -> list[RecordedAlarm]:
     return _select(connection, "WHERE axis = ? AND ended_us IS NULL ORDER BY raised_us, id", [axis])
-
-
-def _get(connection: sqlite3.Connection, alarm_id: int) -> RecordedAlarm | None:
-    return next(iter(_select(connection, "WHERE id = ?", [alarm_id])), None)
 
 
 def _select(

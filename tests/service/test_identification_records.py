@@ -1,20 +1,26 @@
 """Files become records for identification: ranges, torn rows, further signals, where they come from."""
 
 import hashlib
+import math
 import re
 from pathlib import Path
 from typing import Any
 
-import can
 import numpy as np
 import pytest
 
 from monitor_core.identification.records import Known, suspicions
+from monitor_core.modeling.standard_drives import reference_model
+from service.can.frames import Frame
+from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
 from service.config.schema import Config
-from service.ingest.identification_records import Loaded, Wanted, load, wanted
-from service.ingest.records import read_record
+from service.ingest.axis_records import Wanted, wanted
+from service.ingest.calibration_records import read
+from service.ingest.identification_records import Loaded, load
+from service.ingest.records import read_record, samples_of
 from tests.service.ingest.plant import axis1, axis2, make_config, write_table
+from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
 
 N = 20_000  # more than one block of rows
 SPEED = {"name": "speed", "message": "Both2", "signal": "Speed", "column": "w", "factor": 2.0, "offset": 1.0}
@@ -30,13 +36,12 @@ def timed(folder: Path, **other: Any) -> Config:
     return make_config(folder, axis1(time={"column": "t"}, signal=[SPEED], **other))
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
-def test_a_table_becomes_a_record(tmp_path: Path, suffix: str, seed: int) -> None:
+def test_a_table_becomes_a_record(tmp_path: Path, seed: int) -> None:
     columns = table(seed)
-    path = write_table(tmp_path / f"a{suffix}", columns)
+    path = write_table(tmp_path / "a.csv", columns)
     found = load(str(path), timed(tmp_path), "r.one")
     record = found.record
-    assert (record.quantity, record.name, len(record)) == ("angle", f"a{suffix}", N)
+    assert (record.quantity, record.name, len(record)) == ("angle", "a.csv", N)
     assert record.t == pytest.approx(columns["t"] - 50.0, abs=1e-9)
     assert np.array_equal(record.u, columns["torque_one"])
     assert np.array_equal(record.y, columns["angle_one"])
@@ -132,93 +137,73 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     found = load(str(write_table(tmp_path / "a.csv", columns)), timed(tmp_path), "r.one")
     assert np.array_equal(found.record.u, np.delete(columns["torque_one"], [20, 21, 40]))
     assert "3 missing, 3 ahead" in found.source.words
+    config = timed(tmp_path)
+    (block,), _ = read([str(tmp_path / "a.csv")], config, config.axes[0], reference_model("angle"))
+    assert np.array_equal(block.u, found.record.u), "calibration has the same samples"
 
 
 @pytest.mark.parametrize(
     ("name", "axis", "problem"),
     [
         ("there.csv", "r.two", "no axis r.two in the configuration; there is r.one"),
-        ("no.csv", "r.one", "cannot read .*no.csv: No such file"),
-        ("a.xlsx", "r.one", "no such kind of record; there is .csv .parquet .mat .log"),
         ("short.csv", "r.one", "1 samples of axis r.one in it; dropped: 1 not_finite"),
-        ("text.csv", "r.one", "text.csv, line 3: column \"w\" holds 'x', which is no number"),
     ],
 )
 def test_mistakes_in_words(tmp_path: Path, name: str, axis: str, problem: str) -> None:
     head = "t,torque_one,angle_one,w\n"
     (tmp_path / "there.csv").write_text(head)
     (tmp_path / "short.csv").write_text(f"{head}0,1,1,1\n1,nan,1,1\n")
-    (tmp_path / "text.csv").write_text(f"{head}0,1,1,1\n1,1,1,x\n")
     with pytest.raises(RecordError, match=problem):
         load(str(tmp_path / name), timed(tmp_path), axis)
 
 
-def test_an_axis_that_is_in_no_table(tmp_path: Path, seed: int) -> None:
-    axis = axis1()
-    del axis["torque"]["column"]
-    path = write_table(tmp_path / "a.csv", table(seed, 10))
-    with pytest.raises(RecordError, match=r"axis r\.one: torque\.column is missing in the configuration"):
-        load(str(path), make_config(tmp_path, axis), "r.one")
-
-
 def log_of(path: Path, count: int = 200) -> Path:
     """Torque and angle of axis one each cycle, the speed every tenth: 2 ms after the sample, and first in cycle 5."""
-    start = 1_760_000_000.25
-    with can.Logger(str(path)) as writer:
-        for k in range(count):
-            t = start + 0.005 * k
-            torque, angle = (k % 50) * 2, k * 3
-            frames = [(0x100, torque.to_bytes(2, "little") + bytes(2), False, t)]
-            frames.append((2566848768 & 0x1FFFFFFF, angle.to_bytes(4, "little") + bytes(4), True, t + 1e-4))
-            if k % 10 == 5:
-                speed = (k * 65536).to_bytes(4, "little")
-                frames.append((272, bytes(2) + speed + bytes(2), False, t + 2e-3))
-            for can_id, data, extended, when in frames:
-                message = can.Message(
-                    timestamp=when, arbitration_id=can_id, is_extended_id=extended, data=data, channel="bus0"
-                )
-                writer.on_message_received(message)
+    frames = list[Frame]()
+    for k in range(count):
+        t_us = START_US + 5000 * k
+        frames += [torque1(t_us, k % 50 / 512), angle1(t_us + 100, k / 64)]
+        frames += [both2(t_us + 2000, 0.0, k)] if k % 10 == 5 else []
+    with FrameRecorder(path) as recorder:
+        recorder.write("bus0", frames)
     return path
 
 
-@pytest.mark.parametrize("suffix", [".log", ".blf", ".asc", ".trc"])
-def test_a_can_log_becomes_the_samples_of_replay(tmp_path: Path, suffix: str) -> None:
-    config = make_config(tmp_path, axis1(signal=[SPEED]), axis2())
-    path = log_of(tmp_path / f"a{suffix}")
-    found = load(str(path), config, "r.one")
-    blocks = [step.samples["r.one"] for step in read_record(path, config).steps() if "r.one" in step.samples]
-    t_us = np.concatenate([block.t_us for block in blocks])
-    assert found.record.t == pytest.approx((t_us - t_us[0]) / 1e6, abs=1e-12)
-    assert np.array_equal(found.record.u, np.concatenate([block.u for block in blocks]))
-    assert np.array_equal(found.record.y, np.concatenate([block.y for block in blocks]))
-    assert len(found.record) == 200
-    speed = found.record.signals["speed"]
-    assert np.isnan(speed[:5]).all()
-    assert speed[5:].tolist() == [2.0 * ((k - 5) // 10 * 10 + 5) + 1 for k in range(5, 200)]
+SPEEDS = [2.0 * ((k - 6) // 10 * 10 + 5) + 1 for k in range(6, 200)]
+"""As the daemon has them: from the first sample after the one during which the speed was received."""
 
 
-def test_the_motion_of_another_axis_is_a_signal(tmp_path: Path, seed: int) -> None:
-    """In a log from its message, in a table from its column."""
-    signal = [{"name": "other", "axis": "two", "factor": 2.0, "offset": 1.0}]
-    config = make_config(tmp_path, axis1(signal=signal, time={"column": "t"}), axis2())
-    found = load(str(log_of(tmp_path / "a.log")), config, "r.one").record.signals["other"]
-    assert found[5:].tolist() == [2.0 * ((k - 5) // 10 * 10 + 5) + 1 for k in range(5, 200)]
-    columns = {**table(seed, 50), "torque_two": np.zeros(50), "speed_two": np.arange(50.0)}
-    rows = "\n".join(",".join(repr(float(v)) for v in row) for row in zip(*columns.values(), strict=True))
-    (tmp_path / "a.csv").write_text(",".join(columns) + "\n" + rows + "\n", encoding="utf-8")
-    found = load(str(tmp_path / "a.csv"), config, "r.one").record.signals["other"]
-    assert found.tolist() == [2.0 * k + 1 for k in range(50)]
+def test_a_can_log_becomes_the_samples_of_replay(tmp_path: Path) -> None:
+    config, path = make_config(tmp_path, axis1(signal=[SPEED]), axis2()), log_of(tmp_path / "a.log")
+    record = load(str(path), config, "r.one").record
+    block = samples_of(read_record(path, config), "r.one")
+    assert record.t == pytest.approx((block.t_us - block.t_us[0]) / 1e6, abs=1e-12)
+    assert (len(record), record.u.tolist(), record.y.tolist()) == (200, block.u.tolist(), block.y.tolist())
+    assert np.isnan(record.signals["speed"][:6]).all()
+    assert record.signals["speed"][6:].tolist() == SPEEDS
+
+
+def test_a_signal_is_held_as_long_as_the_daemon_holds_it(tmp_path: Path, seed: int) -> None:
+    """In a log from its receipt, in a table from its row; of a row that was refused it is not taken."""
+    signal = {**SPEED, "max_age_s": 0.02}
+    config = make_config(tmp_path, axis1(time={"column": "t"}, signal=[signal]))
+    found = load(str(log_of(tmp_path / "a.log")), config, "r.one").record.signals["speed"]
+    assert found[5:16].tolist() == pytest.approx([math.nan, *[11.0] * 4, *[math.nan] * 6], nan_ok=True)
+    columns = table(seed, 40)
+    columns["w"][1:] = np.nan
+    columns["w"][[20, 30]], columns["torque_one"][30] = 5.0, 1e9
+    path = write_table(tmp_path / "a.parquet", columns)
+    found = load(str(path), config, "r.one").record.signals["speed"]
+    known = np.flatnonzero(np.isfinite(found))
+    assert known.tolist() == [*range(5), *range(20, 25)]
+    assert set(found[20:25]) == {11.0}
 
 
 def test_a_signal_that_never_comes_or_is_in_no_table(tmp_path: Path, seed: int) -> None:
     config = make_config(tmp_path, axis1(signal=[{"name": "x", "message": "Other", "signal": "Something"}]))
     found = load(str(log_of(tmp_path / "a.log")), config, "r.one")
     assert np.isnan(found.record.signals["x"]).all()
-    columns = table(seed, 100)
-    del columns["w"]
-    path = write_table(tmp_path / "a.csv", columns)
-    with pytest.raises(RecordError, match=r'no column "w" for the signal speed of axis r\.one'):
-        load(str(path), timed(tmp_path), "r.one")
+    path = write_table(tmp_path / "a.csv", table(seed, 100))
     only_on_the_bus = make_config(tmp_path, axis1(signal=[{**SPEED, "column": None}]))
     assert load(str(path), only_on_the_bus, "r.one").record.signals == {}
 

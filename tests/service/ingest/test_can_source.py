@@ -52,10 +52,14 @@ def take(reader: CanReader, count: int) -> list[Frame]:
     return frames
 
 
-@pytest.fixture(params=["virtual", "udp_multicast"])
+@pytest.fixture(params=["virtual", "udp_multicast", pytest.param("socketcan", marks=pytest.mark.vcan)])
 def bus_config(request: pytest.FixtureRequest, tmp_path: Path) -> BusConfig:
     if request.param == "virtual":
         return make_config(tmp_path, axis1()).bus[0]
+    if request.param == "socketcan":
+        return make_config(
+            tmp_path, axis1(), interface="socketcan", channel="vcan0", options={"fd": True}
+        ).bus[0]
     options = {"port": random.randint(20_000, 50_000), "hop_limit": 0, "fd": True}
     return make_config(
         tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2", options=options
@@ -74,7 +78,9 @@ def test_frames_arrive_in_order_with_the_time_of_their_receipt(bus_config: BusCo
     after_us = time.time_ns() // 1000
     assert [int.from_bytes(f.data, "little") for f in frames] == list(range(500))
     assert {(f.can_id, f.extended) for f in frames} == {STANDARD, EXTENDED}
-    assert all(before_us - 1000 <= f.t_us <= after_us + 1000 for f in frames)
+    # The kernel stamps frames by the same clock; python-can's time is another one.
+    apart_us = 0 if bus_config.interface == "socketcan" else 1000
+    assert all(before_us - apart_us <= f.t_us <= after_us + 1 + apart_us for f in frames)
     assert (stats.state, stats.up, stats.frames) == ("up", True, 500)
     assert set(stats.dropped.values()) == {0}
 
@@ -165,15 +171,6 @@ def test_a_time_that_is_not_since_1970_is_that_of_the_receipt(timestamp: float) 
     assert isinstance(stored, Frame)
     assert abs(received.t_us - time.time_ns() // 1000) < 10_000_000
     assert stored.t_us == round(timestamp * 1e6)
-
-
-def test_times_are_rounded_once(seed: int) -> None:
-    rng = random.Random(seed)
-    for _ in range(1000):
-        t_us = rng.randrange(1_000_000_000_000_000, 4_000_000_000_000_000)
-        frame = frame_of(can.Message(timestamp=t_us / 1e6, arbitration_id=1))
-        assert isinstance(frame, Frame)
-        assert frame.t_us == t_us
 
 
 def test_the_queue_is_bounded_in_frames() -> None:

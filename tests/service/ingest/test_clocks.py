@@ -43,14 +43,7 @@ def test_no_drift_with_an_interval_that_is_no_whole_microsecond(seed: int) -> No
     assert time_us == START_US + round(199_999 * interval_s * 1e6)
 
 
-def test_repeated_late_and_wrong_counts_and_a_long_pause() -> None:
-    clock = SampleClock(0.005, 8)
-    assert clock.read(START_US, 254) == START_US
-    assert clock.read(START_US + 5000, 255) == START_US + 5000
-    assert clock.read(START_US + 5100, 255) == "repeated"
-    assert clock.read(START_US + 10_000, 0) == START_US + 10_000
-    assert clock.read(START_US + 10_100, 255) == "out_of_order"
-    assert clock.read(START_US + 15_000, 1) == START_US + 15_000
+def test_a_pause_longer_than_the_counter_counts() -> None:
     clock = SampleClock(0.005, 8)
     clock.read(START_US, 10)
     later = 256 * 7 + 3
@@ -79,28 +72,24 @@ def times_of(clock: SampleClock, frames: Iterable[tuple[int, int]]) -> list[int]
     return [time_us for time_us in read if isinstance(time_us, int)]
 
 
-@pytest.mark.parametrize("ppm", [-100, -30, 100])
-def test_crystals_that_differ_are_followed_for_days(ppm: int, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("ppm", "counts", "frames"), [(-100, 400, 86_400), (100, 400, 86_400), (80, 1, 40_000)]
+)
+def test_crystals_that_differ_are_followed_and_intervals_hardly_change(
+    ppm: int, counts: int, frames: int, seed: int
+) -> None:
+    """For two days with a frame every two seconds, and sample by sample."""
     clock, controller, rng = SampleClock(0.005, 16), Controller(ppm=ppm), random.Random(seed)
-    (before_us,), counts, off = times_of(clock, [controller.send()]), 400, []
-    for _ in range(2 * 43_200):
+    (before_us,), off = times_of(clock, [controller.send()]), []
+    for _ in range(frames):
         sent_us, raw = controller.send(counts)
         time_us = clock.read(sent_us + rng.randrange(3000), raw)
         assert isinstance(time_us, int)
-        assert abs(time_us - before_us - counts * 5000) <= 300 + 1  # 150 ppm of two seconds
+        assert abs(time_us - before_us - counts * 5000) <= counts * 5000 * SLEW + 1
         off.append(time_us - sent_us)
         before_us = time_us
     assert clock.reanchored == 0
     assert -5000 < min(off) <= max(off) < 5000
-
-
-def test_intervals_hardly_change_while_drift_is_followed(seed: int) -> None:
-    clock, controller, rng = SampleClock(0.005, 16), Controller(ppm=80), random.Random(seed)
-    frames = [controller.send() for _ in range(40_000)]
-    times = times_of(clock, ((sent_us + rng.randrange(3000), raw) for sent_us, raw in frames))
-    intervals = {b - a for a, b in itertools.pairwise(times)}
-    assert intervals <= {4999, 5000, 5001}
-    assert len(times) == len(frames)
 
 
 @given(

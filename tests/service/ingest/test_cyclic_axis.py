@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from service.can.frames import Frame, Sample
-from service.config import ConfigErrors, load
 from service.ingest.bus_samples import Ingest
 from service.ingest.clocks import WINDOW
 from tests.service.ingest.plant import axis1, axis2, axis3, make_config
@@ -142,11 +141,3 @@ def test_a_frame_that_is_held_has_the_further_signals_of_the_moment(tmp_path: Pa
     samples = sampled(ingest, frames, "r.two")
     assert len(samples) == 101
     assert [s.signals for s in samples[50:]] == [(7.0,)] * 51
-
-
-def test_a_counter_and_a_fitted_clock_do_not_go_together(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[3] / "config" / "axiswatch.toml").read_text(encoding="utf-8")
-    (tmp_path / "robot.dbc").write_bytes((Path(__file__).parents[3] / "config" / "robot.dbc").read_bytes())
-    (tmp_path / "a.toml").write_text(text.replace('#clock = "receipt"', 'clock = "cyclic"'), encoding="utf-8")
-    with pytest.raises(ConfigErrors, match=r"the counter gives the times: remove this, or .*counter_signal"):
-        load(tmp_path / "a.toml", {})

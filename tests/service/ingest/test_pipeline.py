@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from service.can.dbc import DbcError
 from service.can.frames import Frame, Sample
 from service.can.user_errors import IngestError
 from service.ingest.bus_samples import Ingest, Value
@@ -95,7 +94,7 @@ def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
     [
         ([(math.nan, 1.0), (1.0, -math.inf)], "not_finite"),
         # A torque of 1e30 would leave fm at twice its value for a long time.
-        ([(1e30, 1.0), (1.0, -1e30), (-1.1e6, 1.0)], "absurd"),
+        ([(1e30, 1.0), (1.0, -1e30), (-1.1e6, 1.0), (1.0, 1.1e5)], "absurd"),
     ],
 )
 def test_values_that_no_motor_ever_had(
@@ -144,14 +143,6 @@ def test_a_counter_tells_repeated_frames_and_gaps(tmp_path: Path) -> None:
     assert ingest.axes["r.two"].events == {"clock_reanchored": 0, "clock_set_back": 0}
 
 
-def test_a_counter_that_starts_again(tmp_path: Path) -> None:
-    ingest = Ingest(make_config(tmp_path, axis2(time=counted("Both2"))), "bus0")
-    frames = [both2(START_US + 5000 * k, 1.0, 2.0, 30_000 + k if k < 10 else k) for k in range(300)]
-    assert len(ingest.feed(frames)["r.two"]) == 100
-    assert axis_drops(ingest, "r.two") == {"untimed": 2 * 200, "missing": 200}
-    assert ingest.axes["r.two"].events == {"clock_reanchored": 1, "clock_set_back": 0}
-
-
 def test_values_as_decoded(tmp_path: Path) -> None:
     axis = axis2(time=counted("Both2"))
     axis["torque"]["factor"] = 2.0
@@ -173,20 +164,9 @@ def test_values_as_decoded(tmp_path: Path) -> None:
             axis4(time={"counter_message": "Wide4", "counter_signal": "Speed"}),
             r"axis r\.four: a sample counter must be an integer .* Speed is a float",
         ),
-        (
-            axis2(time={"counter_message": "Both2", "counter_signal": "Torque"}),
-            r"axis r\.two: .* Torque is an integer with factor 0\.000976562",
-        ),
         (axis1(pairing_tolerance_s=0.003), r"axis r\.one: pairing_tolerance_s = 0\.003 must be below half"),
     ],
 )
 def test_settings_that_do_not_go_together(tmp_path: Path, axis: dict[str, object], message: str) -> None:
     with pytest.raises(IngestError, match=message):
-        Ingest(make_config(tmp_path, axis), "bus0")
-
-
-def test_unknown_names(tmp_path: Path) -> None:
-    axis = axis1()
-    axis["torque"]["signal"] = "Torqe"
-    with pytest.raises(DbcError, match='did you mean "Torque"'):
         Ingest(make_config(tmp_path, axis), "bus0")

@@ -107,4 +107,4 @@ class Waiting:
         return taken
 
     def stats(self) -> ReaderStats:
-        return ReaderStats("up", True, self.received, {"queue_full": 0})
+        return ReaderStats("up", self.received, {"queue_full": 0})

@@ -13,7 +13,7 @@ from service.config import Config
 from service.config.schema_model import DetectorConfig
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
 from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.checkpointing import Checkpointer, loss_messages, restore
+from service.pipeline.checkpointing import Checkpointer, restore
 from service.simulation.axis import Reading
 from service.simulation.robot import Fault, Moment
 from service.store.checkpoints import AxisState, Checkpoints
@@ -65,12 +65,12 @@ class Run(NamedTuple):
 
 def start(config: Config, journal: Journal, checkpoints: Checkpoints) -> Run:
     core = FramePipeline(config)
-    restored = restore(core.monitors.by_id, checkpoints, journal, START_US)
+    restored = restore(core.monitors, checkpoints, journal, START_US)
     alarms = Alarms(journal, quantities(core.monitors.by_id))
     alarms.adopt(restored.open)
-    alarms.record(restored.unrecorded)
-    saver = Checkpointer(checkpoints, core.monitors.by_id, 60.0, None, lambda: START_US)
-    return Run(core, alarms, saver, (*restored.messages, *loss_messages(restored.losses)))
+    alarms.record(restored.changes)
+    saver = Checkpointer(checkpoints, core.monitors, 60.0, None, lambda: START_US)
+    return Run(core, alarms, saver, restored.messages)
 
 
 def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(

@@ -100,13 +100,6 @@ def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journ
     assert alarms.open(AXIS) == (episode(),)
 
 
-def test_alarms_of_the_last_run_are_open(journal: Journal) -> None:
-    alarms = Alarms(journal, QUANTITIES)
-    alarms.adopt([AxisAlarm(AXIS, episode())])
-    assert alarms.open(AXIS) == (episode(),)
-    assert alarms.open("cell.axis2") == ()
-
-
 # --- points of the history ----------------------------------------------------------------------------------
 
 

@@ -12,31 +12,29 @@ from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
 from service.store.checkpoints import AxisState, Checkpoints
-from service.store.journal import Journal
+from service.store.journal import Entry, Journal
 from tests.service.pipeline.robots import blocks, changed, demo
+from tests.service.store.quarantine import quarantined
 
 NOW_US = 1_760_000_100_000_000
 AXIS = "demo.axis1"
 OPEN = Alarm("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
 
 
-Monitors = dict[str, AxisMonitor]
-
-
-def fresh(tmp_path: Path) -> Monitors:
-    return dict(AxisMonitors(demo(tmp_path, 2).axes).by_id)
+def fresh(tmp_path: Path) -> AxisMonitors:
+    return AxisMonitors(demo(tmp_path, 2).axes)
 
 
 @pytest.fixture
-def monitors(tmp_path: Path) -> Monitors:
+def monitors(tmp_path: Path) -> AxisMonitors:
     return fresh(tmp_path)
 
 
-def save(monitors: Monitors, checkpoints: Checkpoints) -> None:
+def save(monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
     Checkpointer(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
 
 
-def again(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> tuple[Monitors, Restored]:
+def again(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> tuple[AxisMonitors, Restored]:
     monitors = fresh(tmp_path)
     return monitors, restore(monitors, checkpoints, journal, NOW_US)
 
@@ -54,9 +52,9 @@ def test_estimates_go_on_bit_for_bit(
     for block in frames[:half]:
         cut.take("can0", block)
     cut.update()
-    save(dict(cut.monitors.by_id), checkpoints)
+    save(cut.monitors, checkpoints)
     later = FramePipeline(config)
-    restored = restore(later.monitors.by_id, checkpoints, journal, NOW_US)
+    restored = restore(later.monitors, checkpoints, journal, NOW_US)
     assert (restored.checkpoint_us, restored.messages, restored.open) == (NOW_US, (), ())
     later.ingests = cut.ingests  # the sample clocks go on, as if nothing had happened
     for block in frames[half:]:
@@ -78,17 +76,17 @@ def test_nothing_saved_is_no_message(tmp_path: Path, checkpoints: Checkpoints, j
 
 
 def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
-    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal
+    tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].batch.state.below_nu[:] = 10**6  # healthy for long when it was saved
+    monitors.by_id[AXIS].batch.state.below_nu[:] = 10**6  # healthy for long when it was saved
     save(monitors, checkpoints)
-    journal.record(AXIS, "N m s/rad", 0.06, OPEN)
+    journal.record([Entry(AXIS, "N m s/rad", 0.06, OPEN)])
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.open == (AxisAlarm(AXIS, OPEN),)
-    assert found[AXIS].open_alarms == (OPEN,)
-    assert found["demo.axis2"].open_alarms == ()
-    assert list(found[AXIS].batch.state.below_nu[:, 0]) == [10**6, 10**6, 0]
-    ((_, ended),) = found[AXIS].apply([Recovered("fm", 99)])
+    assert found.by_id[AXIS].open_alarms == (OPEN,)
+    assert found.by_id["demo.axis2"].open_alarms == ()
+    assert list(found.by_id[AXIS].batch.state.below_nu[:, 0]) == [10**6, 10**6, 0]
+    ((_, ended),) = found.by_id[AXIS].apply([Recovered("fm", 99)])
     assert (ended.raised_us, ended.ended_us) == (OPEN.raised_us, 99)
 
 
@@ -107,61 +105,66 @@ NEWER = replace(OPEN, updated_us=60, crossings=9)
     ],
 )
 def test_the_journal_decides_on_an_alarm_of_the_checkpoint(
-    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal,
+    tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal,
     recorded: list[Alarm], open_: tuple[Alarm, ...], unrecorded: tuple[AxisAlarm, ...],
 ) -> None:  # fmt: skip
-    monitors[AXIS].adopt([OPEN])
+    monitors.by_id[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
     for alarm in recorded:
-        journal.record(AXIS, "1", 1.0, alarm)
+        journal.record([Entry(AXIS, "1", 1.0, alarm)])
     found, restored = again(tmp_path, checkpoints, journal)
-    assert found[AXIS].open_alarms == open_
-    assert restored.unrecorded == unrecorded
+    assert found.by_id[AXIS].open_alarms == open_
+    assert restored.changes == unrecorded
     assert restored.open == tuple(AxisAlarm(AXIS, alarm) for alarm in open_ if not unrecorded)
     if open_ == (NEWER,):
-        ((_, updated),) = found[AXIS].apply([Crossing("fm", "up", 70, 65, 0.02, 0.001)])
+        ((_, updated),) = found.by_id[AXIS].apply([Crossing("fm", "up", 70, 65, 0.02, 0.001)])
         assert updated.crossings == 10
 
 
 def test_a_checkpoint_of_another_model_is_quarantined_and_said(
-    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal
+    tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].batch.state.theta[:, monitors[AXIS].lane] = np.array([1.1, 0.01, 0.07])
+    monitors.by_id[AXIS].batch.state.theta[:, monitors.by_id[AXIS].lane] = np.array([1.1, 0.01, 0.07])
     save(monitors, checkpoints)
     config = demo(tmp_path, 2)
     nominal = {**config.robot[0].axis[0].model.nominal, "fm": 0.061}
-    found = AxisMonitors(changed(config, "axis1", model={"nominal": nominal}).axes).by_id
+    found = AxisMonitors(changed(config, "axis1", model={"nominal": nominal}).axes)
     restored = restore(found, checkpoints, journal, NOW_US)
-    assert restored.messages == ()
-    (loss,) = restored.losses
-    assert (loss.axis_id, loss.part) == (AXIS, "estimates")
-    assert found[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
-    assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [AXIS]
+    (message,) = restored.messages
+    assert message.startswith(
+        f"{AXIS}: its checkpoint is not used and was quarantined: it was saved with another"
+    )
+    assert message.endswith("(restarted: the estimates and the long-term history of kT, 1/Ja and fm)")
+    assert found.by_id[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
+    names = [name for name, _ in quarantined(tmp_path)]
+    assert names[0] == AXIS
+    assert all(name.startswith(AXIS) for name in names)  # and its histories
     assert restored.checkpoint_us == NOW_US  # that of the other axis
 
 
 def test_arrays_of_another_shape_are_quarantine(
-    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal
+    tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    arrays = monitors[AXIS].to_arrays()
-    checkpoints.save([AxisState(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)})], NOW_US)
+    arrays = monitors.by_id[AXIS].to_arrays()
+    checkpoints.save([AxisState(AXIS, monitors.by_id[AXIS].key, {**arrays, "floats": np.zeros(3)})], NOW_US)
     found, restored = again(tmp_path, checkpoints, journal)
-    assert "does not fit this version" in restored.losses[0].reason
-    assert len(checkpoints.quarantined()) == 1
-    assert found[AXIS].status().samples == 0
+    (message,) = restored.messages
+    assert "does not fit this version" in message
+    assert len(quarantined(tmp_path)) == 1
+    assert found.by_id[AXIS].status().samples == 0
 
 
 def test_alarms_of_what_is_no_longer_monitored(
     tmp_path: Path, checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    journal.record(AXIS, "N m", 0.08, replace(OPEN, parameter="fc"))
-    journal.record("demo.axis7", "1", 1.0, replace(OPEN, parameter="kT"))
+    entries = [Entry(AXIS, "N m", 0.08, replace(OPEN, parameter="fc")), Entry("demo.axis7", "1", 1.0, OPEN)]
+    journal.record(entries)
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.messages == (
         "demo.axis1: the alarm of fc was ended: that is no longer monitored",
         "demo.axis7 is no longer configured, but has open alarms in the journal",
     )
-    assert found[AXIS].open_alarms == ()
+    assert found.by_id[AXIS].open_alarms == ()
     assert journal.query(active=True)[1] == 1
 
 

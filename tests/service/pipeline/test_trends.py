@@ -11,11 +11,12 @@ from monitor_core.trend.entries import Reading
 from service.config import Config
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer, restore, restore_trends
+from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.trends import Trends
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from tests.service.pipeline.robots import START_US, changed, demo
+from tests.service.store.quarantine import quarantined
 
 AXIS = "demo.axis1"
 HOUR_S = 3600.0
@@ -94,12 +95,22 @@ def test_not_observed_is_not_counted(tmp_path: Path) -> None:
     assert [len(p.entries) for p in trends.for_axis(AXIS)] == [30, 0, 30]
 
 
-def save(trends: Trends, monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
-    Checkpointer(checkpoints, monitors.by_id, 60.0, None, lambda: NOW_US, trends=trends).save()
+def save(monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
+    Checkpointer(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
+
+
+def restarted(
+    config: Config, checkpoints: Checkpoints, journal: Journal, *lost: str, **parts: object
+) -> Trends:
+    """The trends after a restart, maybe with other settings of the axis; ``lost``: what a message ends with."""
+    monitors = AxisMonitors((changed(config, "axis1", **parts) if parts else config).axes)
+    messages = restore(monitors, checkpoints, journal, NOW_US).messages
+    assert [message.partition("(restarted: ")[2] for message in messages] == list(lost)
+    return monitors.trends
 
 
 def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
-    tmp_path: Path, checkpoints: Checkpoints, seed: int
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int
 ) -> None:
     config = limited(tmp_path, {"fm": (0.09,)})
     course = readings(140, 0.0005, seed)
@@ -108,12 +119,11 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
     whole.update()
     cut = AxisMonitors(config.axes)
     feed(cut.trends, course[:1000], 0)
-    save(cut.trends, cut, checkpoints)
+    save(cut, checkpoints)
     feed(cut.trends, course[1000:1100], 0)
-    save(cut.trends, cut, checkpoints)  # only what has changed
+    save(cut, checkpoints)  # only what has changed
     feed(cut.trends, course[1100:1200], 0)  # lost with the process
-    later = AxisMonitors(config.axes).trends
-    assert restore_trends(later, checkpoints, NOW_US) == []
+    later = restarted(config, checkpoints, journal)
     feed(later, course[1100:], 0)
     later.update()
     for a, b in zip(later.for_axis(AXIS), whole.for_axis(AXIS), strict=True):
@@ -123,36 +133,34 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
         assert (a.trend.level, a.trend.slope, a.reaches) == (b.trend.level, b.trend.slope, b.reaches)
 
 
-def test_damage_is_told_counted_and_quarantined(tmp_path: Path, checkpoints: Checkpoints) -> None:
-    monitors = AxisMonitors(limited(tmp_path, {}).axes)
-    feed(monitors.trends, readings(30, 0.0, 1), 0)
-    save(monitors.trends, monitors, checkpoints)
-    part = AxisState(f"{AXIS} fm (history)", monitors.trends.axes[AXIS].key, {"entries": np.ones((3, 6))})
-    checkpoints.save([part], NOW_US)
-    later = AxisMonitors(limited(tmp_path, {}).axes).trends
-    (loss,) = restore_trends(later, checkpoints, NOW_US)
-    assert (loss.axis_id, loss.part, loss.parameter) == (AXIS, "history", "fm")
-    assert later.lost == {AXIS: 1, "demo.axis2": 0}
-    later.update()
-    assert [len(p.entries) for p in later.for_axis(AXIS)] == [30, 30, 0]
-    assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [part.axis]
-
-
-def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(
-    tmp_path: Path, checkpoints: Checkpoints
+def test_damage_is_told_counted_and_quarantined(
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
 ) -> None:
     config = limited(tmp_path, {})
     monitors = AxisMonitors(config.axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
-    save(monitors.trends, monitors, checkpoints)
-    assert restore_trends(_with(config, estimator={"memory_s": 3.0}), checkpoints, NOW_US) == []
+    save(monitors, checkpoints)
+    part = AxisState(f"{AXIS} fm (history)", monitors.trends.axes[AXIS].key, {"entries": np.ones((3, 6))})
+    checkpoints.save([part], NOW_US)
+    later = restarted(config, checkpoints, journal, "the long-term history of fm)")
+    assert later.lost == {AXIS: 1, "demo.axis2": 0}
+    later.update()
+    assert [len(p.entries) for p in later.for_axis(AXIS)] == [30, 30, 0]
+    assert [axis for axis, _ in quarantined(tmp_path)] == [part.axis]
+
+
+def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
+) -> None:
+    config = limited(tmp_path, {})
+    monitors = AxisMonitors(config.axes)
+    feed(monitors.trends, readings(30, 0.0, 1), 0)
+    save(monitors, checkpoints)
+    later = restarted(config, checkpoints, journal, "the estimates)", estimator={"memory_s": 3.0})
+    assert later.lost[AXIS] == 0
     nominal = {**config.robot[0].axis[0].model.nominal, "fm": 0.07}
-    lost = restore_trends(_with(config, model={"nominal": nominal}), checkpoints, NOW_US)
-    assert [loss.parameter for loss in lost] == ["kT", "1/Ja", "fm", ""]  # and what was being gathered
-
-
-def _with(config: Config, **parts: object) -> Trends:
-    return AxisMonitors(changed(config, "axis1", **parts).axes).trends
+    lost = "the long-term history of kT, 1/Ja and fm)"
+    assert restarted(config, checkpoints, journal, lost, model={"nominal": nominal}).lost[AXIS] == 4
 
 
 FORECAST = Alarm(
@@ -162,10 +170,9 @@ FORECAST = Alarm(
 
 
 def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
-    tmp_path: Path, checkpoints: Checkpoints
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
 ) -> None:
     """Neither in the journal, nor by the monitor that finds it there after a restart."""
-    journal = Journal(tmp_path / "alarms.sqlite")
     monitors = AxisMonitors(limited(tmp_path, {"fm": (0.09,)}).axes)
     alarms = Alarms(journal, quantities(monitors.by_id))
     change = Alarm("fm", "up", 10, 40, 50, None, 0.03, 0.001, 2)
@@ -174,13 +181,11 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
     assert total == 2
     assert [a.kind for a in found] == ["", "forecast"]
     assert found[1].reaches == FORECAST.reaches
-    restored = restore(monitors.by_id, checkpoints, journal, NOW_US)
+    assert restore(monitors, checkpoints, journal, NOW_US).changes == ()
     assert monitors.by_id[AXIS].open_alarms == (change,)
-    assert monitors.trends.adopt(restored.open, NOW_US) == []
-    without = AxisMonitors(demo(tmp_path, 2).axes).trends
-    (ended,) = without.adopt(restored.open, NOW_US)
+    without = AxisMonitors(demo(tmp_path, 2).axes)
+    (ended,) = restore(without, checkpoints, journal, NOW_US).changes
     assert (ended.alarm.kind, ended.alarm.ended_us) == ("forecast", NOW_US)
-    journal.close()
 
 
 def test_an_alarm_about_a_limit_goes_on_after_a_restart_and_ends_when_it_is_far(

@@ -37,14 +37,14 @@ class Bench:
         self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
         self.compiled: Future[None] = Future()
         self.failed = threading.Event()
-        monitors = self.core.monitors.by_id
+        monitors = self.core.monitors
         self.recording = Recording(recorder)
         self.worker = Worker(
             config,
             self.core,
             [BusIntake("can0", reader, self.core.ingests["can0"], self.recording)],
             self.recording,
-            Alarms(self.journal, quantities(monitors)),
+            Alarms(self.journal, quantities(monitors.by_id)),
             Checkpointer(
                 self.checkpoints, monitors, config.service.checkpoint_interval_s, None, lambda: NOW_US
             ),

@@ -30,8 +30,11 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
     opened.close()
 
 
-def raised(journal: Journal, e: Alarm, axis: str = "demo.axis1") -> int:
-    return journal.record(axis, "N m s/rad", 0.06, e)
+def raised(
+    journal: Journal, e: Alarm, axis: str = "demo.axis1", unit: str = "N m s/rad", nominal: float = 0.06
+) -> int:
+    (number,) = journal.record([Entry(axis, unit, nominal, e)])
+    return number
 
 
 def test_an_alarm_is_inserted_then_updated_then_ended(journal: Journal) -> None:
@@ -56,14 +59,14 @@ def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Jo
         episode("kT", "down"), stage="named", causes=causes, doubt="several", kind="step", past=past
     )
     named = replace(named, onset_low_us=1_000_000, onset_high_us=1_900_000)
-    assert journal.record("demo.axis1", "1", 1.0, named) == first
+    assert raised(journal, named, unit="1", nominal=1.0) == first
     assert journal.open_alarms("demo.axis1") == [named]
     (alarm,), total = journal.query()
     assert (total, alarm.parameter, alarm.direction, alarm.unit, alarm.nominal) == (1, "kT", "down", "1", 1.0)
     assert (alarm.causes, alarm.past) == (causes, past)
     assert (alarm.stage, alarm.doubt, alarm.kind) == ("named", "several", "step")
     ended = replace(named, ended_us=9_000_000)
-    assert journal.record("demo.axis1", "1", 1.0, ended) == first
+    assert raised(journal, ended, unit="1", nominal=1.0) == first
     assert journal.open_alarms("demo.axis1") == []
 
 
@@ -129,9 +132,9 @@ def test_a_batch_is_written_as_a_whole_or_not_at_all(journal: Journal) -> None:
     broken = replace(episode("kT"), direction="sideways")  # type: ignore[arg-type]
     entries = [Entry("a", "1", 1.0, episode()), Entry("a", "1", 1.0, broken)]
     with pytest.raises(StoreError, match=r"alarms\.sqlite"):
-        journal.record_many(entries)
+        journal.record(entries)
     assert journal.query() == ([], 0)
-    assert len(journal.record_many(entries[:1])) == 1
+    assert len(journal.record(entries[:1])) == 1
 
 
 def test_sizes_that_are_not_numbers_do_not_lose_the_alarm(journal: Journal) -> None:
@@ -163,16 +166,6 @@ def test_alarms_of_parameters_no_longer_monitored_end(journal: Journal) -> None:
     closed = journal.close_unmonitored("demo.axis1", ["kT", "fm"], at_us=7_000_000)
     assert [(a.id, a.ended_us) for a in closed] == [(stale, 7_000_000)]
     assert [a.id for a in journal.query(active=True)[0]] == [kept]
-
-
-def test_alarms_outlive_closing(tmp_path: Path) -> None:
-    path = tmp_path / "alarms.sqlite"
-    for number in range(3):
-        journal = Journal(path)
-        assert journal.messages == ()
-        assert journal.query()[1] == number
-        raised(journal, replace(episode(raised_us=number), ended_us=number))
-        journal.close()
 
 
 def test_a_second_writer_is_told_who_has_the_journal(tmp_path: Path) -> None:
@@ -213,7 +206,7 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
         pair = [
             Entry("demo.axis1", "1", 1.0, replace(episode(p, raised_us=k), ended_us=k)) for p in ("fm", "kT")
         ]
-        journal.record_many(pair)
+        journal.record(pair)
     done.set()
     for reader in readers:
         reader.join()
@@ -225,14 +218,14 @@ _WRITER = """
 import sys
 from pathlib import Path
 from monitor_core.detection import Alarm
-from service.store.journal import Journal
+from service.store.journal import Entry, Journal
 journal = Journal(Path(sys.argv[1]))
 k = journal.query()[1]
 while True:
     k += 1
     ended = k if k % 3 else None
     e = Alarm(f"p{k}", "up", k, k, k, ended, 0.5, 0.1, 1)
-    print(journal.record("demo.axis1", "1", float(k), e), flush=True)
+    print(journal.record([Entry("demo.axis1", "1", float(k), e)]), flush=True)
 """
 
 
@@ -270,7 +263,7 @@ def written_until_killed(path: Path, at_least: int) -> int:
 def filled(path: Path) -> bytes:
     journal = Journal(path)
     for k in range(200):
-        journal.record("demo.axis1", "1", 1.0, Alarm(f"p{k}", "up", k, k, k, k, 0.5, 0.1, 1))
+        raised(journal, replace(episode(f"p{k}", raised_us=k), ended_us=k))
     journal.close()
     return path.read_bytes()
 
@@ -301,7 +294,7 @@ def test_a_damaged_file_is_kept_and_a_new_one_begun(
     assert str(path) in message
     assert quarantined.name in message
     assert journal.query() == ([], 0)
-    journal.record("demo.axis1", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
+    raised(journal, episode())
     journal.close()
     reopened = Journal(path)
     assert (reopened.messages, reopened.query()[1]) == ((), 1)
@@ -333,7 +326,7 @@ def test_files_that_are_empty_closed_or_cannot_be(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "alarms.sqlite")
     journal.close()
     with pytest.raises(StoreError, match="closed"):
-        journal.record("a", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
+        raised(journal, episode())
 
 
 def test_a_newer_schema_is_refused_and_left_alone(tmp_path: Path) -> None:

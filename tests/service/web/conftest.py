@@ -24,6 +24,7 @@ from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
+from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
 from service.web.app import create_app
 
@@ -146,8 +147,8 @@ def whole_snapshot() -> Snapshot:
         started_us=NOON_US - 600_000_000,
         axes=(monitored_axis(), waiting_axis()),
         buses=(
-            BusSnapshot("can0", "up", True, 242_420, {"queue_full": 12, "socket": 0}),
-            BusSnapshot("can1", "down: Network is down", False, 0, {"queue_full": 0, "socket": 0}),
+            BusSnapshot("can0", "up", 242_420, {"queue_full": 12, "socket": 0}),
+            BusSnapshot("can1", "down: Network is down", 0, {"queue_full": 0, "socket": 0}),
         ),
         processing=Histogram((0.001, 0.01, 0.1), (100, 20, 3, 1), 1.25),
         checkpoint_us=NOON_US - 30_000_000,
@@ -168,6 +169,11 @@ class Stage:
 
     def client(self) -> TestClient:
         return TestClient(self.app())
+
+    def record(self, axis: str, unit: str, nominal: float, alarm: Alarm) -> int:
+        """The number of this alarm in the journal."""
+        (number,) = self.journal.record([JournalEntry(axis, unit, nominal, alarm)])
+        return number
 
     def healthy(self) -> None:
         """All buses up, all axes with samples."""

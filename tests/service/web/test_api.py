@@ -123,9 +123,7 @@ def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: T
 
 def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:
     limit = Reach("fm", "N m s/rad", 0.09, True, "open", fm_alarm.updated_us + 86_400_000_000, None)
-    stage.journal.record(
-        "demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, kind="forecast", reaches=(limit,))
-    )
+    stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, kind="forecast", reaches=(limit,)))
     (alarm,) = client.get("/api/v1/alarms").json()["alarms"]
     assert alarm["kind"] == "forecast"
     assert alarm["words"].startswith(
@@ -172,7 +170,7 @@ def test_bad_filters_are_refused(query: str, client: TestClient) -> None:
 
 
 def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:
-    number = stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     body = get(client, "/api/v1/alarms")
     assert (body["total"], body["limit"], body["offset"]) == (1, 100, 0)
     before = {
@@ -203,7 +201,7 @@ def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alar
     for k in range(6):
         raised_us = fm_alarm.raised_us + k * 1_000_000
         episode = replace(fm_alarm, raised_us=raised_us, ended_us=raised_us + 1 if k < 5 else None)
-        stage.journal.record(f"demo.axis{k % 2}", "N m s/rad", 0.06, episode)
+        stage.record(f"demo.axis{k % 2}", "N m s/rad", 0.06, episode)
 
     def total(query: str) -> int:
         return int(get(client, f"/api/v1/alarms?{query}")["total"])

@@ -97,8 +97,8 @@ def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Alarm)
     page.goto("/")
     expect(page.get_by_text("No alarm has been raised.")).to_be_visible()
     ended = replace(fm_alarm, raised_us=fm_alarm.raised_us + 1, ended_us=stage.now_us, direction="down")
-    stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
-    stage.journal.record("demo.axis2", "N m s/rad", 0.06, ended)
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    stage.record("demo.axis2", "N m s/rad", 0.06, ended)
     rows = page.get_by_role("table", name="Alarms").get_by_role("row")
     expect(rows).to_have_count(3)
     said = "fm is 0.018 N m s/rad (31 %) above its nominal value"
@@ -114,11 +114,11 @@ def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_
     changed = replace(changed, onset_low_us=None, onset_high_us=None)
     page.goto("/")
     expect(page.get_by_text("No alarm has been raised.")).to_be_visible()
-    stage.journal.record("demo.axis1", "1", 1.0, changed)
+    stage.record("demo.axis1", "1", 1.0, changed)
     row = page.get_by_role("table", name="Alarms").get_by_role("row").nth(1)
     expect(row).to_contain_text("kT ▲ up not yet named")
     expect(row).to_contain_text("something has changed, at first sight kT")
-    stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     expect(row).to_contain_text("fm ▲ up at first kT")
     expect(row.get_by_role("cell").nth(4)).to_contain_text("± 0.4 s")
     expect(page.locator("#news")).to_have_text(
@@ -153,7 +153,7 @@ def test_names_are_text_and_never_html(page: Page, stage: Stage, fm_alarm: Alarm
     name = "<img src=x onerror=alert(1)>"
     axis = replace(stage.snapshot.axes[0], id=name)
     stage.snapshot = replace(stage.snapshot, axes=(axis,), messages=(name,))
-    stage.journal.record(name, name, 0.06, fm_alarm)
+    stage.record(name, name, 0.06, fm_alarm)
     page.goto("/")
     expect(page.get_by_role("article", name=name)).to_be_visible()
     expect(page.get_by_role("table", name="Alarms")).to_contain_text(name)
@@ -162,7 +162,7 @@ def test_names_are_text_and_never_html(page: Page, stage: Stage, fm_alarm: Alarm
 
 @pytest.mark.parametrize("width", [1280, 500, 360])
 def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Alarm) -> None:
-    stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     page.set_viewport_size({"width": width, "height": 800})
     page.goto("/")
     expect(page.get_by_role("row", name="active")).to_be_visible()

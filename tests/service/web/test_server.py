@@ -127,7 +127,8 @@ def test_each_address_answers_as_described(
     path: str, request_path: str, stage: Stage, client: TestClient, schema: dict[str, Any], fm_alarm: Alarm
 ) -> None:
     """With all fields of the body, and no other; their values are checked where a body is made."""
-    stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
+    stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))
     answer = client.get(request_path)
     described = schema["paths"][path]["get"]["responses"][str(answer.status_code)]
     name = described["content"]["application/json"]["schema"]["$ref"].split("/")[-1]

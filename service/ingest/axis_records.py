@@ -1,0 +1,153 @@
+"""All samples of one axis in a file, for identification and calibration: as the daemon would get them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.samples import SampleBlock
+from service.can.user_errors import RecordError
+from service.config.schema import Config, NamedAxis, Source
+from service.ingest.axis_columns import AxisColumns
+from service.ingest.records import LogRecord, is_table, samples_of
+from service.ingest.table_files import CsvTable, Rows, check_columns, open_table
+from service.ingest.torn_rows import Bools, ahead, torn
+from service.ingest.unwrap import AMBIGUOUS, turns_of
+
+_RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
+_NO_NUMBER = 1e30
+"""In a column of which nothing is known: above that it is no measurement, not even a time in nanoseconds."""
+
+
+class Wanted(NamedTuple):
+    """A file and a range in it: seconds after the first sample; None: to its end."""
+
+    path: Path
+    start_s: float | None = None
+    end_s: float | None = None
+
+
+def wanted(text: str) -> Wanted:
+    """Parse ``FILE``, ``FILE@10:60``, ``FILE@10:`` or ``FILE@:60``: seconds after the first sample of the axis.
+
+    A file whose name is the whole text takes precedence.
+
+    Raises:
+        RecordError: the range is invalid.
+    """
+    found = _RANGE.fullmatch(text)
+    if found is None or Path(text).exists():
+        return Wanted(Path(text))
+    try:
+        start, end = (float(part) if part else None for part in (found["start"], found["end"]))
+    except ValueError:
+        raise RecordError(f"{text}: a range is @START:END in seconds, such as @10:60, @10: or @:60") from None
+    if start is not None and end is not None and start >= end:
+        raise RecordError(f"{text}: the range ends before its start")
+    return Wanted(Path(found["path"]), start, end)
+
+
+def sha256_of(path: Path) -> str:
+    """Hash of a file."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise RecordError(f"cannot read {path}: {error.strerror}") from None
+
+
+Progress = Callable[[float], None]
+"""Called with the part that has been read, 0 to 1."""
+
+
+class AxisRecord(NamedTuple):
+    """The samples of an axis in a file, and how much became none: rows of a table or values of a log, by reason."""
+
+    block: SampleBlock
+    dropped: Mapping[str, int]
+
+
+def axis_record(
+    path: Path,
+    config: Config,
+    axis: NamedAxis,
+    signals: Sequence[Source],
+    progress: Progress = lambda _: None,
+) -> AxisRecord:
+    """The samples of an axis in a table or a CAN log, with continuous angles.
+
+    Args:
+        path: the file.
+        config: says where the axis is in it.
+        axis: the axis.
+        signals: auxiliary signals that the samples carry.
+        progress: called after each block.
+
+    Raises:
+        RecordError: the file cannot be read, or is damaged.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    if is_table(path):
+        record = _table_record(path, axis, signals, progress)
+    else:
+        record = _log_record(path, config, axis, signals, progress)
+    turns = turns_of(axis.config)
+    if turns is None:
+        return record
+    block = turns.unwrapped(record.block)
+    return AxisRecord(block, {**record.dropped, AMBIGUOUS: turns.refused})
+
+
+def _log_record(
+    path: Path, config: Config, axis: NamedAxis, signals: Sequence[Source], progress: Progress
+) -> AxisRecord:
+    if axis.config.records_only:
+        raise RecordError(
+            f"{path} is a CAN log, and there is no [[bus]] in the configuration that tells its DBC"
+        )
+    log = LogRecord(path, config, {axis.id: signals})
+    block = samples_of(log, axis.id, progress)
+    return AxisRecord(block, log.quality.axis_dropped[axis.id])
+
+
+def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progress: Progress) -> AxisRecord:
+    """Samples from a .csv, .parquet or .mat file.
+
+    A row with an absurd number is refused as a whole and counted as "absurd": where one cell is broken the others of
+    its row, shifted or torn, cannot be trusted.  Rows next to it that belong to the same damage are counted as "torn",
+    rows whose time alone runs ahead of the others' as "ahead".  In a CSV without names all columns are checked,
+    otherwise those that are read.
+    """
+    table = open_table(path)
+    columns = AxisColumns(axis.id, axis.config, signals)
+    purposes = columns.wanted()
+    check_columns(path, table, purposes)
+    unnamed = table.names if isinstance(table, CsvTable) and not table.has_names else ()
+    names = list(dict.fromkeys((*purposes, *unnamed)))
+    blocks = []
+    for block in table.rows(names):
+        blocks.append(block)
+        progress(block.done)
+    rows = Rows({n: np.concatenate([np.zeros(0), *(b.columns[n] for b in blocks)]) for n in names}, 1.0)
+    refused = _refused(rows, columns, axis.config.time.column)
+    samples = columns.samples(rows, 0, ~np.any(list(refused.values()), axis=0))
+    counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
+    return AxisRecord(samples, columns.dropped | counts)
+
+
+def _refused(rows: Rows, columns: AxisColumns, time: str | None) -> dict[str, Bools]:
+    """Which rows (N,) cannot be trusted, by reason; a missing number is not absurd."""
+    absurd = columns.absurd(*columns.quantities(rows))
+    for values in rows.columns.values():
+        absurd |= abs(values) > _NO_NUMBER
+    beside = torn(np.column_stack([column for name, column in rows.columns.items() if name != time]), absurd)
+    late = np.zeros(len(absurd), np.bool_)
+    if time is not None:
+        times = rows.columns[time]
+        late = ahead(times, ~absurd & ~beside & np.isfinite(times))
+    return {"absurd": absurd, "torn": beside, "ahead": late}
