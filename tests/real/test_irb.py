@@ -12,7 +12,6 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
-from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, bank_of
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
@@ -140,15 +139,11 @@ BUDGET_S = 600.0
 """Ten seconds cannot promise much more."""
 
 
-def calibrated(path: Path, budget_s: float) -> Calibration:
-    config = configuration()
-    wishes = CalibrationOptions(budget_s, WITHIN_S, (0.3,), 10, copies=2_000_000, bank_copies=500_000)
-    return calibrate_axis(config, config.axes[0], [str(path)], wishes, Provenance("", "", ""))
-
-
 @pytest.fixture(scope="module")
 def found(irb_path: Path) -> Calibration:
-    return calibrated(irb_path, BUDGET_S)
+    config = configuration()
+    wishes = CalibrationOptions(BUDGET_S, WITHIN_S, (0.3,), 10, copies=2_000_000, bank_copies=500_000)
+    return calibrate_axis(config, config.axes[0], [str(irb_path)], wishes, Provenance("", "", ""))
 
 
 def limits(found: Calibration) -> Limits:
@@ -200,8 +195,3 @@ def test_a_torque_constant_is_told_from_a_scaled_output_when_there_is_evidence(
     assert {share.cause for share in named[0].shares[:2]} == {"kT", "output scale"}
     assert named[-1].shares[0].cause == "kT"
     assert named[-1].shares[0].size == pytest.approx(np.log(1.2), abs=0.05)
-
-
-def test_a_year_cannot_be_promised_from_ten_seconds(irb_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="too short to promise one false alarm in a year"):
-        calibrated(irb_path, 31557600.0)
