@@ -147,6 +147,18 @@ def test_black_boxes_on_the_bench(seed: int, say: Say) -> None:
     assert all(rms < 0.2 for name, *_, rms, _ in rows if name != "local polynomials")
 
 
+def test_arx_of_high_order(seed: int, say: Say) -> None:
+    record = bench_record(np.random.default_rng(seed), 20000)
+    fits: dict[str, Callable[[], object]] = {
+        "order 200 (400 parameters)": lambda: fit_arx([record], 200),
+        "order 400 (800 parameters)": lambda: fit_arx([record], 400),
+        "order by AIC up to 400": lambda: fit_arx([record], largest=400),
+        "order 100": lambda: fit_arx([record], 100),
+    }
+    times = in_turns(fits, 3)
+    say("ARX of 20 000 samples", ("fit", "ms"), [(name, 1e3 * times[name]) for name in fits])
+
+
 def _subspace(record: Record, order: int) -> FrequencyResponse:
     """Without deviations, which the method does not state."""
     model = fit_subspace([record], order)
