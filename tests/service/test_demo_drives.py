@@ -108,14 +108,14 @@ def test_every_drive_moves_as_fast(name: str, tmp_path: Path, seed: int) -> None
 
 @pytest.mark.parametrize("name", WATCHED)
 def test_the_usual_fault_is_named_and_nothing_else(name: str, tmp_path: Path, seed: int) -> None:
-    read = config(tmp_path, name, axes=1)
+    read = config(tmp_path, name)
     broken = usual_fault(read.axes[0].config)
     core, found = FramePipeline(read), dict[tuple[str, str], AxisAlarm]()
-    faults = [Fault("demo.axis1", {broken: 1.3}, FAULT_S)]
+    faults = [Fault("demo.axis2", {broken: 1.3}, FAULT_S)]
     for change in live(core, blocks(read, FAULT_S + 15, seed, faults)):
         found.setdefault((change.axis_id, change.alarm.parameter), change)
     first = next(iter(found.values()))
-    assert set(found) == {("demo.axis1", broken)}
+    assert set(found) == {("demo.axis2", broken)}
     assert first.alarm.direction == "up"
     assert first.alarm.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
 
