@@ -1,4 +1,4 @@
-"""What the kernel costs: a sample of the reference axis and of one of five masses, and to compile it."""
+"""What the kernel costs: a sample of the reference axis, and to compile it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Output
-from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment, experiments
-from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
+from monitor_core.excitation.reference_experiment import experiments
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import FEWEST_LANES, AxisBatch, Fleet
 from monitor_core.monitoring import axis_batch as bank_module
 from monitor_core.samples import SampleBlock
@@ -27,9 +23,7 @@ from monitor_core.settings import Settings
 from service.pipeline.warming import HYPOTHESES
 from tests.bench.measure import Say, in_turns, memory_mb
 from tests.conftest import ROOT
-from tests.core.chains import chain, values
-from tests.core.figures import ANGLE_TORQUE_NOISE, settings_of
-from tests.core.oracle.paper import Paper
+from tests.core.figures import settings_of
 
 pytestmark = pytest.mark.bench
 
@@ -38,7 +32,6 @@ DAEMON_BLOCK = 20
 """Samples of an axis at 200 Hz between two turns of the daemon's worker."""
 BLOCKS = 10
 """Blocks until a record begins again."""
-TRANSCRIBED = 150
 OUTPUTS: tuple[Output, ...] = ("speed", "angle")
 AXES = (1, 6, 16, 64)
 FEW = (2, 3, 4, 5, 6, 7, 8, 12, 16)
@@ -56,38 +49,16 @@ def reference_settings(output: Output, seed: int) -> Settings:
     return replace(settings_of(output, seed), information_floor=SUPERVISED, min_excitation=SUPERVISED)
 
 
-def axes_of(
-    masses: int, output: Output, axes: int, samples: int, seed: int
-) -> tuple[AxisModel, Settings, Experiment]:
-    """The reference axis, or five masses and six parameters, excited alike, with records of so many axes.
-
-    The five have Coulomb friction of motor and arm, which the plant does not have.
-    """
-    if masses == 3:
-        rec = experiments(range(seed, seed + axes), output=output, samples=samples)
-        return reference_model(output), reference_settings(output, seed), rec
-    linear = {**values(5, gravity=False), "fc": 0.0, "fa": 0.0}
-    model = AxisModel(chain(5, output, gravity=False), linear, ("kT", "f", "1/J5", "J2", "k1", "k4"))
-    gain, lam0 = filter_gain(model, INTERVAL_S, ANGLE_TORQUE_NOISE, NOISE[output])
-    start = tuple((0.01 * model.scale) ** 2 / lam0)
-    settings = Settings.paper(INTERVAL_S, lam0=lam0, K=tuple(gain) if output == "angle" else (), P0=start)
-    rng = np.random.default_rng(seed)
-    u = np.stack([multisine(rng, samples, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(axes)], axis=1)
-    y, _ = simulate_linear(model.drive, model.nominal, u, INTERVAL_S)
-    t_us = np.arange(samples, dtype=np.int64) * round(INTERVAL_S * 1e6)
-    return model, settings, Experiment(t_us, u, y + NOISE[output] * rng.standard_normal(y.shape))
-
-
 def run_of(
-    masses: int, output: Output, axes: int, samples: int, seed: int, fewest_lanes: int = FEWEST_LANES
+    output: Output, axes: int, samples: int, seed: int, fewest_lanes: int = FEWEST_LANES
 ) -> Callable[[], object]:
-    """A call that runs the next so many samples of so many axes, in a shape of the kernel.
+    """A call that runs the next so many samples of so many reference axes, in a shape of the kernel.
 
     At the end of the records the bank restarts with them: a jump would throw theta to its bounds.
     """
     length = max(BLOCKS * samples, 2000)
-    model, settings, rec = axes_of(masses, output, axes, length, seed)
-    bank = AxisBatch([model] * axes, [settings] * axes)
+    rec = experiments(range(seed, seed + axes), output=output, samples=length)
+    bank = AxisBatch([reference_model(output)] * axes, [reference_settings(output, seed)] * axes)
     start = [bank.column(a) for a in range(axes)]
     t_us, at = np.repeat(rec.t_us[:, np.newaxis], axes, axis=1), 0
 
@@ -106,33 +77,13 @@ def run_of(
 
 
 def test_many_axes(seed: int, say: Say) -> None:
-    medians = in_turns({(o, axes): run_of(3, o, axes, BLOCK, seed) for o in OUTPUTS for axes in AXES}, 9)
+    medians = in_turns({(o, axes): run_of(o, axes, BLOCK, seed) for o in OUTPUTS for axes in AXES}, 9)
     cost = {key: t / BLOCK / key[1] * 1e6 for key, t in medians.items()}
     say(
         "many axes: us per sample and axis",
         ("axes", *(f"{output} output" for output in OUTPUTS), "target (speed)"),
         [(axes, *(cost[o, axes] for o in OUTPUTS), TARGET_US.get(axes, "-")) for axes in AXES],
     )
-
-
-def test_beside_the_transcription(seed: int, say: Say) -> None:
-    """Three masses and three parameters, five and six."""
-    drives = [(masses, output) for masses in (3, 5) for output in OUTPUTS]
-    variants = {(*drive, axes): run_of(*drive, axes, BLOCK, seed) for drive in drives for axes in (1, 64)}
-    papers = {(*drive, 0): transcribed(*drive, seed) for drive in drives}
-    medians, rows = in_turns(variants | papers, 9), []
-    for masses, output, axes in variants:
-        ours = medians[masses, output, axes] / BLOCK / axes * 1e6
-        theirs = medians[masses, output, 0] / TRANSCRIBED * 1e6
-        target = TARGET_US[axes] if (masses, output) == (3, "speed") else "-"
-        rows.append((f"{masses} masses, {output}", axes, ours, target, theirs, f"{theirs / ours:.0f} times"))
-    header = ("", "axes", "kernel", "target", "numpy and scipy", "ratio")
-    say("us per sample and axis", header, rows)
-
-
-def transcribed(masses: int, output: Output, seed: int) -> Callable[[], object]:
-    model, settings, rec = axes_of(masses, output, 1, TRANSCRIBED, seed)
-    return lambda: Paper(model, settings).run(rec.t_us, rec.u[:, 0], rec.y[:, 0])
 
 
 def run_of_fleet(axes: int, samples: int, drives: int, seed: int) -> Callable[[], object]:
@@ -173,7 +124,7 @@ def test_a_thousand_axes_for_a_second(seed: int, say: Say) -> None:
 @pytest.mark.parametrize(("samples", "rounds"), [(DAEMON_BLOCK, 99), (BLOCK, 9)])
 def test_few_axes_one_by_one_or_in_lanes(samples: int, rounds: int, seed: int, say: Say) -> None:
     keys = [(o, axes, shape) for axes in FEW for o in OUTPUTS for shape in (ONE_BY_ONE, LANES)]
-    medians = in_turns({key: run_of(3, *key[:2], samples, seed, key[2]) for key in keys}, rounds)
+    medians = in_turns({key: run_of(*key[:2], samples, seed, key[2]) for key in keys}, rounds)
     rows = []
     for axes in FEW:
         row: list[object] = [axes]

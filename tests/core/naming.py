@@ -1,12 +1,15 @@
 """All that is said of a fault: every version of every alarm, and of the faults of the reference experiment."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
+from monitor_core.excitation.reference_experiment import FAULT_AT, experiments
 from monitor_core.kernel.block import Trace
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor
@@ -15,8 +18,9 @@ from tests.core.figures import settings_of
 
 MODEL = reference_model()
 FAULTS = [(name, factor) for name in MODEL.monitored for factor in (1.2, 0.8)]
-SEEDS, SAMPLES = 24, 4000
+SAMPLES = 4000
 H_US = 5000
+Bools = NDArray[np.bool_]
 
 
 def histories(
@@ -45,3 +49,45 @@ def alarm_versions(monitor: AxisMonitor, samples: SampleBlock) -> tuple[list[Ala
     events, trace = monitor.batch.run_traced(t_us, u, y, shift=shift, gate=gate)
     versions = [change.alarm for _, event in events for change in monitor.apply([event])]
     return versions, Trace(*(field[..., 0] for field in trace))
+
+
+class Outcomes(NamedTuple):
+    """What was said of faults: an array over all of them, over those named, or over those named right."""
+
+    found: Bools
+    named: Bools
+    right: Bools  # of those named
+    crossed: Bools  # of those named: the right one crossed first
+    onset: Bools  # of those right, with an onset: its 90 % interval holds the fault
+    z: Floats  # of those right: error of the size over its standard deviation
+    kind: NDArray[np.str_]  # of those right
+
+    @classmethod
+    def joined(cls, several: Iterable["Outcomes"]) -> "Outcomes":
+        return cls(*map(np.concatenate, zip(*several, strict=True)))
+
+    @property
+    def size(self) -> Bools:
+        """Whether the size is within 90 %."""
+        return np.abs(self.z) < 1.645
+
+
+def outcomes(name: str, factor: float, each: int, seed: int, joint: bool = False) -> Outcomes:
+    """Of so many records of the reference experiment in which that parameter changes by the factor."""
+    t_us, u, y = experiments(range(seed, seed + each), {name: factor}, samples=SAMPLES)
+    said, _ = histories(seed, t_us.tolist(), u, y, joint)
+    after = [[e for e in episodes if e.raised_us >= FAULT_AT * H_US] for episodes in said]
+    named = [e for episodes in after if (e := first_named(episodes)) is not None]
+    right = [e for e in named if e.parameter == name]
+    size = (factor - 1) * MODEL.theta0[MODEL.monitored.index(name)]
+    return Outcomes(
+        np.array([bool(episodes) for episodes in after]),
+        np.array([first_named(episodes) is not None for episodes in after]),
+        np.array([e.parameter == name for e in named]),
+        np.array([e.first[0] == name for e in named]),
+        np.array(
+            [(e.onset_low_us or 0) <= FAULT_AT * H_US <= e.onset_high_us for e in right if e.onset_high_us]
+        ),
+        np.array([(e.size - size) / e.size_sd for e in right]),
+        np.array([e.kind for e in right]),
+    )

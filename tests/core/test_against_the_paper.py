@@ -42,8 +42,8 @@ class Situation(NamedTuple):
 
 
 def of_case(case: Case, seed: int) -> Situation:
-    """The transcription is slow: drives beside the paper's get half of the samples."""
-    samples = 2000 if case.name in ("paper", "angle-paper") else 1000
+    """The transcription is slow: drives beside the paper's get fewer samples."""
+    samples = 1000 if case.name in ("paper", "angle-paper") else 600
     rec = record(seed, case, samples, jitter=0.3, gaps=3)
     return Situation(case, case.settings(alpha1=0.5, alpha2=0.5), rec)
 

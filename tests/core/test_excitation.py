@@ -185,10 +185,11 @@ def test_torques_and_motions_keep_within_all_limits(
     """A weight is moved by a controller."""
     plant = Plant(*drive, H)
     if drive in OPEN:
-        asked = task(Limits(torque, speed, angle), drive[1], plant=plant)
+        asked = task(Limits(torque, speed, angle), drive[1], plant=plant, period=200)
     else:
         estimation = Estimation(plant.drive, plant.values, H, 1e-6)
-        asked = task(Limits(torque + 2.5, speed, angle), plant=plant, estimation=estimation, command="angle")
+        limits = Limits(torque + 2.5, speed, angle)
+        asked = task(limits, plant=plant, estimation=estimation, command="angle", period=200)
     check_limits(planned_or_none(seed, asked), plant)
 
 

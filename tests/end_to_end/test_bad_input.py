@@ -2,10 +2,12 @@
 
 import json
 import math
+import socket
 import struct
 import time
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from service.can.bus import open_bus, send
 from service.can.frames import FrameKey
@@ -53,13 +55,22 @@ def test_values_that_are_none_and_frames_that_are_short_are_counted_and_change_n
         assert 'axiswatch_values_dropped_total{axis="demo.axis1",reason="not_finite"} 20.0' in d.text(
             "metrics"
         )
-        assert d.stop() == 0
+        stops_in_order_with_an_open_connection(d)
 
 
 def _with(d: Daemon, samples: int) -> dict[str, Any] | None:
     """The axis, once it has some good samples and all of the bad values."""
     axis = d.axis()
     return axis if axis["samples"] >= samples and axis["dropped"]["not_finite"] >= 20 else None
+
+
+def stops_in_order_with_an_open_connection(d: Daemon) -> None:
+    address = urlsplit(d.page)
+    with socket.create_connection((str(address.hostname), int(address.port or 0))) as connection:
+        connection.sendall(b"GET /api/v1/axes HTTP/1.1\r\nHost: here\r\n")  # and no end of the head
+        assert d.stop() == 0
+    assert [json.dumps(e) for e in d.events() if e["level"] in ("error", "critical")] == []
+    assert d.events()[-1]["event"] == "stopped"
 
 
 def said(d: Daemon) -> list[str]:
@@ -94,37 +105,3 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
         axis = d.axis()
         assert (axis["samples"], axis["parameters"][2]["status"]) == (0, "alarm")
         assert d.stop() == 0
-
-
-def test_a_checkpoint_of_other_nominal_values_is_quarantined_and_said(tmp_path: Path) -> None:
-    config = demo_config(tmp_path, axes=1)
-    with daemon(config) as d:
-        with robot(config):
-            wait_for(lambda: d.axis()["samples"])
-        assert d.stop() == 0
-    edit(config, ("fm = 0.06 ", "fm = 0.07 "))
-    with daemon(config) as d:
-        (message,) = said(d)
-        assert (
-            "demo.axis1: its checkpoint is not used and was quarantined: it was saved with another mod"
-            in message
-        )
-        assert "the estimates, the evidence of the multi-model detector and the long-term history" in message
-        assert message in [event.get("message") for event in d.events()]
-        axis = d.axis()
-        assert (axis["samples"], axis["parameters"][2]["estimate"]) == (0, 0.07)
-        assert d.stop() == 0
-
-
-def test_stopping_is_quick_and_in_order_with_an_open_connection(tmp_path: Path) -> None:
-    import socket
-    from urllib.parse import urlsplit
-
-    config = demo_config(tmp_path, axes=1)
-    with daemon(config) as d:
-        address = urlsplit(d.page)
-        with socket.create_connection((str(address.hostname), int(address.port or 0))) as connection:
-            connection.sendall(b"GET /api/v1/axes HTTP/1.1\r\nHost: here\r\n")  # and no end of the head
-            assert d.stop() == 0
-        assert [json.dumps(e) for e in d.events() if e["level"] in ("error", "critical")] == []
-        assert d.events()[-1]["event"] == "stopped"

@@ -4,6 +4,7 @@ A torque constant changed by a factor, or a changed friction of the motor, would
 for the same motion, whatever the rest of the dynamics is.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 from service.config import Config, load
@@ -38,14 +40,6 @@ def model_and_settings() -> tuple[AxisModel, Settings]:
     axis = configuration().axes[0]
     model = axis_model(axis.config)
     return model, axis_settings(axis, model)
-
-
-def noises() -> tuple[float, float]:
-    """Standard deviations of torque and output from which the configuration computes the gain."""
-    estimator = configuration().axes[0].config.estimator
-    assert estimator.torque_noise is not None
-    assert estimator.output_noise is not None
-    return estimator.torque_noise, estimator.output_noise
 
 
 def with_torque_constant(record: SampleBlock, factor: float, start: int) -> SampleBlock:
@@ -98,3 +92,55 @@ FAULTS = (
     Fault(1.0, VISCOUS, ("fm", "up")),
     Fault(1.0, -VISCOUS, ("fm", "down")),
 )
+
+
+# --- The monitor's own predictor over the record ------------------------------------------------------------
+
+
+FITTED = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0")
+"""What the configuration says is fitted to the record."""
+CORRELATION_S = 0.1
+"""Autocorrelation of the prediction errors counts up to here."""
+
+
+class Errors(NamedTuple):
+    """Prediction errors (N,) and their negative derivatives (N, p), after the predictor has settled."""
+
+    eps: Floats
+    psi: Floats
+
+
+def prediction_errors(model: AxisModel, settings: Settings, record: SampleBlock) -> Errors:
+    """The errors of the monitor's predictor with theta at nominal: the run that looks for P(0) never ends."""
+    frozen = replace(settings, lam=1 - 1e-6, P0=())
+    _, trace = AxisMonitor(model, frozen).update_traced(record)
+    learned = np.isfinite(trace.eps)
+    return Errors(trace.eps[learned], trace.psi[learned])
+
+
+def goodness(model: AxisModel, settings: Settings, record: SampleBlock) -> float:
+    """1 - |y - yhat| / |y - mean y|: 1 is perfect, 0 as good as the mean."""
+    eps = prediction_errors(model, settings, record).eps
+    y = record.y[-len(eps) :]
+    return float(1 - np.linalg.norm(eps) / np.linalg.norm(y - y.mean()))
+
+
+def correlation_factor(errors: Errors, interval_s: float) -> Floats:
+    """By what the autocorrelation of the errors enlarges the variance of each estimate (p,); Newey and West:
+
+    R^-1 S R^-1  over  lam0 R^-1,      S = sum_l w_l E s(t) s(t-l)',  s = psi eps
+    """
+    count, most = len(errors.eps), round(CORRELATION_S / interval_s)
+    s = errors.psi * errors.eps[:, np.newaxis]
+    S = s.T @ s / count
+    for lag in range(1, most + 1):
+        G = s[lag:].T @ s[:-lag] / count
+        S += (1 - lag / (most + 1)) * (G + G.T)
+    inverse = np.linalg.inv(errors.psi.T @ errors.psi / count)
+    factor: Floats = np.diag(inverse @ S @ inverse) / (errors.eps.var() * np.diag(inverse))
+    return factor
+
+
+def all_fitted(model: AxisModel) -> AxisModel:
+    """The same axis, with every parameter that is fitted as one that is monitored."""
+    return replace(model, monitored=FITTED, scales={}, bounds={})

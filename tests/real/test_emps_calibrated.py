@@ -151,7 +151,7 @@ def configured(folder: Path, text: str) -> Config:
 
 def calibrated(config: Config, half: str, budget_s: float) -> Calibration:
     """Thresholds from that half, a text that selects it, as ``axiswatch calibrate`` finds them."""
-    request = CalibrationOptions(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=500_000)
+    request = CalibrationOptions(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=50_000)
     return calibrate_axis(config, config.axes[0], [half], request, Provenance("", "", ""))
 
 
@@ -186,39 +186,46 @@ BEGINS_S = (4.0, 6.0, 8.0)
 WATCHED = ("kT", "fc")
 
 
+class Learned(NamedTuple):
+    """Where the nominal values from one half are; that half, and the other, as texts."""
+
+    folder: Path
+    own: str
+    other: str
+
+
 class Halves(NamedTuple):
-    """What was found in one, the other as the daemon sees it, and where the nominal values are."""
+    """The thresholds from one half, and the other as the daemon sees it."""
 
     found: Calibration
     other: SampleBlock
-    folder: Path
-    own: str
 
 
 @pytest.fixture(scope="module", params=[0, 1], ids=["second from first", "first from second"])
-def half(
+def learned(
     request: pytest.FixtureRequest, records_dir: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Halves:
-    return learned_from(request.param, BUDGET_S, records_dir, tmp_path_factory)
-
-
-@pytest.fixture(scope="module", params=[0, 1], ids=["second from first", "first from second"])
-def half_of_five_minutes(
-    request: pytest.FixtureRequest, records_dir: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Halves:
-    """With one false alarm in five minutes: for less force than ten seconds find at one in ten."""
-    return learned_from(request.param, 300.0, records_dir, tmp_path_factory)
-
-
-def learned_from(which: int, budget_s: float, records_dir: Path, tmp: pytest.TempPathFactory) -> Halves:
-    """Thresholds from one half, to watch the other."""
+) -> Learned:
     path = records_dir / "emps" / "DATA_EMPS.mat"
-    own, other = [f"{path}@0:{HALF_S}", f"{path}@{HALF_S}:"][:: -1 if which else 1]
-    folder = identified(tmp.mktemp("emps"), own)
-    config = watched(folder, WATCHED)
-    found = calibrated(config, own, budget_s)
+    own, other = [f"{path}@0:{HALF_S}", f"{path}@{HALF_S}:"][:: -1 if request.param else 1]
+    return Learned(identified(tmp_path_factory.mktemp("emps"), own), own, other)
+
+
+@pytest.fixture(scope="module")
+def half(learned: Learned) -> Halves:
+    return with_thresholds(learned, BUDGET_S)
+
+
+@pytest.fixture(scope="module")
+def half_of_five_minutes(learned: Learned) -> Halves:
+    """With one false alarm in five minutes: for less force than ten seconds find at one in ten."""
+    return with_thresholds(learned, 300.0)
+
+
+def with_thresholds(learned: Learned, budget_s: float) -> Halves:
+    config = watched(learned.folder, WATCHED)
+    found = calibrated(config, learned.own, budget_s)
     print(f"EMPS: {found.result.tests.promise}; {found.result.settings.thresholds}")
-    return Halves(found, samples(config, found, other), folder, own)
+    return Halves(found, samples(config, found, learned.other))
 
 
 def test_the_other_half_is_quiet(half: Halves) -> None:
@@ -278,8 +285,8 @@ def test_one_kind_of_friction_alone_is_friction(
     assert (e.parameter, e.direction) == ("fc", "up" if part > 0 else "down")
 
 
-def test_both_kinds_of_friction_are_more_than_this_record_can_tell(half: Halves) -> None:
+def test_both_kinds_of_friction_are_more_than_this_record_can_tell(learned: Learned) -> None:
     """Watched at once they take each other's place, and scatter so much that nothing can be promised."""
-    config = watched(half.folder, ("kT", "fv", "fc"))
+    config = watched(learned.folder, ("kT", "fv", "fc"))
     with pytest.raises(CalibrationError, match=r"too short to promise one false alarm in 10 min"):
-        calibrated(config, half.own, BUDGET_S)
+        calibrated(config, learned.own, BUDGET_S)

@@ -12,22 +12,27 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
-from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, bank_of
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.monitoring import AxisMonitor, standard_deviation
 from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
+from tests.core.figures import steady_p_of
 from tests.core.naming import alarm_versions
-from tests.real.fit_irb import FITTED, all_fitted, correlation_factor, goodness, prediction_errors
 from tests.real.irb import (
     FAULTS,
+    FITTED,
     Fault,
+    all_fitted,
     configuration,
+    correlation_factor,
+    goodness,
     model_and_settings,
+    prediction_errors,
     with_coulomb_friction,
     with_torque_constant,
 )
@@ -111,8 +116,11 @@ def test_fit_is_that_of_the_published_model_or_better(irb_record: SampleBlock) -
     assert goodness(model, settings, irb_record) == pytest.approx(0.8957, abs=0.002)
 
 
-def test_configured_variance_is_that_of_the_record(irb_record: SampleBlock) -> None:
+def test_configured_variance_and_P0_are_those_of_the_record(irb_record: SampleBlock) -> None:
     model, settings = model_and_settings()
+    t_us, u, y = irb_record[:3]
+    found = steady_p_of(model, settings, Experiment(t_us, u[:, np.newaxis], y[:, np.newaxis]))
+    assert found == pytest.approx(settings.P0, rel=0.01)
     errors = prediction_errors(model, settings, irb_record)
     variance = errors.eps.var() * correlation_factor(errors, settings.interval_s).max()
     assert settings.lam0 == pytest.approx(variance, rel=0.01)
@@ -131,15 +139,11 @@ BUDGET_S = 600.0
 """Ten seconds cannot promise much more."""
 
 
-def calibrated(path: Path, budget_s: float) -> Calibration:
-    config = configuration()
-    wishes = CalibrationOptions(budget_s, WITHIN_S, (0.3,), 10, copies=2_000_000, bank_copies=500_000)
-    return calibrate_axis(config, config.axes[0], [str(path)], wishes, Provenance("", "", ""))
-
-
 @pytest.fixture(scope="module")
 def found(irb_path: Path) -> Calibration:
-    return calibrated(irb_path, BUDGET_S)
+    config = configuration()
+    wishes = CalibrationOptions(BUDGET_S, WITHIN_S, (0.3,), 10, copies=2_000_000, bank_copies=500_000)
+    return calibrate_axis(config, config.axes[0], [str(irb_path)], wishes, Provenance("", "", ""))
 
 
 def limits(found: Calibration) -> Limits:
@@ -191,8 +195,3 @@ def test_a_torque_constant_is_told_from_a_scaled_output_when_there_is_evidence(
     assert {share.cause for share in named[0].shares[:2]} == {"kT", "output scale"}
     assert named[-1].shares[0].cause == "kT"
     assert named[-1].shares[0].size == pytest.approx(np.log(1.2), abs=0.05)
-
-
-def test_a_year_cannot_be_promised_from_ten_seconds(irb_path: Path) -> None:
-    with pytest.raises(CalibrationError, match="too short to promise one false alarm in a year"):
-        calibrated(irb_path, 31557600.0)

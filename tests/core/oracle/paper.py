@@ -106,6 +106,8 @@ class Paper:
         delay = self.theta[monitored.index(DELAY)] if DELAY in monitored else self.s.delay_s
         late, mean = min(max(delay, 0.0), h), self.model.drive.mean_state
         self.lam = self.s.lam ** (h / self.s.interval_s)
+        self.A, self.B, C = self.model.matrices(self.theta)
+        self.dA, self.dB, dC = (derivatives(self.model, which, self.theta) for which in "ABC")
         self._propagate(late, self.torque_before)
         if DELAY in monitored:
             self._step_of_torque(min(delay, 0.0), monitored.index(DELAY))
@@ -113,10 +115,9 @@ class Paper:
         if mean >= 0:
             rest, over = self._to_its_own_interval(h, rest)
         self._propagate(rest, self.torque)
-        C = self.model.matrices(self.theta)[2][0] / over
-        dC = [d / over for d in derivatives(self.model, "C", self.theta)]
-        eps = y - C @ self.x  # (11)
-        psi = np.array([C @ z + d[0] @ self.x for z, d in zip(self.z, dC, strict=True)])  # (16)
+        row, slopes = C[0] / over, [d[0] / over for d in dC]
+        eps = y - row @ self.x  # (11)
+        psi = np.array([row @ z + slope @ self.x for z, slope in zip(self.z, slopes, strict=True)])  # (16)
         self.t = t
         since = 0 if self.in_a_row >= 3 else self.in_a_row  # passed over, so that x went on
         K = self._gain(h + since * self.s.interval_s, self.s.K, self.s.K_after)
@@ -165,25 +166,24 @@ class Paper:
 
     def _propagate(self, h: float, torque: float) -> None:
         """The extended system (18-19), all of it: w = (z_1 .. z_p, x)."""
+        if h == 0:  # the exponential is the unit matrix
+            return
         n, p = len(self.x), len(self.theta)
-        A, B, _ = self.model.matrices(self.theta)
-        dA, dB = (derivatives(self.model, which, self.theta) for which in "AB")
         u = np.where(np.array(self.model.drive.inputs) == TORQUE, torque, self.u)
-        F, f = np.kron(np.eye(p + 1), A), np.zeros((p + 1, n))
+        F, f = np.kron(np.eye(p + 1), self.A), np.zeros((p + 1, n))
         for i in range(p):
-            F[i * n : (i + 1) * n, p * n :] = dA[i]
-            f[i] = dB[i] @ u + B @ self.du[i]
-        f[p] = B @ u
+            F[i * n : (i + 1) * n, p * n :] = self.dA[i]
+            f[i] = self.dB[i] @ u + self.B @ self.du[i]
+        f[p] = self.B @ u
         w = held_over(F, f.ravel(), np.append(self.z.ravel(), self.x), h)
         self.z, self.x = w[: p * n].reshape(p, n), w[p * n :]
 
     def _step_of_torque(self, ahead: float, late: int) -> None:
         """What the torque's step does to x where it came ahead of its sample, and d/d(delay) of it anyway."""
         step = (self.torque_before - self.torque) * np.array([k == TORQUE for k in self.model.drive.inputs])
-        B, dB = self.model.matrices(self.theta)[1], derivatives(self.model, "B", self.theta)
-        self.x = self.x + ahead * B @ step
-        self.z = self.z + ahead * np.array([d @ step for d in dB])
-        self.z[late] += B @ step
+        self.x = self.x + ahead * self.B @ step
+        self.z = self.z + ahead * np.array([d @ step for d in self.dB])
+        self.z[late] += self.B @ step
 
     def _update(self, eps: float, psi: Array) -> None:
         walks = self.s.random_walk and len(self.diagonals) >= self.s.seed_updates

@@ -85,28 +85,6 @@ def test_steps_too_small_to_be_followed_change_nothing(seed: int) -> None:
     assert np.array_equal(plain.g, moved.g, equal_nan=True)
 
 
-def test_in_pieces_and_saved_it_does_the_same(seed: int) -> None:
-    """Also where the conditions are told only now and then: what is not known holds, and is not tested."""
-    rng = np.random.default_rng(seed)
-    shift = course(FM, -0.5)
-    u, y = axis(rng, shift, {"kT": 1.3}, 3 * N // 4)
-    shift[N // 4 : N // 3] = np.nan
-    whole = bank()
-    events, trace = whole.run_traced(T, u, y, shift=shift)
-    assert np.isnan(trace.llr[N // 4 : N // 3]).all()
-    assert events
-    one, said = bank(), []
-    for k in range(0, N, 1777):
-        here = slice(k, k + 1777)
-        said += one.run(T[here], u[here], y[here], shift=shift[here])
-        other = bank()
-        other.from_arrays(one.to_arrays())
-        one = other
-    assert repr(said) == repr(events)  # sizes that a cause does not have are not equal to themselves
-    assert one.moved == whole.moved
-    assert np.array_equal(one.memory.sums, whole.memory.sums)
-
-
 def test_a_saved_state_of_before_has_nominal_values_that_do_not_move() -> None:
     arrays = {name: array for name, array in bank().to_arrays().items() if name != "moved"}
     again = bank()

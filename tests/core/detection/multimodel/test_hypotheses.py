@@ -20,9 +20,8 @@ from monitor_core.kernel.predictors import FARTHEST
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
+from tests.core.laws import SAMPLES, conditioned, seeds
 
-SAMPLES = 150
-seeds = st.integers(0, 2**32 - 1)
 law = settings(deadline=None, max_examples=12)
 
 
@@ -145,11 +144,14 @@ def state(bank: HypothesisBank) -> list[bytes]:
 def test_blocks_may_end_anywhere_and_a_saved_bank_goes_on(
     seed: int, case: Case, cuts: list[int], saved: bool
 ) -> None:
+    """Also where nominal values follow conditions, which at times are unknown, and behind gates."""
     rec = record(seed, case, SAMPLES, jitter=0.3 * (seed % 2), gaps=1, true=drawn(case, seed))
+    block = conditioned(seed, case, rec)
     whole, parts = lively(case), lively(case)
-    expected, found = whole.run(*rec), []
+    expected, found = whole.run(*rec, block.shift, block.gate), []
     for start, stop in pairwise([0, *sorted(cuts), SAMPLES]):
-        found += parts.run(rec.t_us[start:stop], rec.u[start:stop], rec.y[start:stop])
+        t_us, u, y, shift, gate, *_ = block.select(slice(start, stop))
+        found += parts.run(t_us, u, y, shift, gate)
         if saved:
             again = lively(case)
             again.from_arrays({name: array.copy() for name, array in parts.to_arrays().items()})
@@ -185,14 +187,15 @@ def test_thresholds_that_do_not_fit_are_refused(h: float | Floats) -> None:
         HypothesisBank(case.model, case.settings(), [Hypothesis("some")] * 2, h=h)
 
 
-def test_a_closed_gate_tests_nothing(seed: int) -> None:
+def test_a_closed_gate_tests_nothing_nor_do_unknown_conditions(seed: int) -> None:
     case = CASES[0]
-    rec, bank = record(seed, case, SAMPLES), lively(case, np.inf)
-    gate = np.arange(SAMPLES) < SAMPLES // 2
-    _, trace = bank.run_traced(*rec, gate=gate)
-    assert np.isfinite(trace.llr[SAMPLES // 2 - 5]).any()
-    assert np.isnan(trace.llr[gate.argmin() :]).all()
-    assert np.isfinite(trace.eps[gate.argmin() :]).all()
+    rec, gate = record(seed, case, SAMPLES), np.arange(SAMPLES) < SAMPLES // 2
+    unknown = np.where(gate[:, np.newaxis], 0.0, np.full(len(case.monitored), np.nan))
+    for conditions in ({"gate": gate}, {"shift": unknown}):
+        _, trace = lively(case, np.inf).run_traced(*rec, **conditions)
+        assert np.isfinite(trace.llr[SAMPLES // 2 - 5]).any()
+        assert np.isnan(trace.llr[gate.argmin() :]).all()
+        assert np.isfinite(trace.eps[gate.argmin() :]).all()
 
 
 def test_a_lone_outlier_is_no_evidence(seed: int) -> None:

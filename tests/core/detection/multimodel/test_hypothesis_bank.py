@@ -33,6 +33,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME
 from tests.core.figures import settings_of
+from tests.core.laws import part
 
 MODEL = reference_model()
 DAY = Limits(86400 / INTERVAL_S)
@@ -157,10 +158,6 @@ def detector(seed: int, limits: Limits = DAY) -> MultiModelDetector:
 def monitor(seed: int, alarms: str = "multimodel") -> AxisMonitor:
     settings = settings_of("speed", seed)
     return AxisMonitor(MODEL, settings, MultiModelDetector(MODEL, settings, DAY), alarms)  # type: ignore[arg-type]
-
-
-def part(rec: Experiment, start: int, end: int | None = None) -> Experiment:
-    return Experiment(rec.t_us[start:end], rec.u[start:end], rec.y[start:end])
 
 
 def unchanged(rec: Experiment) -> Experiment:
