@@ -20,7 +20,7 @@ from monitor_core.drive import (
     Operating,
     split_name,
 )
-from monitor_core.excitation import Controller, Plant, faulty, multisine
+from monitor_core.excitation import Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
 from service.config import NamedAxis, conditions_of, drive_of, given_values, needed, predictor_of
 from service.config.drives import axis_model
@@ -65,8 +65,8 @@ class ControlledAxis:
         self._drive = SimulatedAxis(model.nominal, predictor.friction_speed_scale, drive=model.drive)
         self._plant = Plant(model.drive, model.nominal, self.interval_s, predictor.friction_speed_scale)
         J = self._plant.inertia
-        self._controller = Controller(J * _BANDWIDTH**2, J * _BANDWIDTH)
-        self._test_signal = _test_signal(self._plant, self._controller, rng)
+        self._kp, self._kd = J * _BANDWIDTH**2, J * _BANDWIDTH
+        self._test_signal = _test_signal(self._plant, self._kp, self._kd, rng)
         self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
         self._noise = predictor.output_noise or 0.0
         self._torque_before = self._angle_before = 0.0
@@ -120,7 +120,7 @@ class ControlledAxis:
         """PD control around a slow swing, and the test signal."""
         angle = self._drive.angle
         wanted = _SWING * math.sin(2 * math.pi * k * self.interval_s / _SWING_PERIOD_S)
-        held = self._controller.kp * (wanted - angle) - self._controller.kd * self._drive.speed
+        held = self._kp * (wanted - angle) - self._kd * self._drive.speed
         if self._plant.bears_weight:
             held += float(self._plant.countered(np.array([angle]), np.zeros(1))[0])
         return float(held + self._test_signal[k % len(self._test_signal)])
@@ -144,16 +144,16 @@ _BANDWIDTH = 2.0  # rad/s: slow, so that the test signal moves the axis and not 
 _FAST = 1e9  # rad/s: Coulomb friction is complete
 
 
-def _test_signal(plant: Plant, controller: Controller, rng: np.random.Generator) -> Floats:
+def _test_signal(plant: Plant, kp: float, kd: float, rng: np.random.Generator) -> Floats:
     """One period of the torque [N m], below the Nyquist frequency of slow samples."""
     h = plant.interval_s
     low, high = BAND_HZ[0], min(BAND_HZ[1], 0.4 / h)
     lines = np.arange(max(round(low * PERIOD_S), 1), round(high * PERIOD_S) + 1) / PERIOD_S
-    size = SPEED_RMS / _speed_rms(plant, controller, lines)
+    size = SPEED_RMS / _speed_rms(plant, kp, kd, lines)
     return multisine(rng, round(PERIOD_S / h), h, (low, high), size)
 
 
-def _speed_rms(plant: Plant, controller: Controller, frequency_hz: Floats) -> float:
+def _speed_rms(plant: Plant, kp: float, kd: float, frequency_hz: Floats) -> float:
     """Speed [rad/s rms] of the controlled drive at a torque of 1 N m rms on these lines (L,)."""
     s = 2j * np.pi * frequency_hz
     held = -np.expm1(-s * plant.interval_s) / (
@@ -163,7 +163,7 @@ def _speed_rms(plant: Plant, controller: Controller, frequency_hz: Floats) -> fl
     forwards, backwards = plant.countered(np.zeros(2), np.array([_FAST, -_FAST]))
     # Of fc sign(w), at a speed of random phases and SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS follows the speed.
     friction = (forwards - backwards) / 2 * math.sqrt(2 / math.pi) / SPEED_RMS
-    speed = s * angle / (1 + (controller.kp + s * (controller.kd + friction)) * angle)
+    speed = s * angle / (1 + (kp + s * (kd + friction)) * angle)
     return float(np.sqrt(np.mean(np.abs(speed) ** 2)))
 
 
