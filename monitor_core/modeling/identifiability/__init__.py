@@ -5,7 +5,7 @@ needs no tolerance, and combinations such as "kT/Jm" are recovered exactly.
 
 * ``jacobian``: the derivatives of the Markov parameters C A^k B
 * ``lattice``: small integer vectors from spaces modulo a prime
-* ``combinations``: sums and products of powers that are identifiable: "J1 + J2", "kT/Jm"
+* ``combinations``: sums, products of powers and entries that are identifiable: "J1 + J2", "kT/Jm"
 * ``structural``: the result, and the same in words
 """
 

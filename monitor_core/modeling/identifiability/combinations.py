@@ -1,23 +1,25 @@
-"""Combinations of parameters that can be seen, as text: "kT/Jm", "J1 + J2", "r^2*Jg/(Jm + J1)"; as many as are found.
+"""Combinations of parameters that can be seen, as text: "kT/Jm", "J1 + J2", "r^2*Jg/(Jm + J1)"; as many as are needed.
 
 Parameters that are seen as a sum only (directions that stay hidden whatever the values: one more, the other less)
 become one coordinate.  In the logarithms of what is left, vectors orthogonal to all that is hidden are products of
-powers.  What is seen in no such form is only counted.
+powers.  What is still missing are entries of A, B and C that are seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.modeling.identifiability.jacobian import Sample, samples_of, union
+from monitor_core.arrays import Ints
+from monitor_core.modeling.identifiability.jacobian import Sample, gradient, gradients, samples_of, union
 from monitor_core.modeling.identifiability.lattice import Vector, agreed, components, short_basis
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
-from monitor_core.modeling.modular import inverse, null_space, product
+from monitor_core.modeling.modular import inverse, null_space, product, rank
 from monitor_core.modeling.statespace import StateSpace
 
 _BELOW = ("kg m^2", "N m/rad", "N m s/rad", "N m")
@@ -56,20 +58,28 @@ def combinations_of(
     if tuple(c.name for c in coordinates) != tuple(free):
         merged = samples_of(ss, [c.name for c in coordinates], rng, inputs)
         if len(merged[0][0].seen) == seen:
-            return _named(coordinates, merged)
-    return _named(_drawn(ss, free), samples)
+            return _named(ss, coordinates, merged)
+    return _named(ss, _drawn(ss, free), samples)
 
 
 def _named(
-    coordinates: Sequence[Coordinate], samples: Sequence[Sequence[Sample]]
+    ss: StateSpace, coordinates: Sequence[Coordinate], samples: Sequence[Sequence[Sample]]
 ) -> list[tuple[str, frozenset[str]]]:
     order = sorted(range(len(coordinates)), key=lambda j: (by_unit(coordinates[j].unit, _BELOW), j))
     unit = tuple(map(tuple, np.eye(len(coordinates), dtype=np.int64).tolist()))
     frame = Frame(tuple(c.text for c in coordinates), unit, tuple(order), samples)
-    return [
-        (text, frozenset().union(*(coordinates[j].free for j in columns)))
-        for text, columns in products(with_sums(frame))
-    ]
+    first = [some[0] for some in samples]
+    found = list(products(with_sums(frame), first[0]))
+    texts = {c.name: c.text for c in coordinates}
+    if len(found) < len(first[0].seen):
+        for candidate in entries_seen(ss, [c.name for c in coordinates], texts, first):
+            if _adds(candidate, found, first[0].prime):
+                found.append(candidate)
+    return [(f.text, frozenset().union(*(coordinates[j].free for j in f.columns))) for f in found]
+
+
+def _adds(candidate: Combination, found: Sequence[Combination], prime: int) -> bool:
+    return rank(np.array([f.slope() for f in (*found, candidate)]), prime) > len(found)
 
 
 def _drawn(ss: StateSpace, free: Sequence[str]) -> list[Coordinate]:
@@ -100,7 +110,7 @@ def _expanded(value: Laurent, sums: Mapping[str, Laurent]) -> Laurent:
         return value.substitute({name: Laurent.symbol(str(total)) for name, total in sums.items()})
 
 
-# --- Sums and products of powers that are seen ------------------------------------------------------------------------
+# --- Sums, products of powers and entries that are seen ---------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -120,6 +130,18 @@ class Frame:
     def primes(self) -> list[int]:
         """The prime of each list of samples."""
         return [some[0].prime for some in self.samples]
+
+
+@dataclass(frozen=True)
+class Combination:
+    """What is seen: its text, the first coordinates in it, and the gradient (p,) of its logarithm.
+
+    The gradient is that at the first sample, with respect to the logarithms of the first coordinates.
+    """
+
+    text: str
+    columns: frozenset[int]
+    slope: Callable[[], Ints]
 
 
 def with_sums(frame: Frame) -> Frame:
@@ -144,10 +166,10 @@ def _in_forms(sample: Sample, forms: Sequence[Vector]) -> Sample:
     return Sample(sample.point, values, plain * values % prime)
 
 
-def products(frame: Frame) -> Iterator[tuple[str, set[int]]]:
+def products(frame: Frame, first: Sample) -> Iterator[Combination]:
     """Products of powers of the coordinates that are seen; also those that are seen by themselves.
 
-    Each as its text and the first coordinates in it.
+    ``first``: the first sample, in the first coordinates.
     """
     bases = [null_space(union([s.hidden for s in some], some), some[0].prime) for some in frame.samples]
     space = agreed(bases, frame.primes)
@@ -155,9 +177,50 @@ def products(frame: Frame) -> Iterator[tuple[str, set[int]]]:
         inside = [tuple(v[j] for j in group) for v in space if any(v[j] for j in group)]
         order = [group.index(column) for column in frame.order if column in group]
         for short in short_basis(inside, order, frame.primes[0]) if inside else []:
-            powers = {j: e for j, e in zip(group, short, strict=True) if e}
-            columns = {i for j in powers for i, c in enumerate(frame.forms[j]) if c}
-            yield _product_text({frame.texts[j]: e for j, e in powers.items()}), columns
+            vector = dict(zip(group, short, strict=True))
+            yield _product(tuple(vector.get(j, 0) for j in range(len(frame.texts))), frame, first)
+
+
+def _product(vector: Vector, frame: Frame, first: Sample) -> Combination:
+    text = _product_text({frame.texts[j]: e for j, e in enumerate(vector) if e})
+    columns = {i for j, e in enumerate(vector) if e for i, c in enumerate(frame.forms[j]) if c}
+    slope = partial(_slope, vector, frame.forms, first, frame.samples[0][0])
+    return Combination(text, frozenset(columns), slope)
+
+
+def _slope(vector: Vector, forms: Sequence[Vector], first: Sample, sample: Sample) -> Ints:
+    """sum of e_j dlog(form_j), form_j = sum of c_ij theta_i, by the logarithms of theta."""
+    prime = first.prime
+    weights = np.array(vector, dtype=np.int64) % prime * inverse(sample.values, prime) % prime
+    plain = product(weights[None], np.array(forms, dtype=np.int64) % prime, prime)[0]
+    return np.asarray(plain * first.values % prime)
+
+
+def entries_seen(
+    ss: StateSpace, coordinates: Sequence[str], texts: Mapping[str, str], first: Sequence[Sample]
+) -> Iterator[Combination]:
+    """Entries of A, B and C that are seen, and sums in them, simple ones first."""
+    candidates = {_positive(e) for M in (ss.A, ss.B, ss.C) for e in M.values()}
+    candidates |= {entry.common_factor()[1] for entry in candidates}
+    symbols = {name: Laurent.symbol(text) for name, text in texts.items()}
+    named = {str(entry.substitute(symbols)): entry for entry in candidates}
+    place = {name: j for j, name in enumerate(coordinates)}
+    for text, entry in sorted(named.items(), key=lambda item: (len(item[0]), item[0])):
+        slopes = tuple(_entry_slope(ss, entry, coordinates, s) for s in first)
+        if all(
+            rank(np.vstack([s.seen, g]), s.prime) == len(s.seen) for s, g in zip(first, slopes, strict=True)
+        ):
+            columns = frozenset(place[name] for name in entry.names if name in place)
+            yield Combination(text, columns, partial(_entry_slope, ss, entry, coordinates, first[0]))
+
+
+def _entry_slope(ss: StateSpace, entry: Laurent, coordinates: Sequence[str], sample: Sample) -> Ints:
+    known = gradients(coordinates, ss.definitions, sample.point)
+    return gradient(entry, known, len(coordinates), sample.point)
+
+
+def _positive(entry: Laurent) -> Laurent:
+    return -entry if all(c < 0 for c in entry.terms.values()) else entry
 
 
 def _sum(form: Vector, texts: Sequence[str]) -> str:
