@@ -49,9 +49,9 @@ def _plan_experiment() -> Experiment:
 
 def _identify(experiment: Experiment, output: Output) -> None:
     motion, rng = experiment.motion, np.random.default_rng(0)
-    y = (motion.speed if output == "speed" else motion.angle)[:, 0]
+    y = motion.speed if output == "speed" else motion.angle
     t = _INTERVAL_S * np.arange(len(y), dtype=np.float64)
-    record = Record(t, motion.torque[:, 0], y + 0.01 * y.std() * rng.standard_normal(len(y)), output)
+    record = Record(t, motion.torque, y + 0.01 * y.std() * rng.standard_normal(len(y)), output)
     problem = Problem(
         two_mass(output),
         _VALUES,

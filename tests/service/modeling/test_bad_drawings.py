@@ -135,23 +135,18 @@ def test_without_a_value_there_are_matrices_but_no_poles(tmp_path: Path) -> None
     assert len(found["A"]) == len(found["states"]) == 3
 
 
-IMPOSSIBLE = {
-    "unstable": (PRESS.replace("d = 0.5", "d = -50"), "unstable"),
-    "far too stiff": (PRESS.replace("c = 400", "c = 1e300"), "power of ten"),
-    "gravity and a speed": (
-        press("AxisWatch.Gravity weight(gc = 3, gs = 1);", "connect(weight.flange, arm.flange_b);"),
-        "gravity depends on the angle",
+EXTREME = {
+    "unstable": PRESS.replace("d = 0.5", "d = -50"),
+    "far too stiff": PRESS.replace("c = 400", "c = 1e300"),
+    "gravity and a speed": press(
+        "AxisWatch.Gravity weight(gc = 3, gs = 1);", "connect(weight.flange, arm.flange_b);"
     ),
 }
 
 
-@pytest.mark.parametrize("name", IMPOSSIBLE)
-def test_what_cannot_be_simulated_is_told_with_the_rest(name: str, tmp_path: Path) -> None:
-    text, why = IMPOSSIBLE[name]
-    said = " ".join(shown(text, tmp_path).split())
-    assert "not known: " in said
-    assert why in said
-    assert "Poles at nominal" in said
+@pytest.mark.parametrize("text", EXTREME.values(), ids=EXTREME)
+def test_drives_that_cannot_be_monitored_are_shown_all_the_same(text: str, tmp_path: Path) -> None:
+    assert "Poles at nominal" in " ".join(shown(text, tmp_path).split())
 
 
 @pytest.mark.parametrize("arguments", [(), ("--json", "-")], ids=["text", "json"])
