@@ -5,7 +5,8 @@ from __future__ import annotations
 import errno
 import socket
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol
 
 import can
@@ -72,6 +73,21 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
         # The system error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
         raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
+
+
+@contextmanager
+def open_buses(configs: Iterable[BusSettings]) -> Iterator[dict[str, Bus]]:
+    """Buses by name, to send on, until the end of the block.
+
+    Raises:
+        BusError: a bus cannot be opened.
+    """
+    with ExitStack() as stack:
+        buses = {}
+        for config in configs:
+            buses[config.name] = opened = open_bus(config, ())
+            stack.callback(opened.shutdown)
+        yield buses
 
 
 def send(bus: Bus, key: FrameKey, data: bytes) -> None:

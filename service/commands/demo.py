@@ -10,13 +10,13 @@ import structlog
 import typer
 from rich.console import Console
 
+from service.can.bus import open_buses
 from service.commands.exit_codes import explained
 from service.commands.options import Port, axis_named, configuration
 from service.commands.run import configure_logs
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.drive_sources import shipped
-from service.simulation.playback import open_buses
 from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 
 log = structlog.get_logger(__name__)
@@ -83,7 +83,7 @@ def _run(config: Config, fault: Fault) -> None:
 def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: threading.Event) -> None:
     ready.wait()
     try:
-        with open_buses(config) as buses:
+        with open_buses(config.bus) as buses:
             run_robot(robot, sender(config, buses), stop, _log_fault)
     finally:
         stop.set()

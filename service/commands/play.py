@@ -44,11 +44,12 @@ def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0) -> None:
 
 def _play(config: Config, record: Path, speed: float, stop: threading.Event) -> tuple[int, float]:
     """Number of frames sent, and the largest delay [s]."""
-    from service.simulation.playback import open_buses, play_frames, play_record
+    from service.can.bus import open_buses
+    from service.simulation.playback import play_frames, play_record
 
     sent, late_s = 0, 0.0
     frames = play_record(record, config)  # its errors are reported before a bus is opened
-    with open_buses(config) as buses, progress_bar(record.name) as progress:
+    with open_buses(config.bus) as buses, progress_bar(record.name) as progress:
         for frame in play_frames(buses, frames, speed, stop):
             sent += 1
             late_s = max(late_s, frame.late_s if speed < math.inf else 0.0)

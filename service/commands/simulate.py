@@ -7,9 +7,9 @@ import typer
 from rich.console import Console
 
 from monitor_core.drive import DELAY
+from service.can.bus import open_buses
 from service.commands.exit_codes import explained, stopped_by_signals
 from service.commands.options import ConfigPath, Seconds, axis_named, configuration
-from service.simulation.playback import open_buses
 from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of motion and noise, to repeat a run.")]
@@ -78,7 +78,7 @@ def simulate(
         def happened(fault: Fault) -> None:
             console.print(f"{fault.axis_id}: {in_words(fault.factors)}")
 
-        with open_buses(read) as buses:
+        with open_buses(read.bus) as buses:
             channels = ", ".join(bus.channel for bus in read.bus)
             console.print(f"{len(read.axes)} axes on {channels}; Ctrl-C ends")
             frames = run_robot(robot, sender(read, buses), stop, happened, seconds)

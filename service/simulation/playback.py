@@ -5,13 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from service.can.bus import Bus, open_bus, send
+from service.can.bus import Bus, send
 from service.can.frames import FrameKey
 from service.can.user_errors import IngestError, RecordError
 from service.config.schema import Config
@@ -19,21 +18,6 @@ from service.ingest.encode import FrameEncoder, Values
 from service.ingest.records import LogRecord, Record, Step, is_table, read_record
 
 _NAP_S = 0.05
-
-
-@contextmanager
-def open_buses(config: Config) -> Iterator[dict[str, Bus]]:
-    """All buses of the configuration by name, to send on.
-
-    Raises:
-        BusError: a bus cannot be opened.
-    """
-    with ExitStack() as stack:
-        buses = {}
-        for bus in config.bus:
-            buses[bus.name] = opened = open_bus(bus, ())
-            stack.callback(opened.shutdown)
-        yield buses
 
 
 class PlayFrame(NamedTuple):

@@ -70,7 +70,7 @@ def test_who_sends_is_told_when_frames_no_longer_wait(
 
 STARTS = [
     (
-        "import service.commands.daemon, service.web.app",
+        "import service.commands.run, service.commands.demo, service.commands.daemon, service.web.app",
         "scipy.stats scipy.optimize scipy.signal sympy matplotlib pymoca pyarrow scipy.io",
     ),
     ("import service.commands.main, service.commands.run, service.commands.excite", "matplotlib"),
