@@ -11,8 +11,6 @@ import threading
 from collections.abc import Iterable
 from pathlib import Path
 
-import structlog
-
 from service.pipeline.kernel_cache import VARIABLE
 
 _CHILD = """
@@ -24,9 +22,6 @@ if int(sys.argv[1]) == HYPOTHESES:
 compile_kernel(int(sys.argv[1]))
 os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
 """
-
-log = structlog.get_logger(__name__)
-_FAILED = "the kernel could not be compiled in a process of its own"
 
 
 HYPOTHESES = 0
@@ -115,7 +110,7 @@ class CacheFiller:
                     start_new_session=True, env=_effort(lanes),
                 )  # fmt: skip
             except OSError as error:
-                log.warning(_FAILED, reason=str(error))
+                _warn(str(error))
                 return None
             self._children[_shape(lanes)] = child
             return child
@@ -123,9 +118,14 @@ class CacheFiller:
     def _wait(self, child: subprocess.Popen[str]) -> None:
         _, messages = child.communicate()
         if child.returncode != 0 and not self._stopped:
-            log.warning(
-                _FAILED, reason=messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}"
-            )
+            _warn(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
+
+
+def _warn(reason: str) -> None:
+    import structlog
+
+    log = structlog.get_logger(__name__)
+    log.warning("the kernel could not be compiled in a process of its own", reason=reason)
 
 
 def _effort(lanes: int) -> dict[str, str]:
