@@ -33,9 +33,11 @@ fi
 make --no-print-directory lint || { kill $(jobs -p) 2>/dev/null; exit 1; }
 wait
 
-# Side by side.  More than four processes would only crowd each other's daemons.
+# Side by side, one process more than there are processors: tests of the daemon mostly wait.  More than four would only
+# crowd each other's daemons.
 mkdir -p .cache
-"${PYTEST[@]}" --numprocesses auto --maxprocesses 4 --dist worksteal "$@"
+processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
+"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal "$@"
 main=$?
 
 echo
