@@ -124,7 +124,7 @@ def _digits(value: float) -> str:
 
 
 SURE_COURSE = 0.9
-"""A kind of course that is likelier is told as it is; less likely ones with their shares."""
+"""A kind of course that is likelier is reported as it is; less likely ones with their shares."""
 
 _DAY_S = 86400.0
 _UNITS = (
@@ -133,7 +133,7 @@ _UNITS = (
     (3600.0, "hour", 72 * 3600.0),
     (_DAY_S, "day", 730 * _DAY_S),
 )
-"""Each with the longest time that is told in it [s]."""
+"""Each with the longest time that is given in it [s]."""
 _YEAR_S = 365.25 * _DAY_S
 DATED_US = 10**15
 """Earlier times are those of a record without dates."""

@@ -26,7 +26,7 @@ COPIES = 8_000_000
 PARTS = 8
 """Of a record, in none of which anything may speak for a hypothesis all along."""
 LOOK = 2
-"""Blocks over which the power of the innovations is told: what an offset looks at is next to zero."""
+"""Blocks over which the power of the innovations is estimated: what an offset looks at is next to zero."""
 _CHUNK = 10_000
 
 

@@ -26,7 +26,7 @@ from monitor_core.calibration.budget import bisected
 _DOUBLINGS, _HALVINGS = 30, 60
 _LEAST = 1e-9
 _MOST = 0.5
-"""Standard deviation of log r: where more than that is told it does not follow the power in a straight line."""
+"""Standard deviation of log r: beyond that it does not follow the power in a straight line."""
 
 
 class Spectra:

@@ -18,7 +18,7 @@ LIMIT = 0.95
 POOR = 1.0
 """A standard deviation of 100 % tells nothing."""
 FAIR = 0.1
-"""With standard deviations below 10 % a parameter is told, whatever it correlates with."""
+"""With standard deviations below 10 % a parameter is determined, whatever it correlates with."""
 
 _HIDDEN = 1e-9
 """A direction that changes the output so much less than the strongest is not seen at all."""

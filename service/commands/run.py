@@ -61,7 +61,7 @@ def configure_logs(stream: TextIO | None = None, level: int = logging.INFO) -> N
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(level)
-    # What these tell at INFO is said better by the daemon itself.
+    # The daemon itself reports better what these log at INFO.
     for name in ("can", "uvicorn", "asyncio"):
         logging.getLogger(name).setLevel(logging.WARNING)
 

@@ -50,7 +50,7 @@ def plain(value: float, digits: int) -> str:
 
 
 def percent(value: float | None, signed: bool = False) -> str:
-    """``0.12 %``, two digits; beyond ten times nothing is told but that."""
+    """``0.12 %``, two digits; beyond ten times only that is written."""
     if value is None:
         return ""
     if abs(value) > _MANY:

@@ -224,7 +224,7 @@ def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
 
 
 _SAME = 1e-4
-"""Share of the evidence against REFERENCE by which two may be told apart that count as one."""
+"""Share of the evidence against REFERENCE by which two may differ that count as one."""
 _MEMORIES = 6
 _STRENGTH = 5.0
 

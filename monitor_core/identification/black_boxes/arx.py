@@ -26,7 +26,7 @@ from monitor_core.identification.records.record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, stretches
 
 _LARGEST = 200
-"""Order up to which AIC is looked at, unless told."""
+"""Order up to which AIC is compared, unless given."""
 
 
 @dataclass(frozen=True, eq=False)

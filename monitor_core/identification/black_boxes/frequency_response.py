@@ -104,7 +104,7 @@ def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Compl
 _LINES, _DEGREE = 21, 2
 """Lines of the longest stretch in the band around each frequency, and degree of the polynomials there."""
 _HIDDEN = 1e-10
-"""Of the strongest line: polynomials told apart by less are not determined at all."""
+"""Of the strongest line: polynomials that differ by less are not determined at all."""
 
 
 class Spectrum(NamedTuple):

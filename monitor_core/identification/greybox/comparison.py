@@ -108,8 +108,8 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
     own, start = [*range(len(free)), *[end] * problem.free_delay], end + problem.free_delay
     gradients, starts = [e.psi[:, own] for e in errors], [e.psi[:, start:] for e in errors]
     names = [predictor.layout.names[k] for k in own]
-    told = information(names, np.ones(len(own)), gradients, starts, [e.eps for e in errors], estimate.lam0)
-    white, coloured = np.diag(told.white), np.diag(told.covariance)
+    result = information(names, np.ones(len(own)), gradients, starts, [e.eps for e in errors], estimate.lam0)
+    white, coloured = np.diag(result.white), np.diag(result.covariance)
     known = np.isfinite(white)
     return float(np.max(coloured[known] / white[known], initial=1.0))
 

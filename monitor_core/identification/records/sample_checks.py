@@ -106,7 +106,7 @@ _TAUS_LEAST, _TAUS_ENOUGH = 1.0, 5.0
 """Within one time constant of the slowest motion it looks like a straight line; after five the unknown initial state
 has decayed to less than 1 %."""
 _GAP = 10.0
-"""Typical intervals; the daemon, too, starts its predictor afresh there unless told otherwise."""
+"""Typical intervals; the daemon, too, starts its predictor afresh there unless configured otherwise."""
 _LOST = 0.02
 """Part of all samples: 2 % lost cost 13 % of a damper when they go unnoticed; here they are noticed, but the torque
 between is still not known."""

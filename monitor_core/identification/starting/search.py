@@ -93,7 +93,7 @@ def search(
 ) -> tuple[Found, ...]:
     """The distinct ends of searches from the response's start and around it, the best first.
 
-    There are at most so many, fewer when some have ended at the same best values; ``reached`` is told their number.
+    There are at most so many, fewer when some have ended at the same best values; ``reached`` gets their number.
     """
     ends = list[Found]()
     for count, end in enumerate(_ends(response, measured)):

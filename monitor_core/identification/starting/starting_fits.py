@@ -85,7 +85,7 @@ def _fit(
     return best_fit(problem, records, found, steps.part(MOST, FITTING))
 
 
-# --- Candidates, the best first; ``reached`` is told how many of MOST searches are done -------------------------------
+# --- Candidates, the best first; ``reached`` gets how many of MOST searches are done -------------------------------
 
 
 def around_nominal(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
@@ -128,7 +128,7 @@ def best_fit(
 ) -> Estimate:
     """The best of the fits from the best candidates, with a word on which won.
 
-    ``reached`` is told how many of ``FITTING`` steps are done.
+    ``reached`` gets how many of ``FITTING`` steps are done.
 
     Raises:
         ValueError: none can be fitted from.
