@@ -176,6 +176,10 @@ class AxisMonitor:
         changes = self.apply((event for _, event in events), self.multimodel_events(samples))
         return changes, Trace(*(field[..., 0] for field in trace))
 
+    def update_multimodel(self, samples: SampleBlock) -> list[AlarmChange]:
+        """Let only the multi-model detector take samples, as ``Fleet.update`` has left it out."""
+        return self.apply(multimodel=self.multimodel_events(samples))
+
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
         """The events of the multi-model detector in these samples, if it runs."""
         return self.multimodel.bank.run(*samples[:5]) if self.multimodel else ()

@@ -81,11 +81,14 @@ class Fleet:
         """How many axes share each batch."""
         return [len(group.axes) for group in self._groups]
 
-    def update(self, blocks: Mapping[int, SampleBlock], traced: bool = False) -> dict[int, AxisUpdate]:
+    def update(
+        self, blocks: Mapping[int, SampleBlock], traced: bool = False, multimodel: bool = True
+    ) -> dict[int, AxisUpdate]:
         """Let axes take their blocks, of any lengths; an axis without a block takes no sample.
 
         Each axis gives exactly the results that it gives alone.  A trace takes memory for every sample: use short
-        blocks.
+        blocks.  Without ``multimodel`` the multi-model detectors do not take them; ``AxisMonitor.update_multimodel``
+        gives the same blocks to them later, with the same alarms.
 
         Returns the results by axis, for every axis with a block.
 
@@ -100,7 +103,7 @@ class Fleet:
         found: dict[int, AxisUpdate] = {}
         for group in self._groups:
             for axis, (events, trace) in group.run(blocks, traced).items():
-                found[axis] = _axis_update(self.monitors[axis], blocks[axis], events, trace)
+                found[axis] = _axis_update(self.monitors[axis], blocks[axis], events, trace, multimodel)
         return {axis: found[axis] for axis in sorted(found)}
 
 
@@ -142,12 +145,17 @@ class _Group(NamedTuple):
 
 
 def _axis_update(
-    monitor: AxisMonitor, block: SampleBlock, events: Sequence[BatchEvent], trace: Trace | None
+    monitor: AxisMonitor,
+    block: SampleBlock,
+    events: Sequence[BatchEvent],
+    trace: Trace | None,
+    multimodel: bool,
 ) -> AxisUpdate:
     readings = [event for event in events if isinstance(event, Reading)]
     if trace is None:
-        return AxisUpdate(monitor.apply(events, monitor.multimodel_events(block)), readings, None)
-    found, bank_trace = monitor.multimodel_events_traced(block)
+        found = monitor.multimodel_events(block) if multimodel else ()
+        return AxisUpdate(monitor.apply(events, found), readings, None)
+    found, bank_trace = monitor.multimodel_events_traced(block) if multimodel else ((), None)
     crossings = [event for event in events if isinstance(event, Crossing)]
     traces = AxisTrace(trace, crossings, bank_trace)
     return AxisUpdate(monitor.apply(events, found), readings, traces)

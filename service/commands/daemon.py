@@ -15,8 +15,8 @@ from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.warming import EARLY, CacheFiller
-from service.pipeline.worker import BusIntake, Recording, Worker
+from service.pipeline.warming import EARLY, HYPOTHESES, CacheFiller
+from service.pipeline.worker import BusIntake, Compiled, Recording, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 from service.texts import now_us
@@ -40,7 +40,7 @@ def run_daemon(
         record: frames are also written here, as received.
         ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
-        keeping_up: called after ``ready`` once the kernel is compiled: from then on frames do not wait.
+        keeping_up: called after ``ready`` once the estimates' kernel is compiled: from then on frames do not wait.
 
     Raises:
         AxisError, DbcError, IngestError: the configuration cannot be used.
@@ -68,7 +68,7 @@ def run_daemon(
             url = f"http://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
-            compiled.add_done_callback(lambda done: None if done.exception() else keeping_up())
+            compiled.estimates.add_done_callback(lambda done: None if done.exception() else keeping_up())
 
         serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
         log.info("stopping")
@@ -79,26 +79,32 @@ def run_daemon(
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
 
 
-def _in_background(config: Config, stack: ExitStack) -> Future[None]:
-    """Compile the kernel, or load it from its cache, during the start.
+def _in_background(config: Config, stack: ExitStack) -> Compiled:
+    """Compile the kernel, or load it from its cache, during the start: that of the estimates first.
 
-    This uses separate monitors: those of the worker are used by one thread only.
+    In parallel both would be slower where there are two processors.  This uses separate monitors: those of the worker
+    are used by one thread only.
     """
-    done: Future[None] = Future()
+    compiled = Compiled(Future(), Future())
     filler = EARLY if EARLY.begun else CacheFiller()
     stack.callback(filler.stop)
 
     def compile_kernel() -> None:
         try:
             monitors = AxisMonitors(config.axes)
-            if filler.fill(monitors.shapes):
+            if filler.fill(monitors.batch_sizes):
                 monitors.compile()
-                done.set_result(None)
+                compiled.estimates.set_result(None)
+            if filler.fill([HYPOTHESES] if monitors.multimodel else []):
+                monitors.compile_multimodel()
+                compiled.multimodel.set_result(None)
         except BaseException as error:
-            done.set_exception(error)
+            for done in compiled:
+                if not done.done():
+                    done.set_exception(error)
 
     threading.Thread(target=compile_kernel, name="compiler", daemon=True).start()
-    return done
+    return compiled
 
 
 def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[str, CanReader]:
@@ -113,7 +119,7 @@ def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[s
 def _worker(
     config: Config,
     core: FramePipeline,
-    compiled: Future[None],
+    compiled: Compiled,
     readers: Mapping[str, CanReader],
     record: Path | None,
     stack: ExitStack,

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from monitor_core.detection import MultiModelDetector
 from monitor_core.drive import Operating
 from monitor_core.monitoring import NEVER, AxisMonitor, AxisTrace, Fleet
 from monitor_core.samples import SampleBlock
@@ -15,7 +16,6 @@ from service.ingest.bus_samples import Ingest, block_of
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.trends import Trends
-from service.pipeline.warming import HYPOTHESES
 
 Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""
@@ -43,6 +43,8 @@ class AxisMonitors:
             {a: d.alarm_source for a, d in enumerate(detectors)},
         )
         self.by_id: Mapping[str, AxisMonitor] = dict(zip(self._ids, self._fleet.monitors, strict=True))
+        self._deferred: list[tuple[int, SampleBlock]] | None = None
+        """Axis and samples that wait for its multi-model detector; None: none waits"""
         self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
         keys = [monitor.history_key for monitor in self._fleet.monitors]
         self.trends = Trends(axes, models, keys)
@@ -56,13 +58,34 @@ class AxisMonitors:
         unwrapped = self._unwrapped(samples) if self._turns else samples
         blocks = {a: self._block(i, unwrapped[i]) for a, i in enumerate(self._ids) if i in unwrapped}
         changed: list[AxisAlarm] = []
-        for a, update in self._fleet.update(blocks, traced=observer is not None).items():
+        together = self._deferred is None
+        for a, update in self._fleet.update(blocks, traced=observer is not None, multimodel=together).items():
             axis_id = self._ids[a]
+            if self._deferred is not None and self._fleet.monitors[a].multimodel is not None:
+                self._deferred.append((a, blocks[a]))
             self.trends.take(axis_id, update.readings)
             if observer is not None and update.trace is not None:
                 observer(axis_id, blocks[a], update.trace)
             changed += [AxisAlarm(axis_id, change.alarm) for change in update.changes]
         return changed
+
+    def defer_multimodel(self) -> None:
+        """Let the samples wait for the multi-model detectors from now on, until ``resume_multimodel``."""
+        self._deferred = []
+
+    def resume_multimodel(self) -> list[AxisAlarm]:
+        """Let the multi-model detectors take the samples that waited, in order; returns the alarms that changed."""
+        deferred, self._deferred = self._deferred or (), None
+        return [
+            AxisAlarm(self._ids[a], change.alarm)
+            for a, block in deferred
+            for change in self._fleet.monitors[a].update_multimodel(block)
+        ]
+
+    @property
+    def deferred_samples(self) -> int:
+        """Number of samples that wait for a multi-model detector."""
+        return sum(block.size for _, block in self._deferred or ())
 
     def _block(self, axis_id: str, block: SampleBlock) -> SampleBlock:
         """Samples with the nominal values and the gate that their operating conditions require."""
@@ -95,17 +118,24 @@ class AxisMonitors:
         return operating.reason if operating else ""
 
     @property
-    def shapes(self) -> list[int]:
-        """Shapes of the kernel that are needed: axes in each batch, and HYPOTHESES if a multi-model detector runs."""
-        hypotheses = any(monitor.multimodel is not None for monitor in self.by_id.values())
-        return [*self._fleet.batch_sizes, *([HYPOTHESES] if hypotheses else [])]
+    def batch_sizes(self) -> list[int]:
+        """How many axes share each batch."""
+        return self._fleet.batch_sizes
+
+    @property
+    def multimodel(self) -> list[MultiModelDetector]:
+        """The multi-model detectors that run."""
+        return [m.multimodel for m in self.by_id.values() if m.multimodel is not None]
 
     def compile(self) -> None:
-        """Compile the kernel, or load it from its cache."""
+        """Compile the kernel of the estimates, or load it from its cache."""
         self.update({})
+
+    def compile_multimodel(self) -> None:
+        """Compile the kernel of the multi-model detectors if one runs, or load it from its cache."""
         empty = np.zeros(0)
-        for multimodel in [m.multimodel for m in self.by_id.values() if m.multimodel is not None][:1]:
-            multimodel.bank.run(np.zeros(0, np.int64), empty, empty)
+        for detector in self.multimodel[:1]:
+            detector.bank.run(np.zeros(0, np.int64), empty, empty)
 
 
 def _motion(monitor: AxisMonitor) -> Motion | None:

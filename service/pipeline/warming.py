@@ -18,7 +18,7 @@ import gc, os, sys
 gc.disable()  # a tenth of the time; the process ends soon
 from service.pipeline.warming import HYPOTHESES, compile_kernel
 if int(sys.argv[1]) == HYPOTHESES:
-    os.nice(5)  # it is compiled sooner than the other shapes, which the start waits for
+    os.nice(5)  # the daemon monitors already, and may need the processor
 compile_kernel(int(sys.argv[1]))
 os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
 """
@@ -26,8 +26,8 @@ os._exit(0)  # the cache is written; to take the compiler's memory apart would t
 
 HYPOTHESES = 0
 """Instead of a number of axes: the kernel of the multi-model detector."""
-MOSTLY = (1, HYPOTHESES)
-"""What nearly every daemon needs: a robot has few axes."""
+FEW_AXES = 1
+"""What nearly every daemon needs first: a robot has few axes."""
 
 
 def compile_kernel(lanes: int) -> None:
@@ -53,7 +53,7 @@ def compile_all() -> None:
     """Compile all shapes of the kernel: few axes, many axes, multi-model detector."""
     from monitor_core.monitoring import FEWEST_LANES
 
-    for lanes in (1, FEWEST_LANES, HYPOTHESES):
+    for lanes in (FEW_AXES, FEWEST_LANES, HYPOTHESES):
         compile_kernel(lanes)
 
 
@@ -151,7 +151,7 @@ def _mark(lanes: int) -> Path | None:
 
 
 def _shape(lanes: int) -> str:
-    if lanes in MOSTLY:
+    if lanes in (FEW_AXES, HYPOTHESES):
         return "hypotheses" if lanes == HYPOTHESES else "few-axes"
     from monitor_core.monitoring import FEWEST_LANES
 

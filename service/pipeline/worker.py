@@ -9,7 +9,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from time import perf_counter
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import structlog
 
@@ -30,7 +30,13 @@ TICK_S = 0.1
 MOST_FRAMES = 10_000
 """Frames of a bus in one block, so that a backlog does not keep the snapshots waiting."""
 
+MOST_DEFERRED = 100_000
+"""Samples that may wait for the multi-model detectors, some seconds of computation; then frames wait, too."""
+
 COMPILING = "the numeric kernel is being compiled; frames wait until it is ready"
+COMPILING_MULTIMODEL = (
+    "the multi-model detector's kernel is being compiled; its samples wait until it is ready"
+)
 
 log = structlog.get_logger(__name__)
 
@@ -120,6 +126,13 @@ class ProcessingTime:
         return Histogram(BOUNDS_S, tuple(self._counts), self._total_s)
 
 
+class Compiled(NamedTuple):
+    """Done when a kernel is ready.  Estimates need not wait for the multi-model detectors."""
+
+    estimates: Future[None]
+    multimodel: Future[None]
+
+
 class Worker:
     """Owns the pipeline from ``start`` until ``stop`` returns.
 
@@ -130,7 +143,7 @@ class Worker:
         recording: file that frames are recorded to.
         alarms: the way to the journal.
         checkpointer: the way to the checkpoints.
-        compiled: done when the kernel is ready; until then frames wait in their queues.
+        compiled: until the kernel of the estimates is ready, frames wait in their queues.
         now_us: wall clock.
         messages: for the operator, from the start.
         on_failure: called when the thread ends by a fault.
@@ -144,7 +157,7 @@ class Worker:
         recording: Recording,
         alarms: Alarms,
         checkpointer: Checkpointer,
-        compiled: Future[None],
+        compiled: Compiled,
         now_us: Callable[[], int],
         messages: Sequence[str],
         on_failure: Callable[[], None],
@@ -153,6 +166,7 @@ class Worker:
         self._alarms, self._checkpointer, self._compiled = alarms, checkpointer, compiled
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
         self._time = ProcessingTime()
+        pipeline.monitors.defer_multimodel()
         kept = config.service.history_interval_s, config.service.history_length_s
         self._views = [AxisView(axis, pipeline, alarms, RecentHistory(*kept)) for axis in config.axes]
         self._started_us = now_us()
@@ -186,14 +200,24 @@ class Worker:
 
     def _tick(self) -> bool:
         """Process one block; returns whether frames may still wait."""
-        busy = self._compiled.done() and self._block()
+        busy = not self._waits() and self._block()
         self.snapshot = self._snapshot()
         self._checkpointer.save_if_due()
         return busy
 
+    def _waits(self) -> bool:
+        """Whether frames wait for the compiler."""
+        if not self._compiled.estimates.done():
+            return True
+        full = self._pipeline.monitors.deferred_samples >= MOST_DEFERRED
+        return full and not self._compiled.multimodel.done()
+
     def _block(self) -> bool:
-        self._compiled.result()
+        self._compiled.estimates.result()
         start = perf_counter()
+        if self._compiled.multimodel.done():
+            self._compiled.multimodel.result()
+            self._alarms.record(self._pipeline.monitors.resume_multimodel())
         counts = [self._take(bus) for bus in self._buses]
         self._alarms.record(self._pipeline.update())
         self._alarms.record(self._pipeline.monitors.trends.update(1))
@@ -208,12 +232,14 @@ class Worker:
 
     def _finish(self) -> None:
         """Process the waiting frames, then save the last checkpoint."""
-        if self._compiled.done():
+        if self._compiled.estimates.done():
             while self._block():
                 pass
             self._pipeline.flush()
             self._alarms.record(self._pipeline.update())
             self._alarms.record(self._pipeline.monitors.trends.update())
+        if left := self._pipeline.monitors.deferred_samples:
+            log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
         self._checkpointer.save()
         self.snapshot = self._snapshot()
 
@@ -230,5 +256,7 @@ class Worker:
 
     def _all_messages(self) -> tuple[str, ...]:
         now = (self._alarms.problem, self._checkpointer.problem, self._recording.problem)
-        compiling = () if self._compiled.done() else (COMPILING,)
+        compiling = [COMPILING] if self._waits() else []
+        if self._compiled.estimates.done() and not self._compiled.multimodel.done():
+            compiling.append(COMPILING_MULTIMODEL)
         return (*compiling, *(problem for problem in now if problem), *self._messages)

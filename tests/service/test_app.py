@@ -12,7 +12,7 @@ import structlog
 from service.commands.daemon import run_daemon
 from service.commands.exit_codes import DaemonFailedError
 from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.warming import CacheFiller
+from service.pipeline.warming import HYPOTHESES, CacheFiller
 from service.store.journal import Journal
 from tests.conftest import ROOT
 from tests.service.pipeline.robots import demo
@@ -38,21 +38,26 @@ def test_a_worker_that_fails_stops_the_daemon_and_says_so(
 def test_who_sends_is_told_when_frames_no_longer_wait(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The simulated robot of the demo does not move while the compiler holds the processors."""
+    """The simulated robot of the demo moves once estimates are computed; the multi-model detector may come later."""
     config = demo(tmp_path, 1)
     web = config.web.model_copy(update={"port": 0})
-    fill, served, compiled, stop = CacheFiller.fill, threading.Event(), threading.Event(), threading.Event()
+    fill, order = CacheFiller.fill, list[str]()
+    served, keeps_up, last, stop = (threading.Event() for _ in range(4))
 
     def slowly(self: CacheFiller, lanes: Iterable[int]) -> bool:
-        order.append("served" if served.wait(60) else "not served")
-        order.append("compiled")
+        if HYPOTHESES in lanes:
+            assert keeps_up.wait(60)
+            order.append("multi-model detector")
+            last.set()
+        else:
+            assert served.wait(60)
+            order.append("estimates")
         return fill(self, lanes)
 
     def keeping_up() -> None:
         order.append("keeping up")
-        compiled.set()
+        keeps_up.set()
 
-    order: list[str] = []
     monkeypatch.setattr(CacheFiller, "fill", slowly)
     daemon = threading.Thread(
         target=run_daemon,
@@ -61,11 +66,11 @@ def test_who_sends_is_told_when_frames_no_longer_wait(
     )
     daemon.start()
     try:
-        assert compiled.wait(60)
+        assert last.wait(60)
     finally:
         stop.set()
         daemon.join(60)
-    assert order == ["served", "compiled", "keeping up"]
+    assert order == ["estimates", "keeping up", "multi-model detector"]
 
 
 STARTS = [

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from structlog.testing import capture_logs
@@ -12,16 +13,18 @@ from monitor_core.monitoring import Status
 from service.can.frames import Frame
 from service.can.log_files import FrameRecorder
 from service.config import Config
+from service.config.schema_model import DetectorConfig
 from service.pipeline import worker as worker_module
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.worker import COMPILING, BusIntake, Recording, Worker
+from service.pipeline.checkpointing import Checkpointer, states_of
+from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Recording, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
-from service.store.journal import Journal
+from service.store.journal import Journal, RecordedAlarm
+from tests.end_to_end.processes import wait_for
 from tests.service.ingest.test_can_logs import fill_the_disk
-from tests.service.pipeline.robots import Waiting, blocks, demo
+from tests.service.pipeline.robots import Waiting, blocks, changed, demo
 
 NOW_US = 1_760_000_100_000_000
 
@@ -35,7 +38,7 @@ class Bench:
         self.core = FramePipeline(config)
         self.journal = Journal(folder / "alarms.sqlite")
         self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
-        self.compiled: Future[None] = Future()
+        self.compiled = Compiled(Future(), Future())
         self.failed = threading.Event()
         monitors = self.core.monitors
         self.recording = Recording(recorder)
@@ -54,9 +57,13 @@ class Bench:
             self.failed.set,
         )
 
+    def compile(self) -> None:
+        for kernel in self.compiled:
+            kernel.set_result(None)
+
     def run(self) -> Worker:
         """To the end of the frames, with a kernel that is ready at once."""
-        self.compiled.set_result(None)
+        self.compile()
         self.worker.start()
         self.worker.stop()
         return self.worker
@@ -83,7 +90,7 @@ def bench(tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPat
 
 
 def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
-    bench.compiled.set_result(None)
+    bench.compile()
     bench.worker.start()
     seen = set()
     while sum(axis.status.samples for axis in bench.worker.snapshot.axes) < 4800:
@@ -121,13 +128,66 @@ def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
         assert not bench.failed.is_set()
     assert COMPILING in bench.worker.snapshot.messages
     assert bench.worker.snapshot.axes[0].status.samples == 0
-    bench.compiled.set_result(None)
+    bench.compile()
     bench.worker.stop()
     assert bench.worker.snapshot.axes[0].status.samples == 2400
 
 
+class Seen(NamedTuple):
+    """The end of a worker's run: the state of every axis, and its alarms in the journal."""
+
+    states: dict[str, bytes]
+    alarms: list[RecordedAlarm]
+
+
+def seen(bench: Bench) -> Seen:
+    assert bench.worker.error is None
+    states = (state for axis in bench.core.monitors.by_id.items() for state in states_of(*axis))
+    saved = {state.name: (state.arrays() or {}) for state in states}
+    content = {name: b"".join(array.tobytes() for array in a.values()) for name, a in saved.items()}
+    return Seen(content, bench.journal.query()[0])
+
+
+@pytest.mark.parametrize("most", [100_000, 300])
+def test_estimates_do_not_wait_for_the_multi_model_detector_which_gets_all_samples_later(
+    most: int, tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """States and alarms are the same bits as with a kernel that is ready at once; beyond a number, frames wait."""
+    monkeypatch.setattr(worker_module, "MOST_FRAMES", 40)
+    monkeypatch.setattr(worker_module, "MOST_DEFERRED", most)
+    watched = changed(demo(tmp_path, 2), detector=DetectorConfig(alarm_source="multimodel", budget_s=86400.0))
+    folders = [tmp_path / name for name in ("at-once", "late")]
+    for folder in folders:
+        folder.mkdir()
+    at_once, late = (Bench(folder, watched, Waiting(frames)) for folder in folders)
+    at_once.run()
+
+    late.compiled.estimates.set_result(None)
+    late.worker.start()
+    taken, waits = (4800, ()) if most > 4800 else (most, (COMPILING,))
+    wait_for(lambda: sum(axis.status.samples for axis in late.worker.snapshot.axes) >= taken)
+    assert taken <= late.core.monitors.deferred_samples < taken + 40
+    assert late.worker.snapshot.messages == (*waits, COMPILING_MULTIMODEL, "said at the start")
+    assert [axis.open_alarms for axis in late.worker.snapshot.axes] == [(), ()]
+    late.compiled.multimodel.set_result(None)
+    late.worker.stop()
+
+    assert seen(late) == seen(at_once)
+    assert [(alarm.axis, alarm.parameter) for alarm in seen(late).alarms] == [("demo.axis1", "fm")]
+    at_once.close()
+    late.close()
+
+
+def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: Bench) -> None:
+    bench.compiled.estimates.set_result(None)
+    bench.worker.start()
+    with capture_logs() as logs:
+        bench.worker.stop()
+    assert [entry["samples"] for entry in logs if "was not ready" in entry["event"]] == [4800]
+
+
 def test_a_fault_of_the_worker_is_told(bench: Bench) -> None:
-    bench.compiled.set_exception(RuntimeError("no compiler"))
+    bench.compiled.estimates.set_exception(RuntimeError("no compiler"))
     bench.worker.start()
     assert bench.failed.wait(20)
     bench.worker.stop()
