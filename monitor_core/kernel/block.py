@@ -196,9 +196,10 @@ def run(
 
     Lanes beyond the last axis repeat it without samples; their results are discarded.
     """
-    T, W, z = tables, len(lanes), tables.p * tables.n
+    T, z = tables, tables.p * tables.n
+    W = 0 + len(lanes)  # not the literal 1: numba would compile what gets it once more
     n, p, wide = T.n, T.p, 1 if len(lanes) == 1 else EIGHT
-    F_X = strided_product(T.product, p, wide, W)
+    F_X = T.product if len(lanes) == 1 else strided_product(T.product, p, wide, W)
     for a0 in range(0, F.shape[1], W):
         # The arrays are made here, and not passed in: so the compiler knows that they do not overlap.
         C_, F_, I_ = take_columns(C, a0, W), take_columns(F, a0, W), take_columns(I, a0, W)
@@ -229,9 +230,9 @@ def run(
                                  con.span, con.recovery_samples)
         # fmt: on
         count_until_kept(lanes, con.span, st.learned, until)
-        copy_rows(con.V0, V, 0)
-        copy_rows(st.z, X, 0)
-        copy_rows(st.x, X, z)
+        copy_rows(con.V0, V)
+        copy_rows(st.z, X)
+        copy_rows(st.x, X[z:])
         # One line for each step of the recursion.
         # fmt: off
         for k in range(largest(samples.number, a0, len(lanes))):
@@ -296,7 +297,7 @@ def run(
             if trace.eps.size:
                 _record(lanes, k, a0, roles, eps, psi, cusum, st.observed, trace)
         # fmt: on
-        copy_rows(X[:z], st.z, 0)
-        copy_rows(X[z:], st.x, 0)
+        copy_rows(X[:z], st.z)
+        copy_rows(X[z:], st.x)
         put_columns(F_, F, a0)
         put_columns(I_, I, a0)

@@ -88,7 +88,7 @@ def advance_one(
             work[size + r * blocks + to] = G[j * n + r] + 0.0
     part = h / max(1, steps)
     for _ in range(steps):
-        base, t, out, scale = size, 0, 2 * size, 1.0
+        base, t, out, scale = size, 0 * size, 2 * size, 1.0  # not the literal 0 (block.py)
         for k in range(terms, 0, -1):
             _times_one(F, V, more, base, t, out, scale, work)
             scale = part * INVERSE[k]

@@ -95,7 +95,7 @@ def advance_eight(
     of_steps, of_terms = load8(scratch, 2 * EIGHT), load8(scratch, 3 * EIGHT)
     for step in range(1, most_steps + 1):
         part = where_at_least(of_steps, spread8(float(step)), load8(scratch, EIGHT))
-        base, t, out = size, 0, 2 * size
+        base, t, out = size, 0 * size, 2 * size  # not the literal 0 (block.py)
         store(scratch, 0, spread8(1.0))
         for k in range(most_terms, 0, -1):
             _times_eight(a, W, F, V, base, t, out, scratch, work)

@@ -68,11 +68,11 @@ def strided_product(F: Product, p: int, wide: int, W: int) -> Product:
 
 
 @outlined
-def copy_rows(source: Floats, target: Floats, row: int) -> None:
-    """Copy into the rows of target from ``row`` on."""
+def copy_rows(source: Floats, target: Floats) -> None:
+    """Copy into the first rows of target."""
     for r in range(source.shape[0]):
         for a in range(source.shape[1]):
-            target[row + r, a] = source[r, a]
+            target[r, a] = source[r, a]
 
 
 @array_function
