@@ -136,12 +136,23 @@ class AxisModel:
 
     def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
         """A (n, n), B (n, m) and C (1, n) at theta (p,), by default at nominal."""
-        values = self.nominal if theta is None else self.values(theta)
+        A, B, C = self._at_nominal if theta is None else self._at(self.values(theta))
+        return A.copy(), B.copy(), C.copy()
+
+    @cached_property
+    def _at_nominal(self) -> tuple[Floats, Floats, Floats]:
+        return self._at(self.nominal)
+
+    def _at(self, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
         return self.drive.matrix("A", values), self.drive.matrix("B", values), self.drive.matrix("C", values)
 
     def balance(self) -> Floats:
         """The diagonal d (n,) of powers of two that balances A at nominal: D^-1 A D."""
-        _, (d, _) = sla.matrix_balance(self.matrices()[0], permute=False, separate=True)
+        return self._balance.copy()
+
+    @cached_property
+    def _balance(self) -> Floats:
+        _, (d, _) = sla.matrix_balance(self._at_nominal[0], permute=False, separate=True)
         return np.asarray(d, dtype=float)
 
     def _nominal(self, name: str) -> float:

@@ -23,7 +23,6 @@ from monitor_core.excitation.motions import (
 )
 from monitor_core.excitation.multisine_signals import (
     Complex,
-    Lines,
     Multisine,
     crest_factor,
     flattened,
@@ -60,8 +59,7 @@ class Task:
         limits: of torque, speed and angle.
         period: samples in a period.
         periods: to be evaluated, after one to warm up.
-        band_hz: of the lines.
-        lines: all of them, or the odd ones.
+        band_hz: of the lines, odd ones: what friction adds then has no mean.
         command: what is commanded: torque, or a reference for the axis's own controller.
         free: estimated parameters; default all that can be distinguished.
         find: parameters for which the spectrum is optimised; default a flat spectrum.
@@ -73,7 +71,6 @@ class Task:
     period: int
     periods: int = 2
     band_hz: tuple[float, float] = (0.0, 30.0)
-    lines: Lines = "odd"
     command: Command = "torque"
     free: tuple[str, ...] = ()
     find: tuple[str, ...] = ()
@@ -86,7 +83,7 @@ class Task:
             ExcitationError: there are none.
         """
         try:
-            return lines_in(self.period, self.plant.interval_s, self.band_hz, self.lines)
+            return lines_in(self.period, self.plant.interval_s, self.band_hz, "odd")
         except ValueError as error:
             raise ExcitationError(f"{error}: widen the band or lengthen the period") from None
 

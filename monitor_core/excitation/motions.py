@@ -66,18 +66,21 @@ class ExcitationError(ValueError):
 # --- A motion that the drive follows, and the torque for it -----------------------------------------------------------
 
 
-_BANDWIDTH = 2.0
-"""rad/s, of the controller that stands for a good one: it only keeps the drive from drifting away."""
+_SOFT, _FIRM = 2.0, 4.0
+"""Bandwidths of the controller that stands for a good one, rad/s: where it acts in the evaluated periods, too, it only
+keeps the drive from drifting away; where it does not, it moves the drive to its place before them."""
 
 
 @dataclass(frozen=True)
 class PlannedMotion:
     """Motions of a plant along the linear motion under a torque signal, which has any amplitude.
 
-    The signal, and the torque for friction and weight along the motion, are known beforehand.  A soft controller adds
-    what is missing: at the fades, and where friction differs from that of the linear motion.  The torque of this
-    simulation, applied alone to the same drive, makes the same motion; an axis with a good controller of its own
-    follows the motion as a reference.
+    The signal, and the torque for friction and weight along the motion, are known beforehand.  A simulated controller
+    adds what is missing.  A linear drive needs it before and after the evaluated periods only: in these the torque is
+    the signal itself, and a constant against an offset.  With Coulomb friction or weight it acts throughout: such a
+    drive does not quite follow the linear motion, and would drift away from it.  The torque of this simulation, applied
+    alone to the same drive, makes the same motion; an axis with a good controller of its own follows the motion as a
+    reference.
     """
 
     plant: Plant
@@ -98,9 +101,10 @@ class PlannedMotion:
 
     @cached_property
     def _forward(self) -> Floats:
-        """The torque along the reference (samples,) if the drive was linear, by the inverse of its frequency response.
+        """The torque along the reference (samples,) if the drive was linear, in the evaluated periods the signal.
 
-        Below twice the highest line: the fades contain next to nothing above.
+        Before and after by the inverse of its frequency response, below twice the highest line: the fades contain next
+        to nothing above.
         """
         angle = self._reference[0]
         spectrum = np.fft.rfft(angle)
@@ -109,7 +113,19 @@ class PlannedMotion:
         used = (frequency > 0) & (frequency <= max(highest, min(2 * highest, 0.4 / self.plant.interval_s)))
         spectrum[~used] = 0
         spectrum[used] /= self.plant.response(frequency[used])[0]
-        return np.fft.irfft(spectrum, len(angle))
+        torque = np.fft.irfft(spectrum, len(angle))
+        evaluated = self.schedule.evaluated
+        torque[evaluated] = self.schedule.repeated(self.signal)[evaluated]
+        return torque
+
+    @cached_property
+    def _gains(self) -> Floats:
+        """Of the controller, on angle and speed at each sample (2, samples)."""
+        bandwidth = _FIRM if self.plant.is_linear else _SOFT
+        acts = np.ones(self.schedule.samples)
+        if self.plant.is_linear:
+            acts[self.schedule.evaluated] = 0.0
+        return self.plant.inertia * np.outer([bandwidth**2, bandwidth], acts)
 
     def reference(self, size: float) -> Floats:
         """Angle [rad] and speed [rad/s] (2, samples) that a controller must follow."""
@@ -123,8 +139,7 @@ class PlannedMotion:
         """
         angle, speed = self.reference(size)
         forward = size * self._forward + self.plant.countered(angle, speed)
-        J = self.plant.inertia
-        motion = self.plant.moved(forward, np.array([angle, speed]), (J * _BANDWIDTH**2, J * _BANDWIDTH))
+        motion = self.plant.moved(forward, np.array([angle, speed]), self._gains)
         if not all(math.isfinite(np.abs(x).max()) for x in motion):
             raise ExcitationError("the drive runs away from its controller")
         return motion

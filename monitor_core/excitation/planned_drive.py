@@ -123,26 +123,25 @@ class Plant:
     def _ratio(self) -> Floats:
         return self.drive.matrix("ratio", self.values)[:, 0]
 
-    def moved(
-        self, forward: Floats, reference: Floats | None = None, gains: tuple[float, float] = (0.0, 0.0)
-    ) -> Motion:
+    def moved(self, forward: Floats, reference: Floats | None = None, gains: Floats | None = None) -> Motion:
         """Motion from rest at angle zero, under  u = forward + kp (reference - angle) + kd (its slope - speed).
 
         Args:
             forward: torque (N,).
             reference: angle and its slope (2, N), with gains.
-            gains: kp [N m/rad] and kd [N m s/rad].
+            gains: kp [N m/rad] and kd [N m s/rad] at each sample (2, N); default none.
         """
         A, B, C = self._balanced
         parts = 1 if self.is_linear else max(1, round(self.interval_s / _SUBSTEP_S))
         Ad, Bd = zero_order_hold(A, B, self.interval_s / parts)
-        follows = np.zeros((2, len(forward))) if reference is None else reference
+        none = np.zeros((2, len(forward)))
+        reference, gains = (none if rows is None else rows for rows in (reference, gains))
         out, inputs = np.empty((3, len(forward))), np.empty((len(forward), len(self.drive.inputs)))
         Ad, Bd, C = (np.ascontiguousarray(matrix) for matrix in (Ad, Bd, C))
         kinds, ratio = np.array(self.drive.inputs, dtype=float), self._ratio
         ratios = np.column_stack([ratio, ratio / self.speed_scale])
-        follows = np.ascontiguousarray(follows.T)
-        step_through(Ad, Bd, C, kinds, ratios, parts, forward, follows, np.array(gains), out, inputs)
+        reference, gains = np.ascontiguousarray(reference.T), np.ascontiguousarray(gains.T)
+        step_through(Ad, Bd, C, kinds, ratios, parts, forward, reference, gains, out, inputs)
         torque, angle, speed = out
         return Motion(torque, angle, speed, inputs)
 
@@ -175,7 +174,7 @@ def step_through(
         parts: of an interval, over which the forces that depend on the motion are held.
         forward: torque (N,).
         reference: angle and slope (N, 2).
-        gains: of the controller on both (2,).
+        gains: of the controller on both (N, 2).
         out: torque, angle, speed (3, N).
         inputs: all inputs at each sample (N, m).
     """
@@ -190,7 +189,7 @@ def step_through(
             if part == 0:
                 u = forward[k]
                 for i in range(2):
-                    u += gains[i] * (reference[k, i] - y[i])
+                    u += gains[k, i] * (reference[k, i] - y[i])
                 out[0, k], out[1, k], out[2, k] = u, y[0], y[1]
             for i in range(m):
                 f[i] = 1.0

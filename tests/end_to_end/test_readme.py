@@ -173,8 +173,8 @@ def test_an_axis_is_identified_calibrated_and_watched(
 def watches(config: Path, text: str, file: str) -> None:
     """With this configuration, which names that file, a healthy record is quiet and the fault is named."""
     config.write_text(text, encoding="utf-8")
-    check = run_program("check", "--config", config)
-    assert (check.returncode, file in check.stdout) == (0, True)
+    check = axiswatch("check", "--config", config)
+    assert (check.exit_code, file in check.stdout) == (0, True)
     assert alarms_in(config, "third") == []
     (alarm,) = alarms_in(config, "faulty")
     assert (alarm["parameter"], alarm["direction"]) == ("fm", "up")
@@ -200,8 +200,8 @@ def pointed_at_nominal(text: str) -> str:
 
 
 def alarms_in(config: Path, record: str) -> list[dict[str, object]]:
-    done = run_program("replay", "--config", config, config.parent / f"{record}.log", "--json", "-")
-    assert done.returncode == 0, done.stderr
+    done = axiswatch("replay", "--config", config, config.parent / f"{record}.log", "--json", "-")
+    assert done.exit_code == 0, done.stderr
     found: list[dict[str, object]] = json.loads(done.stdout)["axes"][0]["alarms"]
     return found
 

@@ -11,7 +11,6 @@ import pytest
 import scipy.linalg as sla
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binom
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
@@ -129,17 +128,14 @@ def ignored(_: int) -> None:
     """No report of progress."""
 
 
-def at_least(count: int, of_hundred: int) -> int:
-    """Successes that chance leaves out once in ten thousand runs, if just as many as must be succeed on average."""
-    return int(binom.ppf(1e-4, count, of_hundred / 100))
-
-
 @pytest.mark.parametrize("way", ["scratch", "given"])
-@pytest.mark.parametrize(("name", "count"), [("two", 6), ("three", 10), ("five", 6)])
-def test_ends_at_the_optimum(name: str, count: int, way: Way, seed: int) -> None:
-    case = CASES[name]
-    away = [case.away(seed + k, way) for k in range(count)]
-    assert sum(ratio <= AT_OPTIMUM for ratio in away) >= at_least(count, case.of_hundred), away
+@pytest.mark.parametrize("name", CASES)
+def test_ends_at_the_optimum(name: str, way: Way, seed: int) -> None:
+    """The share that must is counted in the soaks; here one of three, the first as a rule.
+
+    With a fresh seed that fails once in 8000 runs, with five masses once in 125, if just as many succeed as must.
+    """
+    assert any(CASES[name].away(seed + k, way) <= AT_OPTIMUM for k in range(3))
 
 
 @pytest.mark.parametrize("name", CASES)

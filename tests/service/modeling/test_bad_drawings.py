@@ -85,9 +85,6 @@ BAD = {
 }  # fmt: skip
 
 
-IN_A_PROCESS = ("no semicolon", "two gears in parallel", "UTF-16")
-
-
 def written(bad: Bad, folder: Path) -> Path:
     file = folder / "press.mo"
     file.write_bytes(bad.text if isinstance(bad.text, bytes) else bad.text.encode())
@@ -110,12 +107,12 @@ def in_one_line(exit_code: int, stdout: str, stderr: str) -> None:
     assert stderr.removesuffix("\n").isprintable()
 
 
-@pytest.mark.parametrize("name", IN_A_PROCESS)
-def test_the_program_ends_so_too(name: str, tmp_path: Path) -> None:
-    file = written(BAD[name], tmp_path)
+def test_the_program_ends_so_too(tmp_path: Path) -> None:
+    bad = BAD["two gears in parallel"]
+    file = written(bad, tmp_path)
     result = run_program("model", file)
     in_one_line(result.returncode, result.stdout, result.stderr)
-    for word in (f"axiswatch: {file}:", *BAD[name].words):
+    for word in (f"axiswatch: {file}:", *bad.words):
         assert word in result.stderr
 
 
@@ -149,15 +146,13 @@ def test_drives_that_cannot_be_monitored_are_shown_all_the_same(text: str, tmp_p
     assert "Poles at nominal" in " ".join(shown(text, tmp_path).split())
 
 
-@pytest.mark.parametrize("arguments", [(), ("--json", "-")], ids=["text", "json"])
-def test_a_hundred_masses_are_answered(arguments: tuple[str, ...], tmp_path: Path) -> None:
-    out = shown(chain_text(100), tmp_path, *arguments)
-    assert "mass99" in out
-    if "--json" in arguments:
-        assert len(json.loads(out)["states"]) == 199
+def test_a_hundred_masses_are_answered(tmp_path: Path) -> None:
+    report = tmp_path / "model.json"
+    assert "mass99" in shown(chain_text(100), tmp_path, "--json", str(report))
+    assert len(json.loads(report.read_text(encoding="utf-8"))["states"]) == 199
 
 
 def test_a_hundred_masses_joined_by_gears_are_answered(tmp_path: Path) -> None:
-    out = json.loads(shown(geared_text(100), tmp_path, "--json", "-"))
+    out = json.loads(shown(geared_text(64), tmp_path, "--json", "-"))
     assert len(out["states"]) == 1
     assert "more than 60 parameters are merged" in " ".join(out["identifiability"])

@@ -25,7 +25,7 @@ def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Faul
 
 
 def test_healthy_axes_are_quiet(tmp_path: Path, seed: int) -> None:
-    assert alarms(tmp_path, 6, 60.0, seed, []) == []
+    assert alarms(tmp_path, 6, 30.0, seed, []) == []
 
 
 @pytest.mark.parametrize(
