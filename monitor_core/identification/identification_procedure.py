@@ -16,7 +16,7 @@ from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit,
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.record import Record
-from monitor_core.identification.starting import Growth, fit_from, fit_from_scratch, grow, masses_of
+from monitor_core.identification.starting import Growth, best_of, fit_from, fit_from_scratch, grow, masses_of
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 _SIGNIFICANT = 3.0
@@ -181,9 +181,6 @@ from the records alone, without using the nominal values of free parameters."""
 Progress = Callable[[str, int, int], None]
 """Called with the present phase, the steps done and the most steps of it."""
 
-_BETTER = 1 - 1e-4
-"""The result of a search is taken if its cost is lower by this factor; otherwise the fit from the nominal values."""
-
 
 @dataclass(frozen=True)
 class IdentificationOptions:
@@ -276,8 +273,7 @@ def _best(problem: Problem, records: Sequence[Record], start: Start, report: Pro
         searched = fit_from(problem, records, progress=searching)
     except ValueError:
         return direct
-    better = searched.converged or not direct.converged
-    return searched if better and searched.cost < _BETTER * direct.cost else direct
+    return best_of([direct, searched])
 
 
 def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estimate:

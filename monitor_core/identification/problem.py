@@ -72,7 +72,8 @@ class Problem:
         disturbance: noise from which K follows; None: white torque noise of unknown level.
         K: filter gain (n,) in the drive's states, which then is held; no disturbance.
         loss: "huber" for outliers.
-        bounds: of free parameters, by name; "delay" is one.
+        bounds: of free parameters, by name; "delay" is one.  By default what makes no sense is excluded: no negative
+            inertia, spring, damper or friction.
         motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
             friction there follows the speed of the predictor), or "simulated": all on the predictor's state.
         initial: state at the first sample: "free", or "first": moving rigidly with the first output, noise and all,

@@ -29,6 +29,12 @@ _RIVALS = 2
 """Candidates from which the records themselves are fitted."""
 _DOUBTFUL = 10.0
 """A rival whose cost is so many times that of the best is not tried."""
+_ALIKE = 1.0
+"""Per cent of the simulated fit: less is chance."""
+_NOTHING = -100.0
+"""Per cent: below that no simulated fit is better than another."""
+_BETTER = 1 - 1e-4
+"""A lower cost counts if it is lower by this factor."""
 _FIT = 20
 """Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
 FITTING = _RIVALS * _FIT
@@ -147,8 +153,27 @@ def best_fit(
     if not ends:
         raise problems[0]
     reached(FITTING)
-    best, winner = min(ends, key=lambda end: end[0].cost)
+    best = best_of([found for found, _ in ends])
+    winner = next(rival for found, rival in ends if found is best)
     return replace(best, started_from=_origin(winner, len(candidates), len(rivals)))
+
+
+def best_of(found: Sequence[Estimate]) -> Estimate:
+    """The estimate that explains the records best.
+
+    A drive that is not quite the axis has several minima that predict one step ahead almost alike, since the gain
+    corrects what they lack.  That which also simulates the motion is the axis; among those that do so alike the least
+    cost decides, and then the first.
+    """
+    rivals = [e for e in found if e.converged] or list(found)
+    most = max(_simulates(e) for e in rivals)
+    alike = [e for e in rivals if _simulates(e) >= most - _ALIKE]
+    least = min(e.cost for e in alike)
+    return next(e for e in alike if e.cost <= least / _BETTER)
+
+
+def _simulates(found: Estimate) -> float:
+    return max(min(found.fit_simulation), _NOTHING)
 
 
 def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
