@@ -18,7 +18,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, Output, split_name
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.greybox.estimate import Estimate
-from monitor_core.identification.greybox.residuals import information
+from monitor_core.identification.greybox.residuals import Information, information
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Motion, Problem
 from monitor_core.identification.records.record import Record
@@ -163,7 +163,21 @@ def _nrmse(y: Floats, eps: Floats) -> float:
 def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]) -> float:
     """Largest ratio of the variance of a monitored parameter to its variance with white errors; at least 1.
 
-    Everything else is held, as in the daemon: values, K and delay are the estimates, and schedules are followed.
+    Raises:
+        ValueError: as ``monitored_information``.
+    """
+    _, result = monitored_information(estimate, monitored, records)
+    white, coloured = np.diag(result.white), np.diag(result.covariance)
+    known = np.isfinite(white)
+    return float(np.max(coloured[known] / white[known], initial=1.0))
+
+
+def monitored_information(
+    estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]
+) -> tuple[list[str], Information]:
+    """Names of the monitored parameters, and what the records tell of them where everything else is held.
+
+    As in the daemon: values, K and delay are the estimates, and schedules are followed.
 
     Raises:
         ValueError: a record of another output than the drive's.
@@ -183,10 +197,8 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
     own, start = [*range(len(free)), *[end] * problem.free_delay], end + problem.free_delay
     gradients, starts = [e.psi[:, own] for e in errors], [e.psi[:, start:] for e in errors]
     names = [predictor.layout.names[k] for k in own]
-    result = information(names, np.ones(len(own)), gradients, starts, [e.eps for e in errors], estimate.lam0)
-    white, coloured = np.diag(result.white), np.diag(result.covariance)
-    known = np.isfinite(white)
-    return float(np.max(coloured[known] / white[known], initial=1.0))
+    sizes, eps = np.ones(len(own)), [e.eps for e in errors]
+    return names, information(names, sizes, gradients, starts, eps, estimate.lam0)
 
 
 def _free(varying: Iterable[str], monitored: Sequence[str]) -> tuple[str, ...]:

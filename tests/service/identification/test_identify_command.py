@@ -64,9 +64,9 @@ def test_files_are_written_and_check_out(here: Path) -> None:
 
 def test_files_where_they_are_wanted_and_json_alone_on_standard_output(here: Path) -> None:
     (here / "out").mkdir()
-    assert found("second.csv --free Jm,fm -o out/nominal.toml")["axis"] == "demo.axis1"
+    assert found(f"second.csv --free {NAMES} -o out/nominal.toml")["axis"] == "demo.axis1"
     assert sorted(p.name for p in (here / "out").iterdir()) == ["nominal.toml", "report.html"]
-    result = identify("second.csv --free Jm -o n.toml --report r.html --json j.json")
+    result = identify(f"second.csv --free {NAMES} -o n.toml --report r.html --json j.json")
     assert result.exit_code == 0, result.output
     assert {"n.toml", "r.html", "j.json"} <= {p.name for p in here.iterdir()}
     assert "demo.axis1: three-mass" in result.stdout
@@ -141,6 +141,22 @@ def test_decimal_commas_and_a_torque_with_the_wrong_sign_are_named(here: Path) -
     assert "wrong sign" in refused(times(here, "healthy.csv", torque=-1))
 
 
+def test_a_poor_fit_is_written_with_force_only(here: Path) -> None:
+    """Only Jm is free, and the configured springs are wrong: no value of Jm explains the motion."""
+    message = refused("second.csv --free Jm")
+    assert "no nominal values: the drive does not explain the motion" in message
+    assert "--force writes them" in message
+    assert "No nominal values:" in (here / "report.html").read_text(encoding="utf-8")
+    forced = identify("second.csv --free Jm --force")
+    assert forced.exit_code == 0, forced.output
+    assert forced.stdout.startswith("demo.axis1: poor fit: the simulation explains ")
+    assert (here / "nominal.toml").exists()
+    content = found(f"healthy.csv --free {NAMES} --force")
+    assert content["verdict"]["quality"] == "good"
+    assert content["verdict"]["validation"] == "halves"
+    assert content["verdict"]["missing"] == []
+
+
 def test_a_fit_that_does_not_converge_makes_no_nominal_values(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,7 +175,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: py
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr("service.commands.output_files.replace_text", full)
-    assert "cannot write nominal.toml: No space left on device" in refused("second.csv --free Jm")
+    assert "cannot write nominal.toml: No space left on device" in refused(f"second.csv --free {NAMES}")
 
 
 def test_a_configuration_with_a_file_identifies_again_from_there(here: Path) -> None:
