@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from monitor_core.drive import COULOMB, AxisModel, Drive, split_name
 from monitor_core.identification import (
     Disturbance,
@@ -241,6 +243,7 @@ def _problem(
             speed_scale=speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
             disturbance=_disturbance(kind, used, request.disturbance_s),
             loss="huber" if request.robust else "squares", varying=schedule,
+            interval_s=_interval_s(axis.config.sample_interval_s, [item.record for item in used]),
         )  # fmt: skip
     except ValueError as error:
         raise IdentificationError(str(error)) from None
@@ -283,11 +286,19 @@ def _doubts(records: Sequence[Record], known: Known) -> list[str]:
     return [words for _, words in findings]
 
 
+def _interval_s(configured_s: float, records: Sequence[Record]) -> float:
+    """The configured interval if the records have it, else theirs: K belongs to it."""
+    measured_s = float(np.median([record.mean_interval_s for record in records]))
+    alike = math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL)
+    return configured_s if alike else float(f"{measured_s:.5g}")
+
+
 def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[str]:
     """Doubts about the sample intervals of records, in sentences."""
     for record in records:
-        ratio = record.interval_s / interval_s
-        apart = f"its samples are {record.interval_s:.6g} s apart"
+        measured_s = record.mean_interval_s
+        ratio = measured_s / interval_s
+        apart = f"its samples are {measured_s:.6g} s apart"
         differ = f"{record.name}: {apart}, but sample_interval_s = {interval_s:g}"
         if not 1 / _OTHER_SAMPLING < ratio < _OTHER_SAMPLING:
             mistake = "correct it, or the times, which must be in seconds"
@@ -298,5 +309,5 @@ def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[s
         if not math.isclose(ratio, 1.0, rel_tol=_SAME_INTERVAL):
             yield (
                 f"{differ}: the result belongs to the interval of this record; for the daemon, set sample_interval_s ="
-                f" {record.interval_s:.5g}."
+                f" {measured_s:.5g}."
             )

@@ -17,7 +17,7 @@ from monitor_core.identification.predictor.held_drive import Linear, Structure, 
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
 from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.records.record import Record, typical_interval
+from monitor_core.identification.records.record import Record
 from monitor_core.kernel.fixed_predictor import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
 from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.samples import forward_fill
@@ -48,7 +48,8 @@ class Predictor:
         self.problem, self.disturbance = problem, disturbance
         slow = disturbance is not None and disturbance.slow > 0
         self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
-        self.interval_s = round(typical_interval(np.concatenate([r.intervals for r in records])), 6)
+        median_s = float(np.median(np.concatenate([r.intervals for r in records])))
+        self.interval_s = problem.interval_s or round(median_s, 6)
         self.layout = Layout(problem, self.drive, disturbance, self.interval_s)
         names = [signal for _, signal in self.layout.varying]
         late = whole_intervals(problem.delay_s, self.interval_s)

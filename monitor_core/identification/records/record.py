@@ -83,8 +83,20 @@ class Record:
 
     @property
     def interval_s(self) -> float:
-        """The typical interval, s."""
-        return typical_interval(self.intervals)
+        """The typical interval, s: the median, which gaps do not move."""
+        return float(np.median(self.intervals))
+
+    @property
+    def mean_interval_s(self) -> float:
+        """The mean interval, s, without gaps and lost samples.
+
+        Where the sampling alternates between 10 and 12 ms the median would be one of these.
+        """
+        return float(self._regular.mean())
+
+    @property
+    def _regular(self) -> Floats:
+        return self.intervals[self.intervals < _LOST * self.interval_s]
 
     @property
     def duration_s(self) -> float:
@@ -94,8 +106,7 @@ class Record:
     @property
     def jitter_s(self) -> float:
         """Standard deviation, s, of the intervals below 1.5 typical ones: gaps and lost samples are no jitter."""
-        intervals = self.intervals
-        return float(intervals[intervals < _LOST * np.median(intervals)].std())
+        return float(self._regular.std())
 
     @property
     def unit(self) -> str:
@@ -145,14 +156,6 @@ class Record:
         if not np.isfinite(u).all():
             k = _first(~np.isfinite(u))
             raise ValueError(f"{self._what}: the torque of sample {k} is {u[k]}; leave such samples out")
-
-
-def typical_interval(intervals: Floats) -> float:
-    """The mean of intervals (N,) without gaps and lost samples, which are longer than 1.5 medians.
-
-    The median itself would be .010 s where the sampling alternates between .010 and .012 s.
-    """
-    return float(intervals[intervals < _LOST * np.median(intervals)].mean())
 
 
 def _first(where: Bools) -> int:
