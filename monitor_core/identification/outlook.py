@@ -86,7 +86,7 @@ def _changes(
     longer = np.sqrt(max(duration_s / memory_s, 1.0))
     sd = dict(zip(map(_base, called), np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
     return {
-        name: _SHOWS * longer * sd[_base(name)] / (_size(estimate, _called(name, called)) or 1.0)
+        name: float(_SHOWS * longer * sd[_base(name)] / (_size(estimate, _called(name, called)) or 1.0))
         for name in names
     }
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.structure import Drive
+from monitor_core.drive.structure import STIFFNESS, Drive
 from monitor_core.identification.greybox import Estimate, Share, Trace, explained, fit, traces_of
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record, between
@@ -67,6 +67,10 @@ class Effect(Enum):
     """Nothing of its own motion explains the torque: other axes, a load that changes, contact."""
 
 
+_PARTS = {Effect.POSE, Effect.COULOMB, Effect.OFFSET}
+"""Effects that a further component of the drive describes."""
+
+
 class Verdict(NamedTuple):
     """How much of the motion is explained, and what is missing where that is not enough."""
 
@@ -84,10 +88,10 @@ class Verdict(NamedTuple):
 
     @property
     def quality(self) -> Quality:
-        """By the worse of the two."""
+        """By the worse of the two; poor where the drive lacks a part that the records show."""
         if self.per_cent >= GOOD:
             return Quality.GOOD
-        return Quality.FAIR if self.per_cent >= FAIR else Quality.POOR
+        return Quality.FAIR if self.per_cent >= FAIR and not _PARTS & set(self.missing) else Quality.POOR
 
 
 def verdict_of(
@@ -161,7 +165,7 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     everything = (*base, *(term for effect in lacking for term in _TERMS[effect]))
     full, own, *others = rigid_fits(records, [everything, base, *more], problem.speed_scale)
     if full is None or own is None:
-        return (Effect.FOREIGN,)
+        return ()
     left = 1 - own.explained
     gains = {
         effect: (1 - other.explained) / left
@@ -171,7 +175,10 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     named = tuple(effect for effect in sorted(gains, key=gains.__getitem__) if gains[effect] < _LESS)
     if named:
         return named
-    return (Effect.FAST,) if own.explained > _RIGID else (Effect.FOREIGN,)
+    if own.explained > _RIGID:
+        return (Effect.FAST,)
+    elastic = any(p.unit == STIFFNESS for p in problem.drive.parameters)  # which takes torque by itself
+    return () if elastic else (Effect.FOREIGN,)
 
 
 def _present(drive: Drive) -> tuple[Effect, ...]:

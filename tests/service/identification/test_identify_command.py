@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
-from service.config import load
+from service.config import ConfigErrors, load
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import FREE, write_record, write_robot
@@ -181,12 +181,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: py
 def test_a_configuration_with_a_file_identifies_again_from_there(here: Path) -> None:
     """The values found before are where the next search starts."""
     assert identify(f"healthy.csv@0:8 --free {NAMES}").exit_code == 0
-    text = (here / "robot.toml").read_text(encoding="utf-8")
-    start, rest = text.split("[robot.axis.model.nominal]")
-    rest = "[robot.axis.estimator]" + rest.split("[robot.axis.estimator]")[1]
-    rest = re.sub(r"(torque_noise|output_noise|initial_p) = .*\n", "", rest)
-    start = start.replace('drive = "three-mass"', 'drive = "three-mass"\nnominal_file = "nominal.toml"')
-    (here / "robot.toml").write_text(start + rest, encoding="utf-8")
+    with_nominal_file(here, "nominal.toml")
     load(here / "robot.toml", {})
     rows = {p["name"]: p for p in found(f"healthy.csv@8:20 --free {NAMES} -o next.toml")["parameters"]}
     assert abs(rows["Jm"]["change"]) < 0.01
@@ -200,3 +195,27 @@ def test_a_drive_from_a_file_is_named_with_its_hash(here: Path, seed: int) -> No
     name, digest = found("mine.csv --free Jm,fm")["provenance"]["drawing"]
     assert (name, len(digest)) == ("mine.mo", 64)
     assert f'sha256 = "{digest}"' in (here / "nominal.toml").read_text(encoding="utf-8")
+
+
+def test_the_advice_on_the_interval_works(here: Path) -> None:
+    """An interval that is 2 % off: what the note says makes a configuration that the daemon accepts."""
+    words = " ".join(found(f"{times(here, 'healthy.csv', t=1.02)} --free {NAMES} -o next.toml")["warnings"])
+    advice = re.search(r"set (sample_interval_s = [\d.]+)\.", words)
+    assert advice, words
+    with_nominal_file(here, "next.toml")
+    with pytest.raises(
+        ConfigErrors, match="found with samples every"
+    ):
+        load(here / "robot.toml", {})
+    edit(here / "robot.toml", ("sample_interval_s = 0.005", advice[1]))
+    load(here / "robot.toml", {})
+
+
+def with_nominal_file(here: Path, name: str) -> None:
+    """The configuration with that file in place of its own values."""
+    text = (here / "robot.toml").read_text(encoding="utf-8")
+    start, rest = text.split("[robot.axis.model.nominal]")
+    rest = "[robot.axis.estimator]" + rest.split("[robot.axis.estimator]")[1]
+    rest = re.sub(r"(torque_noise|output_noise|initial_p) = .*\n", "", rest)
+    start = start.replace('drive = "three-mass"', f'drive = "three-mass"\nnominal_file = "{name}"')
+    (here / "robot.toml").write_text(start + rest, encoding="utf-8")
