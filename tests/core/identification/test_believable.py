@@ -47,7 +47,7 @@ def record(
     rng = np.random.default_rng(seed)
     values = {**VALUES, **(WEIGHT if weight else {})}
     axis = SimulatedAxis(values, substeps=4, drive=one_mass(gravity=weight), speed_scale=SCALE)
-    t = H * np.arange(round(seconds / H))
+    t = np.asarray(H * np.arange(round(seconds / H)), dtype=np.float64)
     phases = rng.uniform(0, 2 * np.pi, 5)
     wanted = sum(
         a * np.sin(2 * np.pi * f * t + p)
@@ -144,7 +144,7 @@ def test_outlook(seed: int) -> None:
 
 def test_a_slow_motion_leaves_enough_for_the_black_box(seed: int) -> None:
     """Sampled each millisecond, with a torque below 1 Hz."""
-    t = 0.001 * np.arange(20_000)
+    t = np.asarray(0.001 * np.arange(20_000), dtype=np.float64)
     u = np.asarray(sum(np.sin(2 * np.pi * f * t + f) for f in (0.1, 0.25, 0.4)))
     speed = np.cumsum(u) * 0.001 / 2.0
     y = np.concatenate(([0.0], np.cumsum(speed)[:-1] * 0.001)) + 1e-6 * np.random.default_rng(

@@ -203,9 +203,7 @@ def test_the_advice_on_the_interval_works(here: Path) -> None:
     advice = re.search(r"set (sample_interval_s = [\d.]+)\.", words)
     assert advice, words
     with_nominal_file(here, "next.toml")
-    with pytest.raises(
-        ConfigErrors, match="found with samples every"
-    ):
+    with pytest.raises(ConfigErrors, match="found with samples every"):
         load(here / "robot.toml", {})
     edit(here / "robot.toml", ("sample_interval_s = 0.005", advice[1]))
     load(here / "robot.toml", {})
