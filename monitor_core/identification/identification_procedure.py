@@ -18,7 +18,15 @@ from monitor_core.identification.outlook import Watched, outlook
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.record import Record
-from monitor_core.identification.starting import Growth, best_of, fit_from, fit_from_scratch, grow, masses_of
+from monitor_core.identification.starting import (
+    Growth,
+    best_of,
+    fit_from,
+    fit_from_scratch,
+    fit_from_torque_balance,
+    grow,
+    masses_of,
+)
 from monitor_core.identification.verdict import Quality, Verdict, verdict_of
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
@@ -294,7 +302,13 @@ def _best(problem: Problem, records: Sequence[Record], start: Start, report: Pro
         report("search for starting values", done, most)
 
     if start == "records":
-        return fit_from_scratch(problem, records, progress=searching)
+        try:
+            return fit_from_scratch(problem, records, progress=searching)
+        except ValueError as error:
+            try:
+                return fit_from_torque_balance(problem, records)
+            except ValueError:
+                raise error from None
     try:
         direct = _fit(problem, records, report)
     except ValueError:

@@ -116,13 +116,15 @@ def found(record: Record) -> Estimate:
 def test_a_weight_that_the_drive_lacks_is_named_and_refused(
     joint: int, gravity: bool, quality: Quality, records_dir: Path, tmp_path: Path
 ) -> None:
-    """One step ahead all three predict 99.99 %.  The speed scale of friction is not given."""
+    """One step ahead all three predict 99.99 %.  Neither values nor the speed scale of friction are given."""
     record = read(records_dir, f"ur-20_01_22-joint_{joint}.csv", tmp_path, joint).record
     drive = one_mass(gravity=gravity)
     free = tuple(p.name for p in drive.parameters if p.name in START)
-    nominal = {p.name: START.get(p.name, 1.0) for p in drive.parameters}
+    nominal = {p.name: 1.0 if p.positive else 0.0 for p in drive.parameters}
     scale, *more = speed_scales([record])
-    options = IdentificationOptions(monitored=WATCHED, unknown=free, start="values", speed_scales=tuple(more))
+    options = IdentificationOptions(
+        monitored=WATCHED, unknown=free, start="records", speed_scales=tuple(more)
+    )
     result = identify(Problem(drive, nominal, free, speed_scale=scale), [record], (), options)
     print(f"UR10e joint {joint}: {result.verdict}, {result.held}, {dict(result.estimate.values)}")
     assert result.estimate.fit[0] > 99.9

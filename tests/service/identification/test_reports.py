@@ -253,7 +253,7 @@ def test_a_long_line_is_drawn_with_few_points_and_keeps_its_peaks(seed: int) -> 
     assert np.ptp(heights) == pytest.approx(box.height * 72 / drawn.dpi, abs=0.02)
 
 
-# --- The verdict is first, what can be watched is last -----------------------------------------------------------------
+# --- The verdict is first, what can be watched is last ----------------------------------------------------------------
 
 
 def test_the_verdict_is_first_and_the_outlook_last(found: IdentificationReport, page: str) -> None:
