@@ -27,8 +27,8 @@ DISTURBANCE = "torque disturbance"
 DISTURBANCE_TIME = "Td"
 """Name of the time constant of a drive's torque disturbance."""
 _DISTURBANCE = "time constant of the torque disturbance"
-DAMPING, STIFFNESS = "N m s/rad", "N m/rad"
-"""Units of dampers and springs."""
+INERTIA, DAMPING, STIFFNESS = "kg m^2", "N m s/rad", "N m/rad"
+"""Units of inertias, dampers and springs."""
 SINCE_SAMPLE = "angle since the last sample"
 """Name of the state that a mean speed is taken from."""
 DELAY = "delay"
@@ -40,12 +40,22 @@ _OPERATORS = frozenset(" +*/^()")
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A physical parameter.  ``positive``: zero or a negative value makes no sense (inertias, springs)."""
+    """A physical parameter.
+
+    ``positive``: zero or a negative value makes no sense (inertias, springs).  ``nonnegative``: a negative value makes
+    none (dampers, friction), which positive ones imply.
+    """
 
     name: str
     unit: str
     meaning: str
     positive: bool = True
+    nonnegative: bool = False
+
+    @property
+    def least(self) -> float:
+        """The lower bound of what makes sense: 0, or minus infinity."""
+        return 0.0 if self.positive or self.nonnegative else -math.inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
 * ``identification_procedure``: the whole way, ``identify``, and what it returns; ``problem``, ``parameter_selection``:
-  what is estimated; ``bode``: the drive beside black boxes and the record.
+  what is estimated; ``holding``: what the records do not determine; ``verdict`` on the fit; ``outlook``: what can be
+  watched with it; ``bode``: the drive beside black boxes and the record.
 * ``records``: records, and whether they can be used.
 * ``predictor``: prediction errors of a drive; ``greybox``: its fit.
 * ``starting``: values to start from, and the number of masses.
@@ -10,7 +11,7 @@
 
 from monitor_core.identification.black_boxes import FrequencyResponse, fit_arx
 from monitor_core.identification.bode import Bode
-from monitor_core.identification.greybox import LEVEL, Correlation, Trace, fit
+from monitor_core.identification.greybox import LEVEL, Correlation, Share, Trace, fit
 from monitor_core.identification.identification_procedure import (
     MOST_MASSES,
     USUAL_MASSES,
@@ -22,6 +23,7 @@ from monitor_core.identification.identification_procedure import (
     Start,
     identify,
 )
+from monitor_core.identification.outlook import Obstacle, Watched
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
     Schedule,
@@ -32,13 +34,24 @@ from monitor_core.identification.parameter_selection import (
     with_terms,
 )
 from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
-from monitor_core.identification.records import UNITS, Finding, Known, Record, between, known_of, suspicions
+from monitor_core.identification.records import (
+    UNITS,
+    Finding,
+    Known,
+    Record,
+    between,
+    known_of,
+    speed_scales,
+    suspicions,
+)
 from monitor_core.identification.starting import Growth
+from monitor_core.identification.verdict import Basis, Effect, Quality, Verdict
 
 __all__ = [
-    "LEVEL", "MOST_MASSES", "UNITS", "USUAL_MASSES", "Bode", "Correlation", "Disturbance", "Finding",
-    "FrequencyResponse", "Growth", "IdentificationError", "IdentificationOptions", "IdentificationResult",
-    "Known", "ParameterRow", "ParameterSelection", "Predictor", "Problem", "Progress", "Record",
-    "Rejection", "Schedule", "Slope", "Start", "Trace", "between", "fit", "fit_arx", "identify",
-    "known_of", "scheduled_terms", "select_parameters", "suspicions", "with_schedule", "with_terms",
+    "LEVEL", "MOST_MASSES", "UNITS", "USUAL_MASSES", "Basis", "Bode", "Correlation", "Disturbance",
+    "Effect", "Finding", "FrequencyResponse", "Growth", "IdentificationError", "IdentificationOptions",
+    "IdentificationResult", "Known", "Obstacle", "ParameterRow", "ParameterSelection", "Predictor",
+    "Problem", "Progress", "Quality", "Record", "Rejection", "Schedule", "Share", "Slope", "Start",
+    "Trace", "Verdict", "Watched", "between", "fit", "fit_arx", "identify",
+    "known_of", "scheduled_terms", "select_parameters", "speed_scales", "suspicions", "with_schedule", "with_terms",
 ]  # fmt: skip

@@ -43,6 +43,8 @@ _FASTER = 5.0
 """Samples in a period of the highest frequency, at least."""
 _LARGEST = 100
 """Largest order of the black box."""
+_FEWEST = 400
+"""Samples of the shortest record that are left when it is thinned out: the filter takes 18 of them at each end."""
 _LONGEST = 60_000
 """Most samples for the black box and the spectra: more only take longer."""
 
@@ -117,7 +119,7 @@ def _tried(
 def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
     """ARX model; samples much faster than the band are decimated, as the order of the model counts samples."""
     h = max(record.interval_s for record in records)
-    every = max(1, int(1 / (_FASTER * f[-1] * h)))
+    every = max(1, min(int(1 / (_FASTER * f[-1] * h)), min(map(len, records)) // _FEWEST))
     thinned = [resample(r, every * grid_interval(r)) if every > 1 else r for r in records]
     samples = sum(len(record) for record in thinned)
     model = fit_arx(thinned, largest=max(1, min(_LARGEST, samples // 20)))

@@ -13,10 +13,21 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.bode import Bode, bode_of
 from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit, traces_of
+from monitor_core.identification.holding import hold_undetermined
+from monitor_core.identification.outlook import Watched, outlook
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.record import Record
-from monitor_core.identification.starting import Growth, fit_from, fit_from_scratch, grow, masses_of
+from monitor_core.identification.starting import (
+    Growth,
+    best_of,
+    fit_from,
+    fit_from_scratch,
+    fit_from_torque_balance,
+    grow,
+    masses_of,
+)
+from monitor_core.identification.verdict import Quality, Verdict, verdict_of
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 _SIGNIFICANT = 3.0
@@ -28,6 +39,8 @@ class Rejection(Enum):
 
     NOT_CONVERGED = "not-converged"
     NOT_IDENTIFIABLE = "not-identifiable"
+    POOR = "poor"
+    """The drive does not explain the motion.  Only this can be overruled."""
     DELAY_OUT_OF_RANGE = "delay-out-of-range"
     """The daemon can only follow a torque that acts between its sample and the next one."""
 
@@ -73,6 +86,9 @@ class IdentificationResult:
         colour: ratio of the variance of recursive estimates to that with white prediction errors; at least 1.
         growth: the comparison of chains of one, two, .. masses; None: not asked for.
         options: why parameters are held, which values before the fit are only placeholders, what follows signals.
+        verdict: on the fit.
+        held: why parameters are held that the records do not determine.
+        watched: which of the monitored parameters can be watched; empty: none were named.
     """
 
     start: Problem
@@ -83,6 +99,9 @@ class IdentificationResult:
     colour: float
     growth: Growth | None
     options: IdentificationOptions
+    verdict: Verdict
+    held: Mapping[str, str]
+    watched: tuple[Watched, ...]
 
     def model(self, monitored: Sequence[str]) -> AxisModel:
         """The axis with the estimates as its nominal values.
@@ -101,6 +120,8 @@ class IdentificationResult:
             return Rejection.NOT_IDENTIFIABLE
         if not 0 <= self.delay_s <= self.estimate.interval_s:
             return Rejection.DELAY_OUT_OF_RANGE
+        if self.verdict.quality is Quality.POOR:
+            return Rejection.POOR
         return None
 
     @property
@@ -150,7 +171,7 @@ class IdentificationResult:
                 known = base in self.start.nominal and base not in self.options.unknown
                 before = value_of(self.start.nominal, name) if known else None
                 yield ParameterRow(name, p.unit, p.meaning, value, sd, before)
-        for name, reason in self.options.held.items():
+        for name, reason in {**self.options.held, **self.held}.items():
             p = e.drive.parameter(name)
             yield ParameterRow(
                 name, p.unit, p.meaning, e.values[name], None, self.start.nominal[name], reason
@@ -181,9 +202,6 @@ from the records alone, without using the nominal values of free parameters."""
 Progress = Callable[[str, int, int], None]
 """Called with the present phase, the steps done and the most steps of it."""
 
-_BETTER = 1 - 1e-4
-"""The result of a search is taken if its cost is lower by this factor; otherwise the fit from the nominal values."""
-
 
 @dataclass(frozen=True)
 class IdentificationOptions:
@@ -197,6 +215,9 @@ class IdentificationOptions:
         held: why each held parameter is held, for reports.
         unknown: free parameters whose nominal values are only placeholders.
         scheduled: parameters that follow signals of the records.
+        memory_s: of the monitor.
+        sized: monitored parameters whose size is given, so that their nominal value may be zero.
+        speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem.
     """
 
     start: Start = "search"
@@ -206,6 +227,9 @@ class IdentificationOptions:
     held: Mapping[str, str] = field(default_factory=dict)
     unknown: tuple[str, ...] = ()
     scheduled: tuple[ScheduledTerm, ...] = ()
+    memory_s: float = 1.0
+    sized: tuple[str, ...] = ()
+    speed_scales: tuple[float, ...] = ()
 
 
 def identify(
@@ -229,16 +253,24 @@ def identify(
             masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    report: Progress = progress or (lambda *_: None)
+    report: Progress = progress or _silent
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
         estimate = _best(problem, records, options.start, report)
+        estimate = best_of([estimate, *_with_other_friction(estimate, records, options.speed_scales)])
         if options.interval_mean:
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()
             estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
+        configured = {name: v for name, v in problem.nominal.items() if name not in options.unknown}
+        estimate, held = hold_undetermined(
+            estimate, configured, options.monitored, lambda fewer: _fit(fewer, records, _silent)
+        )
+        own = traces_of(estimate.problem, records)
         validated = traces_of(estimate.problem, validation) if validation else ()
+        report("validation", 0, 1)
+        verdict = verdict_of(estimate, records, own, validated)
     except (ValueError, np.linalg.LinAlgError) as error:
         hint = (
             "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
@@ -247,13 +279,20 @@ def identify(
     return IdentificationResult(
         problem,
         estimate,
-        traces_of(estimate.problem, records),
+        own,
         validated,
         bode_of(estimate, None if options.unknown else problem, records),
         colour_of(estimate, options.monitored or estimate.problem.free, records),
         growth,
         options,
+        verdict,
+        held,
+        outlook(estimate, options.monitored, records, options.memory_s, options.sized),
     )
+
+
+def _silent(*_: object) -> None:
+    """No progress."""
 
 
 def _best(problem: Problem, records: Sequence[Record], start: Start, report: Progress) -> Estimate:
@@ -263,7 +302,13 @@ def _best(problem: Problem, records: Sequence[Record], start: Start, report: Pro
         report("search for starting values", done, most)
 
     if start == "records":
-        return fit_from_scratch(problem, records, progress=searching)
+        try:
+            return fit_from_scratch(problem, records, progress=searching)
+        except ValueError as error:
+            try:
+                return fit_from_torque_balance(problem, records)
+            except ValueError:
+                raise error from None
     try:
         direct = _fit(problem, records, report)
     except ValueError:
@@ -276,8 +321,7 @@ def _best(problem: Problem, records: Sequence[Record], start: Start, report: Pro
         searched = fit_from(problem, records, progress=searching)
     except ValueError:
         return direct
-    better = searched.converged or not direct.converged
-    return searched if better and searched.cost < _BETTER * direct.cost else direct
+    return best_of([direct, searched])
 
 
 def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estimate:
@@ -285,6 +329,18 @@ def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estim
         report(f"fit, sum of squares {cost:.4g}", min(done, MOST_ITERATIONS), MOST_ITERATIONS)
 
     return fit(problem, records, most_iterations=MOST_ITERATIONS, progress=fitting)
+
+
+def _with_other_friction(
+    found: Estimate, records: Sequence[Record], scales: Sequence[float]
+) -> Iterator[Estimate]:
+    """Fits with these speed scales of Coulomb friction, from the estimates with that of the problem."""
+    for scale in scales:
+        try:
+            other = _fit(replace(found.problem, speed_scale=scale), records, _silent)
+        except ValueError:
+            continue
+        yield replace(other, started_from=found.started_from)
 
 
 def _growth(

@@ -72,7 +72,8 @@ class Problem:
         disturbance: noise from which K follows; None: white torque noise of unknown level.
         K: filter gain (n,) in the drive's states, which then is held; no disturbance.
         loss: "huber" for outliers.
-        bounds: of free parameters, by name; "delay" is one.
+        bounds: of free parameters, by name; "delay" is one.  By default what makes no sense is excluded: no negative
+            inertia, spring, damper or friction.
         motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
             friction there follows the speed of the predictor), or "simulated": all on the predictor's state.
         initial: state at the first sample: "free", or "first": moving rigidly with the first output, noise and all,
@@ -80,6 +81,7 @@ class Problem:
         varying: parameters that are not constant, theta(t) = theta + sum_j b_j s_j(t), each with the names of the
             records' signals s_j; the b_j are estimated.
         slopes: where the b_j start, by name, "fm per temperature"; 0 if not given.
+        interval_s: that K belongs to, s; None: the median interval of the records.
 
     Raises:
         KeyError, ValueError: what AxisModel refuses; settings that contradict one another.
@@ -100,6 +102,7 @@ class Problem:
     initial: Initial = "free"
     varying: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     slopes: Mapping[str, float] = field(default_factory=dict)
+    interval_s: float | None = None
 
     def __post_init__(self) -> None:
         # Monitoring none of them: a free parameter that starts at zero needs no scale, the data set it.

@@ -41,7 +41,7 @@ class FlatParameter:
     """A parameter that the user named or drew.
 
     ``unit`` in the form of units.py ("kg m^2"); "" is unknown.  ``value`` is the nominal value where the drawing gives
-    one. ``positive``: zero or less makes no sense.
+    one. ``positive``: zero or less makes no sense. ``nonnegative``: less than zero makes none.
     """
 
     name: str
@@ -49,6 +49,7 @@ class FlatParameter:
     meaning: str = ""
     value: float | None = None
     positive: bool = False
+    nonnegative: bool = False
     origin: Origin = field(default_factory=Origin)
 
 

@@ -131,7 +131,7 @@ def _check_ratios(ss: StateSpace) -> None:
 
 
 def _parameter(p: FlatParameter) -> Parameter:
-    return Parameter(p.name, p.unit or "1", p.meaning or p.name, p.positive)
+    return Parameter(p.name, p.unit or "1", p.meaning or p.name, p.positive, p.nonnegative)
 
 
 def _terms(matrix: Matrix, entries: Entries) -> Iterator[Term]:

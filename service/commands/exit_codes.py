@@ -13,7 +13,8 @@ OK, FAULT, MISTAKE, NO_BUS, UNAVAILABLE = range(5)
 
 EXIT_CODES = """\
 Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, in the configuration or in a
-file; 3 a bus cannot be opened or written to; 4 the port is taken or the state directory cannot be used."""
+file, or a fit of identify that is too poor to be used; 3 a bus cannot be opened or written to; 4 the port is
+taken or the state directory cannot be used."""
 
 
 class DaemonFailedError(Exception):

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from monitor_core.drive import AxisModel, Drive, split_name
+import numpy as np
+
+from monitor_core.drive import COULOMB, AxisModel, Drive, split_name
 from monitor_core.identification import (
     Disturbance,
     IdentificationError,
@@ -25,6 +27,7 @@ from monitor_core.identification import (
     known_of,
     scheduled_terms,
     select_parameters,
+    speed_scales,
     suspicions,
     with_schedule,
     with_terms,
@@ -128,7 +131,7 @@ def prepare(
     start = _start(unknown, selection, request.start)
     used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
     loaded = [item.record for item in (*used, *kept_aside)]
-    speed_scale = predictor_of(axis.config).friction_speed_scale
+    speed_scale, *scales = _speed_scales(axis.config, drive, nominal, [item.record for item in used])
     count = len(selection.free)
     known = Known(count, speed_scale=speed_scale) if unknown else known_of(drive, nominal, count, speed_scale)
     warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
@@ -137,7 +140,7 @@ def prepare(
         [item._replace(record=with_terms(item.record, scheduled)) for item in group]
         for group in (used, kept_aside)
     )
-    problem = _problem(axis, drive, nominal, selection, used, request, schedule)
+    problem = _problem(axis, drive, nominal, selection, used, request, schedule, speed_scale)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     options = IdentificationOptions(
@@ -148,6 +151,9 @@ def prepare(
         selection.held,
         unknown,
         scheduled,
+        axis.config.sample_interval_s / (1 - axis.config.forgetting),
+        tuple(axis.config.model.scales),
+        tuple(scales),
     )
     return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
 
@@ -227,18 +233,31 @@ def _problem(
     used: Sequence[Loaded],
     request: Request,
     schedule: Schedule,
+    speed_scale: float,
 ) -> Problem:
     predictor = predictor_of(axis.config)
     kind = request.predictor or predictor.kind
     try:
         return Problem(
             drive, nominal, selection.free, kind,
-            speed_scale=predictor.friction_speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
+            speed_scale=speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
             disturbance=_disturbance(kind, used, request.disturbance_s),
             loss="huber" if request.robust else "squares", varying=schedule,
+            interval_s=_interval_s(axis.config.sample_interval_s, [item.record for item in used]),
         )  # fmt: skip
     except ValueError as error:
         raise IdentificationError(str(error)) from None
+
+
+def _speed_scales(
+    axis: AxisConfig, drive: Drive, nominal: Mapping[str, float], records: Sequence[Record]
+) -> tuple[float, ...]:
+    """Speed scales of Coulomb friction: that which is configured, or those that are to be tried."""
+    given = axis.model.nominal_file is not None or "friction_speed_scale" in axis.model.model_fields_set
+    if given or COULOMB not in drive.inputs:
+        return (predictor_of(axis).friction_speed_scale,)
+    ratio = abs(float(drive.matrix("ratio", nominal)[drive.inputs.index(COULOMB), 0]))
+    return tuple(ratio * scale for scale in speed_scales(records))
 
 
 def _disturbance(
@@ -267,11 +286,19 @@ def _doubts(records: Sequence[Record], known: Known) -> list[str]:
     return [words for _, words in findings]
 
 
+def _interval_s(configured_s: float, records: Sequence[Record]) -> float:
+    """The configured interval if the records have it, else theirs: K belongs to it."""
+    measured_s = float(np.median([record.mean_interval_s for record in records]))
+    alike = math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL)
+    return configured_s if alike else float(f"{measured_s:.5g}")
+
+
 def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[str]:
     """Doubts about the sample intervals of records, in sentences."""
     for record in records:
-        ratio = record.interval_s / interval_s
-        apart = f"its samples are {record.interval_s:.6g} s apart"
+        measured_s = record.mean_interval_s
+        ratio = measured_s / interval_s
+        apart = f"its samples are {measured_s:.6g} s apart"
         differ = f"{record.name}: {apart}, but sample_interval_s = {interval_s:g}"
         if not 1 / _OTHER_SAMPLING < ratio < _OTHER_SAMPLING:
             mistake = "correct it, or the times, which must be in seconds"
@@ -280,4 +307,7 @@ def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[s
                     mistake = f"times must be in seconds, these look like {unit}"
             raise IdentificationError(f"{differ}: {mistake}")
         if not math.isclose(ratio, 1.0, rel_tol=_SAME_INTERVAL):
-            yield f"{differ}: the result then belongs to the interval of this record, and the daemon refuses it."
+            yield (
+                f"{differ}: the result belongs to the interval of this record; for the daemon, set sample_interval_s ="
+                f" {measured_s:.5g}."
+            )

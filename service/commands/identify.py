@@ -104,8 +104,9 @@ def identify(
 ) -> None:
     """Identify the nominal values of an axis from records of its healthy state.
 
-    Writes nominal.toml, which the configuration of the daemon refers to, and report.html. If a parameter cannot be
-    identified or the fit does not converge, the report says so, no nominal values are written, and the exit code is 2.
+    Writes nominal.toml, which the configuration of the daemon refers to, and report.html. Its first line is the verdict
+    on the fit, the last one says what can be watched with it. With a poor fit, or one that does not converge, no
+    nominal values are written, and the exit code is 2; --force writes those of a poor fit.
     """
     files = Files.chosen(output, report, json)
     files.check(force, "nominal values")
@@ -132,9 +133,10 @@ def identify(
         task = prepare(read, chosen, records, validate or [], request)
         with steps_bar(chosen.id) as progress:
             result = task.run(Provenance.now(drawing_of(chosen.config)), progress)
-    values = None if result.rejection else as_toml(result)
+    refused = bool(result.rejection) and not (force and result.is_poor)
+    values = None if refused else as_toml(result)
     files.write(values, as_html(result), partial(as_json, result), partial(print_text, result))
-    if result.rejection:
+    if refused:
         print(f"axiswatch: no nominal values: {result.rejection}", file=sys.stderr)
         raise typer.Exit(MISTAKE)
 

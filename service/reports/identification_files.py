@@ -6,12 +6,17 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from monitor_core.drive import DELAY, split_name
-from monitor_core.identification import FrequencyResponse, Growth, ParameterRow, Slope, Trace
+from monitor_core.identification import FrequencyResponse, Growth, ParameterRow, Slope, Trace, Verdict
 from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
 from service.ingest.identification_records import Source
 from service.reports.formats import fields_of, json_text, one_line, percent, toml_table
-from service.reports.identification_report import IdentificationReport, residual_words
+from service.reports.identification_report import (
+    IdentificationReport,
+    outlook_words,
+    residual_words,
+    verdict_line,
+)
 
 Json = dict[str, Any]
 
@@ -45,6 +50,9 @@ def _tables(report: IdentificationReport) -> Iterator[str]:
     matrix = {"names": list(e.names), "matrix": e.correlation}
     about = "Of the estimates: covariance = correlation times the two standard deviations."
     yield toml_table("[correlation]", matrix, about, rough=matrix)
+    about = "How much of the motion a simulation explains, per cent, and on what records that is based."
+    verdict = _verdict(report.result.verdict)
+    yield toml_table("[verdict]", verdict, about, rough=("explained", "explained_validation"))
     tests = {"whiteness_p": e.whiteness.p_value, "independence_p": e.independence.p_value}
     about = "Do the prediction errors look like noise, and do they know nothing of the torque? Small p: no."
     yield toml_table("[residuals]", tests, about, rough=tests)
@@ -64,6 +72,8 @@ def _introduction(report: IdentificationReport) -> Iterator[str]:
     yield '  nominal_file = "nominal.toml"'
     yield "All values are in SI units. They belong together: nominal values are those of this predictor, with this"
     yield "gain, at this interval. To change one, identify again."
+    yield verdict_line(report)
+    yield outlook_words(report)
     yield from (f"Note: {one_line(word)}" for word in report.warnings)
 
 
@@ -178,6 +188,12 @@ def as_json(report: IdentificationReport) -> str:
             "output": e.problem.drive.output,
             "trustworthy": not report.rejection,
             "why_not": report.rejection or None,
+            "verdict": _verdict(result.verdict),
+            "watched": [
+                {"name": w.name, "change": w.change, "obstacle": w.obstacle and w.obstacle.value}
+                for w in result.watched
+            ],
+            "outlook": outlook_words(report),
             "parameters": [_parameter(row) for row in result.rows()],
             "schedule": [_slope(slope) for slope in result.slopes()],
             "masses": _growth(result.growth) if result.growth else None,
@@ -200,6 +216,16 @@ def as_json(report: IdentificationReport) -> str:
             },
         }
     )  # fmt: skip
+
+
+def _verdict(verdict: Verdict) -> Json:
+    return {
+        "quality": verdict.quality.value,
+        "explained": verdict.own.per_cent,
+        "explained_validation": verdict.validation.per_cent,
+        "validation": verdict.basis.value,
+        "missing": [effect.value for effect in verdict.missing],
+    }
 
 
 def _parameter(row: ParameterRow) -> Json:

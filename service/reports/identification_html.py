@@ -40,6 +40,8 @@ def as_html(report: IdentificationReport) -> str:
     parameters = content.parameter_table(rows)
     return render(
         "identification.html",
+        verdict_line=content.verdict_line(report),
+        outlook=content.outlook_words(report),
         title=f"Identification of {report.axis_id}",
         report=report,
         predictor=content.predictor_words(report),
@@ -67,16 +69,13 @@ def as_html(report: IdentificationReport) -> str:
 
 
 def _key_figures(report: IdentificationReport) -> Iterator[tuple[str, str]]:
-    result = report.result
+    result, verdict = report.result, report.result.verdict
     rows = [row for row in result.rows() if row.sd is not None]
     worst = max((row.relative_sd or 0.0 for row in rows if not row.is_about_zero), default=0.0)
     zero = ", ".join(row.name for row in rows if row.is_about_zero)
-    yield f"{min(t.fit_simulation for t in result.estimation):.1f} %", "fit of the simulation"
-    if result.validation:
-        fit = min(trace.fit_simulation for trace in result.validation)
-        yield f"{fit:.1f} %", "the same, on records kept aside"
-    else:
-        yield "-", "no record was kept aside to compare"
+    yield verdict.quality.value, "fit: how the simulation explains the motion"
+    yield f"{verdict.validation.per_cent:.0f} %", f"explained {content.BASIS[verdict.basis]}"
+    yield f"{verdict.own.per_cent:.0f} %", "explained of the fitted records"
     yield percent(worst), f"largest standard deviation of a parameter{f'; about 0: {zero}' if zero else ''}"
     independent = result.estimate.independence.p_value >= 1 - LEVEL
     yield "yes" if independent else "no", "does the drive explain all that the torque does?"

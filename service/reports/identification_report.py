@@ -10,7 +10,20 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.identification import LEVEL, Growth, IdentificationResult, ParameterRow, Rejection, Trace
+from monitor_core.drive import COSINE, COULOMB, DELAY, ONE, SINE, split_name
+from monitor_core.identification import (
+    LEVEL,
+    Basis,
+    Effect,
+    Growth,
+    IdentificationResult,
+    Obstacle,
+    ParameterRow,
+    Rejection,
+    Trace,
+    Verdict,
+    Watched,
+)
 from service.ingest.identification_records import Source
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
@@ -39,8 +52,16 @@ class IdentificationReport:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """All doubts, in sentences: about the records, the number of masses, and the fit."""
-        return (*self.record_warnings, *self._other_masses(), *self.result.estimate.words)
+        """All doubts, in sentences: about the fit, the records, the number of masses, and what is held."""
+        missing = missing_words(self.result.verdict)
+        return (
+            *([missing] if missing else []),
+            *self.record_warnings,
+            *self._other_masses(),
+            *self.result.estimate.words,
+            *self._held(),
+            *self._friction(),
+        )
 
     @property
     def rejection(self) -> str:
@@ -58,7 +79,15 @@ class IdentificationReport:
                 f"the torque acts {1e3 * result.delay_s:.3g} ms late, but the daemon can follow delays of 0 to one"
                 " interval only: shift the torque against the motion where they are recorded"
             )
+        if result.rejection is Rejection.POOR:
+            words = f"the drive does not explain the motion: {verdict_words(result.verdict)}"
+            return f"{words}; --force writes them all the same"
         return ""
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether a poor fit is all that speaks against the values."""
+        return self.result.rejection is Rejection.POOR
 
     def traces(self) -> Iterator[tuple[str, Source, Trace]]:
         """Purpose, source and trace of each record."""
@@ -79,6 +108,17 @@ class IdentificationReport:
             " one with more excitation, or see with --masses auto how many masses these records ask for"
         )
 
+    def _friction(self) -> Iterator[str]:
+        if self.result.options.speed_scales:
+            scale = self.result.estimate.problem.speed_scale
+            yield f"friction_speed_scale is not given: of those tried, {scale:.3g} rad/s explains the records best."
+
+    def _held(self) -> Iterator[str]:
+        held = self.result.held
+        for row in self.result.rows():
+            if row.name in held:
+                yield f"{row.name} is held at {number(row.value)} {row.unit}: {held[row.name]}."
+
     def _other_masses(self) -> Iterator[str]:
         recommended, result = self.result.recommended_masses, self.result
         if recommended is not None:
@@ -90,7 +130,8 @@ class IdentificationReport:
 
 
 def print_text(report: IdentificationReport, console: Console) -> None:
-    """Parameters, fits, tests, doubts."""
+    """The verdict first, then parameters, fits, tests, doubts; at last what can be watched."""
+    console.print(Text(f"{verdict_line(report)}\n", style="bold"), soft_wrap=True)
     result, rows = report.result, list(report.result.rows())
     held = {number: "dim" for number, row in enumerate(rows) if row.held}
     parameters = parameter_table(rows)
@@ -115,6 +156,7 @@ def print_text(report: IdentificationReport, console: Console) -> None:
             console.print(escape(test.words), soft_wrap=True)
     for words in (*report.warnings, *result.bode.words):
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+    console.print(Text(outlook_words(report), style="bold"), soft_wrap=True)
 
 
 # --- Sentences and tables ---------------------------------------------------------------------------------------------
@@ -173,6 +215,116 @@ def masses_table(growth: Growth) -> Table:
         for model in growth.models
     ]
     return Table(titles[:count], [row[:count] for row in rows])
+
+
+# --- The verdict, and what can be watched -----------------------------------------------------------------------------
+
+
+BASIS = {
+    Basis.RECORDS: "of records that were not fitted",
+    Basis.HALVES: "of each half of the records with values from the other",
+    Basis.NONE: "of the fitted records, which cannot be divided",
+}
+_MISSING = {
+    Effect.POSE: (
+        "torque depends on the angle, as that of a weight does: add gravity to the drive (AxisWatch.Gravity, or"
+        ' type = "gravity" in [robot.axis.model.components])'
+    ),
+    Effect.COULOMB: (
+        'friction does not vanish with the speed: add Coulomb friction to the drive (type = "coulomb-friction")'
+    ),
+    Effect.OFFSET: 'a constant torque acts: add an offset to the drive (type = "torque-offset")',
+    Effect.FRICTION_CURVE: (
+        "friction is another function of the speed (Stribeck) than fm and fc describe: give records at the speeds of"
+        " production"
+    ),
+    Effect.FAST: (
+        "slow motions are explained, fast ones are not: see with --masses auto how many masses these records ask for,"
+        " and with --delay whether the torque acts late"
+    ),
+    Effect.FOREIGN: (
+        "what is missing depends neither on the angle nor on the speed of this axis: other axes that move, a load that"
+        " changes, contact; record this axis alone, or let parameters follow signals with --schedule"
+    ),
+}
+
+
+def verdict_words(verdict: Verdict) -> str:
+    """The figure and what it is of: "the simulation explains 94 % of the motion ..."."""
+    figure = f"{verdict.validation.per_cent:.0f} %" if verdict.validation.per_cent > 0 else "nothing"
+    own = f"{verdict.own.per_cent:.0f} %" if verdict.own.per_cent > 0 else "nothing"
+    words = f"the simulation explains {figure} of the motion {BASIS[verdict.basis]}"
+    return words if verdict.basis is Basis.NONE else f"{words}, and {own} of that of the fitted ones"
+
+
+def verdict_line(report: IdentificationReport) -> str:
+    """The first line of every report."""
+    verdict = report.result.verdict
+    return f"{report.axis_id}: {verdict.quality.value} fit: {verdict_words(verdict)}."
+
+
+def missing_words(verdict: Verdict) -> str:
+    """What the drive lacks, in a sentence; empty: nothing."""
+    if not verdict.missing:
+        return ""
+    return (
+        f"The records show what the drive lacks: {'; '.join(_MISSING[effect] for effect in verdict.missing)}."
+    )
+
+
+def outlook_words(report: IdentificationReport) -> str:
+    """The last line: whether the axis can be watched with this, for what, and what would give the rest."""
+    result = report.result
+    if report.rejection and result.rejection is not Rejection.POOR:
+        return "This axis cannot be watched with this result: see above."
+    watched = [w for w in result.watched if w.obstacle is None]
+    lost = [w for w in result.watched if w.obstacle is not None]
+    named = ", ".join(f"{w.name} (changes from {_change(w, result)})" for w in watched)
+    poor = " Alarms would come from what the drive lacks." if result.rejection is Rejection.POOR else ""
+    words = f"This axis can be watched for {named}." if watched else "This axis cannot be watched with this."
+    return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
+
+
+def _change(w: Watched, result: IdentificationResult) -> str:
+    if result.estimate.values.get(split_name(w.name)[0]) == 0:  # of a given size
+        return f"{w.change:.2g}"
+    return percent(w.change)
+
+
+def _obstacle(w: Watched, result: IdentificationResult) -> str:
+    if w.obstacle is Obstacle.NO_SIZE:
+        return (
+            f"Not for {w.name}, which is zero in these records: take it out of monitor, or give the size of a change"
+            f" in [robot.axis.model.scales]."
+        )
+    if w.obstacle is Obstacle.TOGETHER:
+        return (
+            f"Not for {w.name} beside these: this motion does not distinguish them. Take it out of monitor, or record"
+            f" {_motion(w.name, result)}."
+        )
+    return (
+        f"Not for {w.name}: this motion hardly shows it within the memory of the monitor. Take it out of monitor,"
+        f" raise memory_s, or record {_motion(w.name, result)}."
+    )
+
+
+def _motion(name: str, result: IdentificationResult) -> str:
+    """The record that would determine a parameter."""
+    drive, base = result.estimate.drive, split_name(name)[0]
+    acts = {
+        drive.inputs[term.col]
+        for term in drive.terms
+        if term.matrix == "B" and dict(term.powers).get(base, 0) > 0
+    }
+    if acts & {ONE, COSINE, SINE}:
+        return "motion over more of the angle range, in both directions"
+    if COULOMB in acts or (name != DELAY and drive.parameter(name).nonnegative):
+        return "motion at several speeds, slow and fast, in both directions"
+    if base not in {
+        split_name(free)[0] for free in result.estimate.names
+    }:  # excite cannot look for what is held
+        return "faster motion, with more torque"
+    return f"the motion that `axiswatch excite --find {name}` plans"
 
 
 class Tested(NamedTuple):

@@ -10,11 +10,13 @@ import re
 
 import pytest
 
+from monitor_core.identification import IdentificationOptions, identify
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import Motion, Predictor
 from monitor_core.identification.records import Record, between
 from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.samples import SampleBlock
+from tests.real.irb import model_and_settings
 
 pytestmark = pytest.mark.records
 
@@ -87,6 +89,26 @@ def test_one_step_ahead(record: Record, simulation: Estimate) -> None:
     assert found.converged
     assert found.fit[0] > 97
     assert found.fit_simulation[0] <= simulation.fit_simulation[0]
+
+
+def test_values_in_innovations_form_are_physical_and_as_good_as_by_output_error(record: Record) -> None:
+    """By ``identify``, from values with which a search alone ends at dampers below zero; half against half."""
+    model, _ = model_and_settings()
+    values = {name: model.nominal[name] for name in START}
+    middle = record.duration_s / 2
+    halves = [between(record, k * middle, (k + 1) * middle) for k in range(2)]
+    options = IdentificationOptions(monitored=("kT", "1/Ja", "fm"))
+    explains = {}
+    for predictor in ("innovations", "output-error"):
+        given = Problem(three_mass("speed"), values, FREE, predictor=predictor)
+        result = identify(given, halves[:1], halves[1:], options)
+        found = result.estimate.values
+        print(predictor, result.verdict, result.held, {name: round(float(found[name]), 5) for name in FREE})
+        assert min(found[name] for name in FREE if name != "tau0") >= 0
+        assert {"fm", "fc"} & set(result.held) <= {"fc"}
+        assert result.rejection is None
+        explains[predictor] = result.verdict.validation.per_cent
+    assert explains["innovations"] > explains["output-error"] - 1
 
 
 def test_friction_of_half_a_record(half: Estimate) -> None:

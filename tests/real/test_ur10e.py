@@ -17,6 +17,14 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.identification import (
+    Effect,
+    IdentificationOptions,
+    Quality,
+    Rejection,
+    identify,
+    speed_scales,
+)
 from monitor_core.identification.greybox import Estimate, Problem, colour_of, fit
 from monitor_core.identification.records import Record, between, suspicions
 from monitor_core.kernel.block import Trace
@@ -99,6 +107,30 @@ def record(records_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Recor
 @pytest.fixture(scope="module")
 def found(record: Record) -> Estimate:
     return estimate(record, 1)
+
+
+@pytest.mark.parametrize(
+    ("joint", "gravity", "quality"),
+    [(1, False, Quality.GOOD), (2, True, Quality.FAIR), (2, False, Quality.POOR)],
+)
+def test_a_weight_that_the_drive_lacks_is_named_and_refused(
+    joint: int, gravity: bool, quality: Quality, records_dir: Path, tmp_path: Path
+) -> None:
+    """One step ahead all three predict 99.99 %.  Neither values nor the speed scale of friction are given."""
+    record = read(records_dir, f"ur-20_01_22-joint_{joint}.csv", tmp_path, joint).record
+    drive = one_mass(gravity=gravity)
+    free = tuple(p.name for p in drive.parameters if p.name in START)
+    nominal = {p.name: 1.0 if p.positive else 0.0 for p in drive.parameters}
+    scale, *more = speed_scales([record])
+    options = IdentificationOptions(
+        monitored=WATCHED, unknown=free, start="records", speed_scales=tuple(more)
+    )
+    result = identify(Problem(drive, nominal, free, speed_scale=scale), [record], (), options)
+    print(f"UR10e joint {joint}: {result.verdict}, {result.held}, {dict(result.estimate.values)}")
+    assert result.estimate.fit[0] > 99.9
+    assert result.verdict.quality is quality
+    assert (Effect.POSE in result.verdict.missing) == (joint == 2 and not gravity)
+    assert (result.rejection is Rejection.POOR) == (quality is Quality.POOR)
 
 
 def test_the_jitter_is_used_as_it_is(record: Record, found: Estimate) -> None:

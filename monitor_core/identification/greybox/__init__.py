@@ -1,12 +1,19 @@
 """The fit of a drive to records: criterion, search, covariance, tests of the prediction errors, doubts."""
 
-from monitor_core.identification.greybox.comparison import Trace, colour_of, traces_of
+from monitor_core.identification.greybox.comparison import (
+    Share,
+    Trace,
+    colour_of,
+    explained,
+    monitored_information,
+    traces_of,
+)
 from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.estimation import fit
 from monitor_core.identification.greybox.residuals import LEVEL, Correlation
 from monitor_core.identification.problem import Disturbance, Problem
 
 __all__ = [
-    "LEVEL", "Correlation", "Disturbance", "Estimate", "Problem", "Trace", "colour_of",
-    "fit", "traces_of",
+    "LEVEL", "Correlation", "Disturbance", "Estimate", "Problem", "Share", "Trace", "colour_of",
+    "explained", "fit", "monitored_information", "traces_of",
 ]  # fmt: skip

@@ -1,20 +1,33 @@
-"""How well a drive predicts records one step ahead, and simulates them: NRMSE, 100 (1 - |y - yhat| / |y - mean y|)."""
+"""How well a drive predicts records one step ahead, and simulates them: NRMSE, 100 (1 - |y - yhat| / |y - mean y|).
+
+One step ahead an angle is predicted by any drive: it hardly moves within an interval.  And in a simulation two
+integrators let the smallest constant error of the torque grow beyond all else.  So a simulated angle is compared by its
+speed, y being the differences over 20 ms, and gravity acts at the measured angle: an arm that stands upright
+would fall in a simulation of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.drive.structure import DELAY, Output, split_name
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.greybox.estimate import Estimate
-from monitor_core.identification.greybox.residuals import information
+from monitor_core.identification.greybox.residuals import Information, information
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
-from monitor_core.identification.problem import Problem
+from monitor_core.identification.problem import Motion, Problem
 from monitor_core.identification.records.record import Record
+
+_SPEED_S = 0.02
+"""An angle is differenced over that time: over less its resolution would dominate."""
+_CLOSE = 0.5
+"""Of that time: samples that are closer give no speed."""
+_THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +39,7 @@ class Trace:
     y: Floats
     predicted: Floats
     simulated: Floats
+    quantity: Output
 
     @property
     def fit(self) -> float:
@@ -34,8 +48,14 @@ class Trace:
 
     @property
     def fit_simulation(self) -> float:
-        """The same of the simulation."""
-        return _nrmse(self.y, self.y - self.simulated)
+        """The same of the simulation, an angle by its speed."""
+        speed, errors = self.motion
+        return _nrmse(speed, errors)
+
+    @property
+    def motion(self) -> tuple[Floats, Floats]:
+        """Measured speed and errors of the simulated one (M,) [rad/s]."""
+        return _speeds(self.t, self.y, self.y - self.simulated, self.quantity)
 
 
 def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
@@ -49,14 +69,18 @@ def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
         [series.record.y - e.eps for series, e in zip(p.series, p.errors(fit_starts(p)), strict=True)]
         for p in (ahead, Predictor(_free_run(problem), records, None))
     ]
-    return tuple(Trace(r.name, r.t, r.y, *both) for r, *both in zip(records, *outputs, strict=True))
+    return tuple(
+        Trace(r.name, r.t, r.y, predicted, simulated, r.quantity)
+        for r, predicted, simulated in zip(records, *outputs, strict=True)
+    )
 
 
 def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, ...]:
-    """NRMSE of the simulation of each record, per cent; only the initial states are fitted."""
+    """NRMSE of the simulation of each record, per cent, an angle by its speed; only initial states are fitted."""
     held = replace(problem, free=tuple(problem.varying), free_delay=False)
     predictor = Predictor(_free_run(held), records, None)
-    return fits(predictor, predictor.errors(fit_starts(predictor)))
+    errors = predictor.errors(fit_starts(predictor))
+    return tuple(_nrmse(*_speeds(r.t, r.y, e.eps, r.quantity)) for r, e in zip(records, errors, strict=True))
 
 
 def fits(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
@@ -65,16 +89,67 @@ def fits(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
 
 
 def _free_run(problem: Problem) -> Problem:
-    return replace(
-        problem, predictor="output-error", disturbance=None, K=None, motion="simulated", initial="free"
-    )
+    # With the angle, friction is at the simulated speed in both, and gravity at the measured angle.
+    motion: Motion = "measured" if problem.drive.output == "angle" else "simulated"
+    return replace(problem, predictor="output-error", disturbance=None, K=None, motion=motion, initial="free")
+
+
+def _speeds(t: Floats, y: Floats, eps: Floats, quantity: Output) -> tuple[Floats, Floats]:
+    """Measured speed and its errors (M,): an angle and its errors (N,) differenced; NaN is left out."""
+    measured = np.isfinite(y)
+    t, y, eps = t[measured], y[measured], eps[measured]
+    if quantity != "angle" or t.size < 2:
+        return y, eps
+    apart = min(max(1, round(_SPEED_S / float(np.median(np.diff(t))))), t.size - 1)
+    steps, turned, missed = (values[apart:] - values[:-apart] for values in (t, y, eps))
+    far = steps > _CLOSE * float(np.median(steps))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return turned[far] / steps[far], missed[far] / steps[far]
+
+
+class Share(NamedTuple):
+    """How much of the motion a simulation explains."""
+
+    per_cent: float  # 100 (1 - |errors| / |speed - mean|), the noise of the measurement taken out of both
+    noise: float  # its part of the speed's standard deviation
+
+
+def explained(traces: Sequence[Trace]) -> Share:
+    """Of all records together, whatever noise is on the measured motion.
+
+    White noise is what third differences of the errors show: what a drive lacks is slower than the samples.
+    """
+    spread = left = noise = 0.0
+    for trace in traces:
+        speed, errors = trace.motion
+        with np.errstate(over="ignore", invalid="ignore"):
+            power = float(errors @ errors)
+            white = min(_white(trace) * speed.size, power)
+        spread += speed.size * float(speed.var())
+        left, noise = left + power - white, noise + white
+    if not (np.isfinite(left) and spread > noise):
+        return Share(-np.inf, 1.0)
+    return Share(100 * (1 - float(np.sqrt(left / (spread - noise)))), float(np.sqrt(noise / spread)))
+
+
+def _white(trace: Trace) -> float:
+    """Variance of the white noise on the measured speed; of an angle, its noise turned into that of the speed."""
+    errors = (trace.y - trace.simulated)[np.isfinite(trace.y)]
+    if errors.size < _THIRD.size:
+        return 0.0
+    variance = float(np.mean(np.convolve(errors, _THIRD, "valid") ** 2) / np.sum(_THIRD**2))
+    if trace.quantity != "angle":
+        return variance
+    apart = max(1, round(_SPEED_S / float(np.median(np.diff(trace.t)))))
+    return 2 * variance / (apart * float(np.median(np.diff(trace.t)))) ** 2
 
 
 def _nrmse(y: Floats, eps: Floats) -> float:
     measured = np.isfinite(y)
     y, eps = y[measured], eps[measured]
-    around = float(np.linalg.norm(y - y.mean()))
-    return 100 * (1 - float(np.linalg.norm(eps)) / around) if around > 0 else -np.inf
+    with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that runs away
+        around, left = float(np.linalg.norm(y - y.mean())), float(np.linalg.norm(eps))
+    return 100 * (1 - left / around) if around > 0 and np.isfinite(left) else -np.inf
 
 
 # --- How much more recursive estimates scatter than they would with white prediction errors ---------------------------
@@ -88,7 +163,21 @@ def _nrmse(y: Floats, eps: Floats) -> float:
 def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]) -> float:
     """Largest ratio of the variance of a monitored parameter to its variance with white errors; at least 1.
 
-    Everything else is held, as in the daemon: values, K and delay are the estimates, and schedules are followed.
+    Raises:
+        ValueError: as ``monitored_information``.
+    """
+    _, result = monitored_information(estimate, monitored, records)
+    white, coloured = np.diag(result.white), np.diag(result.covariance)
+    known = np.isfinite(white)
+    return float(np.max(coloured[known] / white[known], initial=1.0))
+
+
+def monitored_information(
+    estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]
+) -> tuple[list[str], Information]:
+    """Names of the monitored parameters, and what the records tell of them where everything else is held.
+
+    As in the daemon: values, K and delay are the estimates, and schedules are followed.
 
     Raises:
         ValueError: a record of another output than the drive's.
@@ -108,10 +197,8 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
     own, start = [*range(len(free)), *[end] * problem.free_delay], end + problem.free_delay
     gradients, starts = [e.psi[:, own] for e in errors], [e.psi[:, start:] for e in errors]
     names = [predictor.layout.names[k] for k in own]
-    result = information(names, np.ones(len(own)), gradients, starts, [e.eps for e in errors], estimate.lam0)
-    white, coloured = np.diag(result.white), np.diag(result.covariance)
-    known = np.isfinite(white)
-    return float(np.max(coloured[known] / white[known], initial=1.0))
+    sizes, eps = np.ones(len(own)), [e.eps for e in errors]
+    return names, information(names, sizes, gradients, starts, eps, estimate.lam0)
 
 
 def _free(varying: Iterable[str], monitored: Sequence[str]) -> tuple[str, ...]:

@@ -138,7 +138,16 @@ def fit_starts(predictor: Predictor) -> Floats:
 
 
 def criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
-    """Sum of squared errors over all records (Huber's loss: linear beyond ``limit``) and its Gauss-Newton model."""
+    """Sum of squared errors over all records (Huber's loss: linear beyond ``limit``) and its Gauss-Newton model.
+
+    The cost is infinite where the prediction runs away.
+    """
+    with np.errstate(all="ignore"):  # errors may be finite while their squares are not
+        found = _criterion(predictor, xi, limit)
+    return found if np.isfinite(found.cost + found.H.sum()) else found._replace(cost=np.inf)
+
+
+def _criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
     rates, P = predictor.layout.rates(xi), xi.size
     cost, g, H, samples = 0.0, np.zeros(P), np.zeros((P, P)), 0
     for i, (eps, psi, good) in enumerate(predictor.errors(xi)):

@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DAMPING, Drive
+from monitor_core.drive.structure import Drive
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.identification.greybox.criterion import GROSS
 from monitor_core.identification.greybox.residuals import LEVEL as CONFIDENCE
@@ -103,8 +103,6 @@ class Estimate:
 _USUAL = ("kT", "r")
 """What one would rather hold than others: a data sheet has it."""
 _SMALL = 0.01
-_SURE = 2.0
-"""Standard deviations."""
 
 
 def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
@@ -116,7 +114,6 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
         if not finding.hidden and not any(name.startswith(LEVEL) for name in finding.names):
             yield finding.sentence
     yield from _at_bounds(layout, xi)
-    yield from _driving(found)
     if not 0 <= found.delay_s <= found.interval_s:
         how = "late" if found.delay_s > 0 else "early"
         yield (
@@ -147,16 +144,6 @@ def _at_bounds(layout: Layout, xi: Floats) -> Iterator[str]:
     for entry, value, low, high in zip(layout.entries, xi, lower, upper, strict=False):
         if not entry.name.startswith(LEVEL) and value in (low, high):
             yield f"{entry.name} ended at its bound {entry.lower if value == low else entry.upper:g}."
-
-
-def _driving(found: Estimate) -> Iterator[str]:
-    """Significantly negative dampers: the best fit, but of no real drive."""
-    for name, value, sd in zip(found.names, found.theta, found.sd, strict=True):
-        if name in {p.name for p in found.drive.parameters if p.unit == DAMPING} and value < -_SURE * sd:
-            yield (
-                f"{name} = {value:.2g} N m s/rad drives instead of damping: the drive lacks something else that the"
-                f" record shows, or {name} needs 0 as a lower bound."
-            )
 
 
 def _levels(found: Estimate, layout: Layout) -> Iterator[str]:

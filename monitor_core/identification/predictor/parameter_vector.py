@@ -84,12 +84,15 @@ class Layout:
 
     def _parameter(self, problem: Problem, drive: Drive, name: str) -> Entry:
         value = value_of(self._nominal, name)
-        positive = drive.parameter(name).positive
-        usual = (value / _FARTHEST, value * _FARTHEST) if positive else (-math.inf, math.inf)
+        parameter = drive.parameter(name)
+        positive = parameter.positive
+        usual = (value / _FARTHEST, value * _FARTHEST) if positive else (parameter.least, math.inf)
         if name == DISTURBANCE_TIME:
             # A faster disturbance than the samples would be white noise.
             usual = (min(value, self._interval_s), value * _FARTHEST)
         lower, upper = problem.bounds.get(name, usual)
+        if name not in problem.bounds:
+            value = max(value, lower)  # values of before may be of a fit without bounds
         if not lower <= value <= upper:
             raise ValueError(f"{name} starts at {value}, outside its bounds {lower}, {upper}")
         if positive and lower <= 0:

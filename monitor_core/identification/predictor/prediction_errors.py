@@ -48,7 +48,8 @@ class Predictor:
         self.problem, self.disturbance = problem, disturbance
         slow = disturbance is not None and disturbance.slow > 0
         self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
-        self.interval_s = round(float(np.median(np.concatenate([r.intervals for r in records]))), 6)
+        median_s = float(np.median(np.concatenate([r.intervals for r in records])))
+        self.interval_s = problem.interval_s or round(median_s, 6)
         self.layout = Layout(problem, self.drive, disturbance, self.interval_s)
         names = [signal for _, signal in self.layout.varying]
         late = whole_intervals(problem.delay_s, self.interval_s)

@@ -6,5 +6,9 @@ at.  Thresholds are set so that a healthy record gives no finding: each constant
 
 from monitor_core.identification.records.motion_checks import known_of, suspicions
 from monitor_core.identification.records.record import UNITS, Bools, Finding, Known, Record, Severity, between
+from monitor_core.identification.records.rigid_body import speed_scales
 
-__all__ = ["UNITS", "Bools", "Finding", "Known", "Record", "Severity", "between", "known_of", "suspicions"]
+__all__ = [
+    "UNITS", "Bools", "Finding", "Known", "Record", "Severity", "between", "known_of", "speed_scales",
+    "suspicions",
+]  # fmt: skip

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import eigvals
-from scipy.signal import oaconvolve
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Drive, Output
-from monitor_core.identification.records.record import Finding, Known, Record, segments
+from monitor_core.drive.structure import Drive
+from monitor_core.identification.records.record import Finding, Known, Record
+from monitor_core.identification.records.rigid_body import rigid_fit
 from monitor_core.identification.records.sample_checks import signals, strange, times
-from monitor_core.identification.records.uniform_grid import mean_torque
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
@@ -115,37 +114,8 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
 # --- The whole drive as one rigid mass: its inertia by the nominal values, and by a record without any ----------------
 
 
-_WINDOWS = 4
-"""Equations for each length of the window; closer ones hold nothing new."""
-_FEWEST_WINDOWS = 12
-"""Lengths of the window that fit into the record."""
-_SHORTEST = 24
-"""Samples in a window: sums are integrals then, to 1e-3."""
-
-
 _NOUGHT = 1e-9
 """Of the fastest pole: poles so slow are those of the free rigid motion, which has no time constant."""
-_GAP = 10.0
-"""Typical intervals: what acted in a longer one is not known."""
-
-
-class _Part(NamedTuple):
-    """A piece of a record on a regular grid: torque around each sample and motion (N,), interval in s."""
-
-    u: Floats
-    y: Floats
-    h: float
-    quantity: Output
-
-
-class Rigid(NamedTuple):
-    """A record explained by one rigid mass."""
-
-    inertia: float
-    """kg m^2, with its standard deviation"""
-    sd: float
-    explained: float
-    """part of the variance of the windowed torque that the model explains, 1: all"""
 
 
 def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
@@ -196,89 +166,3 @@ def known_of(drive: Drive, values: Mapping[str, float], parameters: int, speed_s
     slowest = float(1 / slow.min()) if slow.size else None
     inertia, antiresonance = rigid_inertia(drive, values), antiresonance_s(drive, values)
     return Known(parameters, slowest, inertia, antiresonance, speed_scale)
-
-
-def rigid_fit(record: Record, speed_scale: float = 1.0, shortest_s: float = 0.0) -> Rigid | None:
-    """The best of the fits with windows of different length, at least ``shortest_s``; None: none explains anything.
-
-    Motions faster than a third of a window are suppressed.  ``speed_scale`` [rad/s] is that of Coulomb friction.
-    """
-    pieces = segments(record, _GAP * record.interval_s)
-    parts = [_part(piece) for piece in pieces if np.count_nonzero(piece.measured) > 1]
-    shortest = max(_SHORTEST, shortest_s / record.interval_s)
-    ladder = _ladder(shortest, sum(len(part.u) for part in parts))
-    fits = [fit for window in ladder if (fit := _fit(parts, window, speed_scale)) is not None]
-    return max(fits, key=lambda fit: fit.explained, default=None)
-
-
-def _ladder(shortest: float, count: int) -> list[int]:
-    """Lengths of the window in samples, each one and a half times the one before, for that many samples."""
-    lengths, most = [], count // _FEWEST_WINDOWS
-    length = shortest
-    while length <= most:
-        lengths.append(int(length))
-        length *= 1.5
-    return lengths
-
-
-def _fit(parts: Sequence[_Part], window: int, speed_scale: float) -> Rigid | None:
-    equations = [_equations(part, window, speed_scale) for part in parts if len(part.u) > window]
-    if not equations:
-        return None
-    rows, torque = (np.concatenate(of_parts) for of_parts in zip(*equations, strict=True))
-    scale = np.sqrt((rows**2).sum(axis=0))
-    spread = float(((torque - torque.mean()) ** 2).sum())
-    if not (scale > 0).all() or spread <= 0 or len(torque) <= rows.shape[1] + 2:
-        return None
-    found, _, rank, _ = np.linalg.lstsq(rows / scale, torque, rcond=1e-8)
-    if rank < rows.shape[1]:
-        return None
-    residual = torque - rows / scale @ found
-    variance = float(residual @ residual) / (len(torque) - rank)
-    covariance = variance * np.linalg.inv((rows / scale).T @ (rows / scale))
-    sd = float(np.sqrt(covariance[0, 0]) / scale[0])
-    explained = 1 - float(residual @ residual) / spread
-    return Rigid(float(found[0] / scale[0]), sd, explained)
-
-
-def _part(segment: Record) -> _Part:
-    """The record on a regular grid: the mean torque is exact, and the motion is almost straight between samples."""
-    t = np.linspace(segment.t[0], segment.t[-1], len(segment))
-    y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
-    u = mean_torque(segment, t)
-    # Mean of the torques before and after each sample.
-    return _Part(np.convolve(u, (0.5, 0.5))[: len(u)], y, float(t[1] - t[0]), segment.quantity)
-
-
-def _equations(part: _Part, window: int, speed_scale: float) -> tuple[Floats, Floats]:
-    """Columns (M, 4) for J, f, fc and tau0; the windowed torque (M,)."""
-    g, g1, g2 = _window(window, part.h)
-
-    def over(weight: Floats, values: Floats) -> Floats:
-        # A convolution reverses its second factor.
-        out: Floats = part.h * oaconvolve(values, weight[::-1], mode="valid")[:: window // _WINDOWS]
-        return out
-
-    y = part.y
-    if part.quantity == "speed":
-        speed, inertia, viscous = y, -over(g1, y), over(g, y)
-    else:
-        speed = _slope(y, window // 8, part.h)
-        inertia, viscous = over(g2, y - y[0]), -over(g1, y - y[0])
-    columns = [inertia, viscous, over(g, np.tanh(speed / speed_scale)), over(g, np.ones_like(y))]
-    return np.column_stack(columns), over(g, part.u)
-
-
-def _slope(angle: Floats, half: int, interval_s: float) -> Floats:
-    """Mean speed (N,) over ``half`` samples on either side; only its sign is wanted."""
-    around = np.pad(angle, half, mode="reflect", reflect_type="odd")
-    slope: Floats = (around[2 * half :] - around[: -2 * half]) / (2 * half * interval_s)
-    return slope
-
-
-def _window(count: int, interval_s: float) -> tuple[Floats, Floats, Floats]:
-    """g = sin^4 over the window (count + 1,), and its first two derivatives."""
-    x = np.pi * np.arange(count + 1) / count
-    w = np.pi / (count * interval_s)
-    sin, cos = np.sin(x), np.cos(x)
-    return sin**4, 4 * w * sin**3 * cos, 4 * w**2 * (3 * sin**2 * cos**2 - sin**4)

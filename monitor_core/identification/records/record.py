@@ -13,6 +13,8 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.structure import Output
 
 Bools = NDArray[np.bool_]
+_LOST = 1.5
+"""Median intervals: a longer one holds a gap or lost samples."""
 UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}
 
 
@@ -85,6 +87,18 @@ class Record:
         return float(np.median(self.intervals))
 
     @property
+    def mean_interval_s(self) -> float:
+        """The mean interval, s, without gaps and lost samples.
+
+        Where the sampling alternates between 10 and 12 ms the median would be one of these.
+        """
+        return float(self._regular.mean())
+
+    @property
+    def _regular(self) -> Floats:
+        return self.intervals[self.intervals < _LOST * self.interval_s]
+
+    @property
     def duration_s(self) -> float:
         """From the first to the last sample, s."""
         return float(self.t[-1] - self.t[0])
@@ -92,8 +106,7 @@ class Record:
     @property
     def jitter_s(self) -> float:
         """Standard deviation, s, of the intervals below 1.5 typical ones: gaps and lost samples are no jitter."""
-        intervals = self.intervals
-        return float(intervals[intervals < 1.5 * self.interval_s].std())
+        return float(self._regular.std())
 
     @property
     def unit(self) -> str:

@@ -10,6 +10,20 @@ If the number of masses is unknown, ``grow`` fits one, two, three, .. and report
 
 from monitor_core.identification.starting.chains import masses_of
 from monitor_core.identification.starting.mass_count import Grown, Growth, grow
-from monitor_core.identification.starting.starting_fits import fit_from, fit_from_scratch
+from monitor_core.identification.starting.starting_fits import (
+    best_of,
+    fit_from,
+    fit_from_scratch,
+    fit_from_torque_balance,
+)
 
-__all__ = ["Grown", "Growth", "fit_from", "fit_from_scratch", "grow", "masses_of"]
+__all__ = [
+    "Grown",
+    "Growth",
+    "best_of",
+    "fit_from",
+    "fit_from_scratch",
+    "fit_from_torque_balance",
+    "grow",
+    "masses_of",
+]

@@ -74,9 +74,9 @@ def _parameters(n: int) -> tuple[Parameter, ...]:
     J = [Parameter(f"J{i}", "kg m^2", f"inertia {i} of {n}, as the motor sees it") for i in range(1, n + 1)]
     between = [(i, f"between the inertias {i} and {i + 1}, as the motor sees it") for i in range(1, n)]
     k = [Parameter(f"k{i}", "N m/rad", f"stiffness {where}") for i, where in between]
-    d = [Parameter(f"d{i}", "N m s/rad", f"damping {where}", positive=False) for i, where in between]
-    fm = Parameter("fm", "N m s/rad", "viscous friction of the motor", positive=False)
-    fc = Parameter("fc", "N m", "Coulomb friction of the motor", positive=False)
+    d = [Parameter(f"d{i}", "N m s/rad", f"damping {where}", False, True) for i, where in between]
+    fm = Parameter("fm", "N m s/rad", "viscous friction of the motor", positive=False, nonnegative=True)
+    fc = Parameter("fc", "N m", "Coulomb friction of the motor", positive=False, nonnegative=True)
     return (*J, *k, *d, fm, fc, Parameter("tau0", "N m", "torque offset", positive=False))
 
 

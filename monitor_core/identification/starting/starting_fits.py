@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import value_of
+from monitor_core.identification.records.motion_checks import rigid_inertia
 from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.rigid_body import USUAL, rigid_fits
 from monitor_core.identification.starting.growing_chains import stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
@@ -29,6 +31,12 @@ _RIVALS = 2
 """Candidates from which the records themselves are fitted."""
 _DOUBTFUL = 10.0
 """A rival whose cost is so many times that of the best is not tried."""
+_ALIKE = 1.0
+"""Per cent of the simulated fit: less is chance."""
+_NOTHING = -100.0
+"""Per cent: below that no simulated fit is better than another."""
+_BETTER = 1 - 1e-4
+"""A lower cost counts if it is lower by this factor."""
 _FIT = 20
 """Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
 FITTING = _RIVALS * _FIT
@@ -71,6 +79,27 @@ def fit_from(problem: Problem, records: Sequence[Record], *, progress: Progress 
         ValueError: the records give no frequency response; as ``fit``.
     """
     return _fit(problem, records, around_nominal, progress)
+
+
+def fit_from_torque_balance(problem: Problem, records: Sequence[Record]) -> Estimate:
+    """The fit of a rigid drive from its torque balance: where a slow motion under a weight gives no frequency response.
+
+    Raises:
+        ValueError: the drive is not one free inertia, or the torque balance explains nothing; as ``fit``.
+    """
+    units = {split_name(name)[0]: problem.drive.parameter(split_name(name)[0]).unit for name in problem.free}
+    inertias, dampers = ([n for n, unit in units.items() if unit == u] for u in (INERTIA, DAMPING))
+    elastic = any(p.unit == STIFFNESS for p in problem.drive.parameters)
+    (found,) = rigid_fits(records, [(*USUAL, "angle", "angle^2", "angle^3")], problem.speed_scale)
+    if elastic or len(inertias) != 1 or found is None or found.inertia <= 0:
+        raise ValueError("the torque balance of the records gives no starting values of this drive")
+    # What the motor feels of an inertia behind a gear, and with another torque constant.
+    nominal = {**problem.nominal, **dict.fromkeys(dampers, 1.0)}  # without friction it has no time constant
+    nominal[inertias[0]] *= found.inertia / rigid_inertia(problem.drive, nominal)
+    for name in dampers[:1]:
+        nominal[name] = max(found.torques["viscous"], 0.0)
+    fitted = fit(replace(problem, nominal=nominal), records)
+    return replace(fitted, started_from="Started from the torque balance of the records as one mass.")
 
 
 def _fit(
@@ -147,8 +176,27 @@ def best_fit(
     if not ends:
         raise problems[0]
     reached(FITTING)
-    best, winner = min(ends, key=lambda end: end[0].cost)
+    best = best_of([found for found, _ in ends])
+    winner = next(rival for found, rival in ends if found is best)
     return replace(best, started_from=_origin(winner, len(candidates), len(rivals)))
+
+
+def best_of(found: Sequence[Estimate]) -> Estimate:
+    """The estimate that explains the records best.
+
+    A drive that is not quite the axis has several minima that predict one step ahead almost alike, since the gain
+    corrects what they lack.  That which also simulates the motion is the axis; among those that do so alike the least
+    cost decides, and then the first.
+    """
+    rivals = [e for e in found if e.converged] or list(found)
+    most = max(_simulates(e) for e in rivals)
+    alike = [e for e in rivals if _simulates(e) >= most - _ALIKE]
+    least = min(e.cost for e in alike)
+    return next(e for e in alike if e.cost <= least / _BETTER)
+
+
+def _simulates(found: Estimate) -> float:
+    return max(min(found.fit_simulation), _NOTHING)
 
 
 def _origin(winner: Candidate, candidates: int, rivals: int) -> str:

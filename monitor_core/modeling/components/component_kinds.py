@@ -22,7 +22,7 @@ class Role:
     """A parameter of a kind of component, with its required unit ("": any).
 
     ``positive``: zero or less makes no sense.  ``signed``: a number given here may still be negative (a gear that
-    reverses), but not zero.
+    reverses), but not zero.  ``nonnegative``: less than zero is not to be identified (a damper that drives).
     """
 
     name: str
@@ -31,6 +31,7 @@ class Role:
     positive: bool = False
     default: float | None = None
     signed: bool = False
+    nonnegative: bool = False
 
     def problem(self, value: float) -> str:
         """What is wrong with a value ("must be greater than zero"); empty if it is valid."""
@@ -191,11 +192,11 @@ def _gain(c: Builder) -> None:
 _BOTH, _ONE = ("flange_a", "flange_b"), ("flange",)
 _J = Role("J", "kg m^2", "inertia", positive=True)
 _C = Role("c", "N m/rad", "stiffness", positive=True)
-_D = Role("d", "N m s/rad", "damping")
+_D = Role("d", "N m s/rad", "damping", nonnegative=True)
 # angle at flange_a over angle at flange_b
 _RATIO = Role("ratio", "1", "ratio", positive=True, signed=True)
-_VISCOUS = Role("d", "N m s/rad", "viscous friction")
-_FC = Role("fc", "N m", "Coulomb friction")
+_VISCOUS = Role("d", "N m s/rad", "viscous friction", nonnegative=True)
+_FC = Role("fc", "N m", "Coulomb friction", nonnegative=True)
 _GC = Role("gc", "N m", "gravity torque by the cosine")
 _GS = Role("gs", "N m", "gravity torque by the sine")
 _TAU0 = Role("tau0", "N m", "torque offset")

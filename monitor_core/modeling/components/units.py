@@ -218,6 +218,16 @@ def is_positive(name: str, uses: Iterable[Use], value: float | None) -> bool:
     return False
 
 
+def is_nonnegative(name: str, uses: Iterable[Use]) -> bool:
+    """Whether the parameter is a factor, to an odd power, of something that is not negative."""
+    for use in uses:
+        if use.role and use.role.nonnegative and use.value.is_unit:
+            ((monomial, coefficient),) = use.value
+            if dict(monomial)[name] % 2 == 1 and coefficient > 0:
+                return True
+    return False
+
+
 def impossible(uses: Iterable[Use], values: Mapping[str, float]) -> Iterator[tuple[Use, Role, float, str]]:
     """Expressions whose value makes no sense in their role, with that value and what it must be.
 

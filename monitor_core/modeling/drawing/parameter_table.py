@@ -10,7 +10,7 @@ from fractions import Fraction
 from types import MappingProxyType
 
 from monitor_core.modeling.components import Role
-from monitor_core.modeling.components.units import Use, impossible, infer, is_positive
+from monitor_core.modeling.components.units import Use, impossible, infer, is_nonnegative, is_positive
 from monitor_core.modeling.drawing.drawn_components import Part, similar
 from monitor_core.modeling.flat import FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
@@ -83,7 +83,8 @@ def _parameter(
     positive = is_positive(name, uses, value)
     if positive and value is not None and value <= 0:
         raise ModelError(f"{subject} {value:g}: it must be greater than zero", first.origin)
-    return FlatParameter(name, unit, meaning, value, positive, first.origin)
+    nonnegative = is_nonnegative(name, uses)
+    return FlatParameter(name, unit, meaning, value, positive, nonnegative, first.origin)
 
 
 # --- A parameter of a component as the user writes it: "Jm", "1/r", "m*l^2", "2*(a + b)" ------------------------------

@@ -146,6 +146,7 @@ def _merged(name: str, value: Laurent, known: Mapping[str, FlatParameter]) -> Fl
         meaning=_TOGETHER + ", ".join(shown),
         value=float(value.value(numbers)) if len(numbers) == len(parts) else None,
         positive=all(p.positive for p in parts) and all(c > 0 for _, c in value),
+        nonnegative=all(p.positive or p.nonnegative for p in parts) and all(c > 0 for _, c in value),
         origin=parts[0].origin,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from monitor_core.modeling.components.units import Use, impossible, infer, is_positive, parse
+from monitor_core.modeling.components.units import Use, impossible, infer, is_nonnegative, is_positive, parse
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.leaves import Part
@@ -51,10 +51,12 @@ def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequen
         first = next((use for use in uses if use.is_name), uses[0])
         meaning = first.meaning(first.origin.component)
     least = plain(symbol.min) if symbol is not None else None
-    positive = (isinstance(least, int | float) and least > 0) or is_positive(name, uses, value)
+    bound = least if isinstance(least, int | float) else -1
+    positive = bound > 0 or is_positive(name, uses, value)
+    nonnegative = bound >= 0 or is_nonnegative(name, uses)
     owner = values.places[name.rpartition(".")[0]] if symbol is None else Origin()
     place = values.place(name) if symbol is not None else replace(owner, component=name)
-    return FlatParameter(name, unit, meaning, value, positive, place)
+    return FlatParameter(name, unit, meaning, value, positive, nonnegative, place)
 
 
 # --- Units that the user's own equations tell: of variables and parameters declared without one -----------------------

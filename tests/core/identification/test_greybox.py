@@ -176,6 +176,17 @@ def test_bounds_hold_and_are_said(seed: int) -> None:
     assert any(word.startswith("Jm ended at its bound") for word in found.words)
 
 
+@pytest.mark.parametrize("predictor", ["output-error", "innovations"])
+def test_friction_that_would_be_negative_is_zero(predictor: str, seed: int) -> None:
+    """In a record whose torque lacks more than the friction takes; the start is negative, as of a former fit."""
+    record = reference_record(seed, SAMPLES)
+    problem = reference_problem(predictor=predictor, nominal={**REFERENCE_VALUES, "fm": -0.1})
+    found = fit(problem, [replace(record, u=record.u - 0.1 * record.y)])
+    assert found.values["fm"] == 0
+    assert any(word.startswith("fm ended at its bound 0") for word in found.words)
+    assert fit(problem, [record]).values["fm"] > 0.03
+
+
 def test_a_noise_level_that_is_not_there_vanishes(seed: int) -> None:
     problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.1))
     found = fit(problem, [reference_record(seed, SAMPLES)])
@@ -246,8 +257,9 @@ def test_mistakes() -> None:
         reference_problem(predictor="innovations", K=(1.0, 2.0))
     with pytest.raises(ValueError, match=r"Jm starts at .* outside its bounds"):
         fit(reference_problem(bounds={"Jm": (1.0, 2.0)}), [rec])
+    drives = reference_problem(nominal={**REFERENCE_VALUES, "fm": -50.0}, bounds={"fm": (-100.0, 1.0)})
     with pytest.raises(ValueError, match="unstable at the start"):
-        fit(reference_problem(nominal={**REFERENCE_VALUES, "fm": -50.0}), [reference_record(0, 2000)])
+        fit(drives, [reference_record(0, 2000)])
 
 
 # --- A slow torque disturbance: its level and time constant are found, and with them the drive ------------------------

@@ -249,8 +249,11 @@ def test_a_missing_sample_is_not_looked_at(seed: int) -> None:
 def test_values_that_make_no_sense_are_not_good(seed: int) -> None:
     rec = reference_record(seed, 2000)
     predictor = Predictor(
-        Problem(three_mass("speed"), {**REFERENCE_VALUES, "fm": -50.0}, ("fm",), predictor="output-error"),
+        Problem(
+            three_mass("speed"), {**REFERENCE_VALUES, "fm": -50.0}, ("fm",), "output-error",
+            bounds={"fm": (-100.0, 1.0)},
+        ),
         [rec],
         None,
-    )
+    )  # fmt: skip
     assert [e.good for e in predictor.errors(predictor.start())] == [False]

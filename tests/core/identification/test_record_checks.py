@@ -12,7 +12,8 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
 from monitor_core.identification.records import Finding, Known, Record, known_of, suspicions
-from monitor_core.identification.records.motion_checks import antiresonance_s, rigid_fit, rigid_inertia
+from monitor_core.identification.records.motion_checks import antiresonance_s, rigid_inertia
+from monitor_core.identification.records.rigid_body import rigid_fit
 from monitor_core.identification.records.sample_checks import outliers
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import three_mass, two_mass

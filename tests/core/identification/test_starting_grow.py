@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.identification.greybox import fit
-from monitor_core.identification.starting import Growth, grow
+from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.starting import Growth, grow, mass_count
 from monitor_core.identification.starting.chains import Chain, Slots, chain, problem_of
 from monitor_core.identification.starting.growing_chains import Modal, Mode, joined, lacking, shape, stems
 from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
@@ -170,3 +171,18 @@ def test_decays_of_light_dampers_are_those_of_the_poles() -> None:
     poles = poles[poles.imag >= 0]
     poles = poles[np.argsort(np.abs(poles))]
     np.testing.assert_allclose(Slots(THREE.problem()).decays(light)[1:], -poles.real[1:], rtol=1e-2)
+
+
+def test_a_search_that_failed_is_no_evidence(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """More masses with larger errors: the shorter chain is among them, so only the search went wrong."""
+    original = mass_count._fitted
+
+    def worse(problem: Problem, *rest: Any) -> Estimate:
+        found = original(problem, *rest)
+        return replace(found, cost=1e4 * found.cost) if len(found.names) > 2 else found
+
+    monkeypatch.setattr(mass_count, "_fitted", worse)
+    result = grow([TWO.record(seed)], 3, friction=("fm",))
+    assert (result.recommended, len(result.models)) == (1, 1)
+    assert "No chain of 2 masses could be fitted" in result.words[0]
+    assert "%" not in result.words[0]

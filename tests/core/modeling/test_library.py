@@ -77,6 +77,13 @@ def printed(*matrices: str) -> Entries:
     return {place: value for place, value in every.items() if value}
 
 
+def test_what_may_be_zero_but_not_negative() -> None:
+    """Dampers and friction; offsets have either sign, inertias and springs are positive."""
+    parameters = eliminate(three_mass().flat()).parameters
+    assert {p.name for p in parameters if p.nonnegative} == {"dg", "da", "fm", "fc"}
+    assert {p.name for p in parameters if p.positive} == {"Jm", "Jg", "Ja", "kg", "ka", "kT", "r"}
+
+
 def test_the_three_masses_are_the_papers_entry_by_entry() -> None:
     """x = (r phi_m - phi_g, phi_g - phi_a, phi_m', phi_g', phi_a'); torque, Coulomb friction, 1; y = phi_m'."""
     ss = eliminate(three_mass().flat())

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
-from service.config import load
+from service.config import ConfigErrors, load
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import FREE, write_record, write_robot
@@ -64,9 +64,9 @@ def test_files_are_written_and_check_out(here: Path) -> None:
 
 def test_files_where_they_are_wanted_and_json_alone_on_standard_output(here: Path) -> None:
     (here / "out").mkdir()
-    assert found("second.csv --free Jm,fm -o out/nominal.toml")["axis"] == "demo.axis1"
+    assert found(f"second.csv --free {NAMES} -o out/nominal.toml")["axis"] == "demo.axis1"
     assert sorted(p.name for p in (here / "out").iterdir()) == ["nominal.toml", "report.html"]
-    result = identify("second.csv --free Jm -o n.toml --report r.html --json j.json")
+    result = identify(f"second.csv --free {NAMES} -o n.toml --report r.html --json j.json")
     assert result.exit_code == 0, result.output
     assert {"n.toml", "r.html", "j.json"} <= {p.name for p in here.iterdir()}
     assert "demo.axis1: three-mass" in result.stdout
@@ -141,6 +141,22 @@ def test_decimal_commas_and_a_torque_with_the_wrong_sign_are_named(here: Path) -
     assert "wrong sign" in refused(times(here, "healthy.csv", torque=-1))
 
 
+def test_a_poor_fit_is_written_with_force_only(here: Path) -> None:
+    """Only Jm is free, and the configured springs are wrong: no value of Jm explains the motion."""
+    message = refused("second.csv --free Jm")
+    assert "no nominal values: the drive does not explain the motion" in message
+    assert "--force writes them" in message
+    assert "No nominal values:" in (here / "report.html").read_text(encoding="utf-8")
+    forced = identify("second.csv --free Jm --force")
+    assert forced.exit_code == 0, forced.output
+    assert forced.stdout.startswith("demo.axis1: poor fit: the simulation explains ")
+    assert (here / "nominal.toml").exists()
+    content = found(f"healthy.csv --free {NAMES} --force")
+    assert content["verdict"]["quality"] == "good"
+    assert content["verdict"]["validation"] == "halves"
+    assert content["verdict"]["missing"] == []
+
+
 def test_a_fit_that_does_not_converge_makes_no_nominal_values(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,18 +175,13 @@ def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: py
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr("service.commands.output_files.replace_text", full)
-    assert "cannot write nominal.toml: No space left on device" in refused("second.csv --free Jm")
+    assert "cannot write nominal.toml: No space left on device" in refused(f"second.csv --free {NAMES}")
 
 
 def test_a_configuration_with_a_file_identifies_again_from_there(here: Path) -> None:
     """The values found before are where the next search starts."""
     assert identify(f"healthy.csv@0:8 --free {NAMES}").exit_code == 0
-    text = (here / "robot.toml").read_text(encoding="utf-8")
-    start, rest = text.split("[robot.axis.model.nominal]")
-    rest = "[robot.axis.estimator]" + rest.split("[robot.axis.estimator]")[1]
-    rest = re.sub(r"(torque_noise|output_noise|initial_p) = .*\n", "", rest)
-    start = start.replace('drive = "three-mass"', 'drive = "three-mass"\nnominal_file = "nominal.toml"')
-    (here / "robot.toml").write_text(start + rest, encoding="utf-8")
+    with_nominal_file(here, "nominal.toml")
     load(here / "robot.toml", {})
     rows = {p["name"]: p for p in found(f"healthy.csv@8:20 --free {NAMES} -o next.toml")["parameters"]}
     assert abs(rows["Jm"]["change"]) < 0.01
@@ -184,3 +195,25 @@ def test_a_drive_from_a_file_is_named_with_its_hash(here: Path, seed: int) -> No
     name, digest = found("mine.csv --free Jm,fm")["provenance"]["drawing"]
     assert (name, len(digest)) == ("mine.mo", 64)
     assert f'sha256 = "{digest}"' in (here / "nominal.toml").read_text(encoding="utf-8")
+
+
+def test_the_advice_on_the_interval_works(here: Path) -> None:
+    """An interval that is 2 % off: what the note says makes a configuration that the daemon accepts."""
+    words = " ".join(found(f"{times(here, 'healthy.csv', t=1.02)} --free {NAMES} -o next.toml")["warnings"])
+    advice = re.search(r"set (sample_interval_s = [\d.]+)\.", words)
+    assert advice, words
+    with_nominal_file(here, "next.toml")
+    with pytest.raises(ConfigErrors, match="found with samples every"):
+        load(here / "robot.toml", {})
+    edit(here / "robot.toml", ("sample_interval_s = 0.005", advice[1]))
+    load(here / "robot.toml", {})
+
+
+def with_nominal_file(here: Path, name: str) -> None:
+    """The configuration with that file in place of its own values."""
+    text = (here / "robot.toml").read_text(encoding="utf-8")
+    start, rest = text.split("[robot.axis.model.nominal]")
+    rest = "[robot.axis.estimator]" + rest.split("[robot.axis.estimator]")[1]
+    rest = re.sub(r"(torque_noise|output_noise|initial_p) = .*\n", "", rest)
+    start = start.replace('drive = "three-mass"', f'drive = "three-mass"\nnominal_file = "{name}"')
+    (here / "robot.toml").write_text(start + rest, encoding="utf-8")

@@ -14,13 +14,19 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from monitor_core.identification import Obstacle, Watched
 from service.commands.identification_task import Request, prepare
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile, structure_of
 from service.reports.formats import percent, plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
-from service.reports.identification_report import IdentificationReport, print_text, residual_words
+from service.reports.identification_report import (
+    IdentificationReport,
+    outlook_words,
+    print_text,
+    residual_words,
+)
 from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
 
@@ -245,3 +251,39 @@ def test_a_long_line_is_drawn_with_few_points_and_keeps_its_peaks(seed: int) -> 
     assert heights.size < 15_000
     box = axes.get_window_extent()
     assert np.ptp(heights) == pytest.approx(box.height * 72 / drawn.dpi, abs=0.02)
+
+
+# --- The verdict is first, what can be watched is last ----------------------------------------------------------------
+
+
+def test_the_verdict_is_first_and_the_outlook_last(found: IdentificationReport, page: str) -> None:
+    console = Console(width=80, record=True, file=io.StringIO())
+    print_text(found, console)
+    lines = console.export_text().strip().splitlines()
+    assert lines[0].startswith("demo.axis1: good fit: the simulation explains ")
+    assert lines[-1].startswith("This axis can be watched for kT (changes from ")
+    assert all(f"{name} (changes from" in lines[-1] for name in ("kT", "1/Ja", "fm"))
+    text = " ".join(read(page).texts)
+    assert text.index(lines[0]) < text.index("Parameters") < text.index(lines[-1])
+    content = json.loads(as_json(found))
+    assert content["verdict"]["validation"] == "records"
+    assert (content["verdict"]["quality"], content["outlook"]) == ("good", lines[-1])
+    assert tomllib.loads(as_toml(found))["verdict"]["explained"] > 90
+
+
+@pytest.mark.parametrize(
+    ("name", "obstacle", "words"),
+    [
+        ("fm", Obstacle.NO_SIZE, "in [robot.axis.model.scales]"),
+        ("fm", Obstacle.TOGETHER, "motion at several speeds"),
+        ("kT", Obstacle.NOT_SHOWN, "faster motion"),
+        ("1/Ja", Obstacle.NOT_SHOWN, "`axiswatch excite --find 1/Ja` plans"),
+        ("tau0", Obstacle.NOT_SHOWN, "more of the angle range"),
+    ],
+)
+def test_what_would_help_to_watch_a_parameter(
+    found: IdentificationReport, name: str, obstacle: Obstacle, words: str
+) -> None:
+    lost = replace(found, result=replace(found.result, watched=(Watched(name, 2.0, obstacle),)))
+    assert outlook_words(lost).startswith(f"This axis cannot be watched with this. Not for {name}")
+    assert words in outlook_words(lost)

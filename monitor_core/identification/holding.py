@@ -1,0 +1,151 @@
+"""Parameters that the records do not determine are held, so that the others mean something and can be monitored.
+
+Of two parameters whose estimates go together, such as viscous and Coulomb friction at nearly one speed, one is held:
+the prediction is as good as before, the other one has a standard deviation that a monitor can work with, and an alarm
+of it stands for both.  It keeps the configured value where that agrees with the records, else its estimate.  A prior
+around the configured value would do the same to the prediction, but leave both with standard deviations that depend
+on the width of the prior, which nobody knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.drive.structure import split_name
+from monitor_core.excitation.accuracy import POOR
+from monitor_core.identification.greybox import Estimate
+from monitor_core.identification.parameter_selection import RELATIVE
+from monitor_core.identification.problem import Problem, value_of
+
+TOGETHER, DOUBTFUL = 0.95, 0.2
+"""Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is
+doubtful: the daemon would test nothing then (service.config.nominal_file)."""
+_AGREES = 3.0
+"""Standard deviations of its estimate that a configured value may be away."""
+
+
+class Held(NamedTuple):
+    """A parameter that is held, at which value and why."""
+
+    name: str
+    value: float
+    reason: str
+
+
+def hold_undetermined(
+    found: Estimate,
+    configured: Mapping[str, float],
+    monitored: Collection[str],
+    refit: Callable[[Problem], Estimate],
+) -> tuple[Estimate, dict[str, str]]:
+    """Hold parameters one by one until the records determine those that are left.
+
+    Args:
+        found: the fit with all of them free.
+        configured: values that the user gave, by parameter.
+        monitored: parameters that will be monitored: of two that go together, the other one is held.
+        refit: the fit of a problem.
+
+    Returns:
+        The last fit, and why each parameter is held.
+    """
+    monitored = {split_name(name)[0] for name in monitored}
+    held = dict[str, str]()
+    while len(found.problem.free) > 1 and (hold := _next(found, configured, monitored)):
+        try:
+            again = refit(_without(found.problem, hold))
+        except ValueError:
+            break
+        found = replace(again, started_from=found.started_from)
+        held[split_name(hold.name)[0]] = hold.reason
+    return found, held
+
+
+def _without(problem: Problem, hold: Held) -> Problem:
+    base, inverse = split_name(hold.name)
+    nominal = {**problem.nominal, base: 1 / hold.value if inverse else hold.value}
+    bounds = {name: bound for name, bound in problem.bounds.items() if name != hold.name}
+    free = tuple(name for name in problem.free if name != hold.name)
+    return replace(problem, nominal=nominal, free=free, bounds=bounds)
+
+
+def _next(found: Estimate, configured: Mapping[str, float], monitored: Collection[str]) -> Held | None:
+    """What to hold first: what is zero, then what the records do not show, then one of two that go together."""
+    table = _Table(found, monitored)
+    for name in table.names:
+        if found.drive.parameter(name).nonnegative and table.theta[name] == 0:
+            return Held(name, 0.0, "zero: the records show none of it")
+    if lost := [name for name in table.names if not np.isfinite(table.sd[name])]:
+        first = min(lost, key=lambda name: (name not in RELATIVE, *table.rank(name)))
+        return _kept(first, "the records do not determine it", table, configured)
+    poor = [name for name in table.names if table.is_signless(name) and table.relative(name) > POOR]
+    if poor:
+        worst = max(poor, key=table.relative)
+        name = table.weakest(worst, table.partners(worst))
+        if name == worst:
+            return _kept(name, "the records hardly show it", table, configured)
+        return _kept(name, table.together(name, worst), table, configured)
+    for name in sorted(table.names, key=table.relative, reverse=True):
+        if table.relative(name) > DOUBTFUL and (partners := table.partners(name)):
+            weakest = table.weakest(name, partners)
+            other = name if weakest != name else partners[0]
+            return _kept(weakest, table.together(weakest, other), table, configured)
+    return None
+
+
+def _kept(name: str, reason: str, table: _Table, configured: Mapping[str, float]) -> Held:
+    base, _ = split_name(name)
+    estimate, sd = table.theta[name], table.sd[name]
+    if base in configured and configured[base] != 0:
+        value = value_of(configured, name)
+        if not abs(value - estimate) > _AGREES * sd:
+            return Held(name, value, f"{reason}; configured value")
+    return Held(name, estimate, f"{reason}; its estimate")
+
+
+class _Table:
+    """The estimates that may be held: those that follow no signal."""
+
+    def __init__(self, found: Estimate, monitored: Collection[str]) -> None:
+        self._found, self._monitored = found, monitored
+        self.names = [name for name in found.problem.free if name not in found.problem.varying]
+        place = {name: k for k, name in enumerate(found.names)}
+        self._place = place
+        self.theta = {name: float(found.theta[place[name]]) for name in self.names}
+        self.sd = {name: float(found.sd[place[name]]) for name in self.names}
+
+    def is_signless(self, name: str) -> bool:
+        """Whether a negative value makes no sense, so that one about zero is not determined."""
+        return self._found.drive.parameter(name).least == 0
+
+    def relative(self, name: str) -> float:
+        """Standard deviation over the value."""
+        return self.sd[name] / max(abs(self.theta[name]), 1e-300)
+
+    def rank(self, name: str) -> tuple[bool, float]:
+        """By which of two the first one is held: what is not monitored, and the less determined."""
+        return split_name(name)[0] in self._monitored, -self.relative(name)
+
+    def partners(self, name: str) -> list[str]:
+        """Those whose estimates go together with this one, the closest first."""
+        r = dict(self._correlated(name))
+        return sorted((other for other in r if r[other] > TOGETHER), key=lambda other: -r[other])
+
+    def _correlated(self, name: str) -> Iterator[tuple[str, float]]:
+        row = self._found.correlation[self._place[name]]
+        for other in self.names:
+            if other != name:
+                yield other, abs(float(row[self._place[other]]))
+
+    def weakest(self, name: str, partners: list[str]) -> str:
+        """The one to hold, of a parameter and its closest partner."""
+        return min([name, *partners[:1]], key=self.rank)
+
+    def together(self, name: str, other: str) -> str:
+        """Why."""
+        r = float(self._found.correlation[self._place[name], self._place[other]])
+        return f"the records do not distinguish it from {other} (correlation {r:.2f})"

@@ -1,0 +1,107 @@
+"""Which of the monitored parameters can be watched with these nominal values, and from which change on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.identification.greybox import Estimate, monitored_information
+from monitor_core.identification.problem import value_of
+from monitor_core.identification.records.record import Record
+
+_SHOWS = 3.0
+"""Standard deviations of an estimate that a change must reach, as nu of the paper's tests (alpha_1)."""
+_LARGEST = 1.0
+"""A change of 100 %: what would show only beyond that is not watched."""
+
+
+class Obstacle(Enum):
+    """Why a parameter cannot be watched."""
+
+    NO_SIZE = "no-size"
+    """Its nominal value is zero: what a change is compared with is not given."""
+    NOT_SHOWN = "not-shown"
+    """The motion of the records shows it too little within the memory of the monitor."""
+    TOGETHER = "together"
+    """So together with the others; one of them fewer, and they show."""
+
+
+class Watched(NamedTuple):
+    """One monitored parameter."""
+
+    name: str
+    change: float
+    """smallest change that shows within one memory, as part of the value, or in its unit if the nominal value is 0"""
+    obstacle: Obstacle | None
+
+
+def outlook(
+    estimate: Estimate,
+    monitored: Sequence[str],
+    records: Sequence[Record],
+    memory_s: float,
+    sized: Sequence[str] = (),
+) -> tuple[Watched, ...]:
+    """What can be watched, in the order of ``monitored``.
+
+    Args:
+        estimate: the nominal values.
+        monitored: names of parameters, "1/Ja" for a reciprocal.
+        records: of the motion that the axis will make.
+        memory_s: of the monitor, s.
+        sized: parameters whose size is given though their value is zero.
+    """
+    found = dict[str, Watched]()
+    names = list(monitored)
+    for name in monitored:
+        if name != DELAY and split_name(name)[0] not in sized and _size(estimate, name) == 0:
+            found[name] = Watched(name, np.nan, Obstacle.NO_SIZE)
+            names.remove(name)
+    changes = _changes(estimate, names, records, memory_s)
+    while names:
+        worst = max(names, key=changes.__getitem__)
+        if changes[worst] <= _LARGEST:
+            break
+        alone = _changes(estimate, [worst], records, memory_s)[worst]
+        obstacle = Obstacle.NOT_SHOWN if alone > _LARGEST else Obstacle.TOGETHER
+        found[worst] = Watched(worst, alone, obstacle)
+        names.remove(worst)
+        changes = _changes(estimate, names, records, memory_s)
+    found |= {name: Watched(name, changes[name], None) for name in names}
+    return tuple(found[name] for name in monitored)
+
+
+def _changes(
+    estimate: Estimate, names: Sequence[str], records: Sequence[Record], memory_s: float
+) -> Mapping[str, float]:
+    """Smallest change of each that shows within the memory, the others being monitored, too."""
+    if not names:
+        return {}
+    called, result = monitored_information(estimate, names, records)
+    duration_s = sum(record.duration_s for record in records)
+    longer = np.sqrt(max(duration_s / memory_s, 1.0))
+    sd = dict(zip(map(_base, called), np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
+    return {
+        name: float(_SHOWS * longer * sd[_base(name)] / (_size(estimate, _called(name, called)) or 1.0))
+        for name in names
+    }
+
+
+def _base(name: str) -> str:
+    return split_name(name)[0]
+
+
+def _called(name: str, called: Sequence[str]) -> str:
+    """The name by which the fit knows it: Ja or 1/Ja."""
+    return next(other for other in called if _base(other) == _base(name))
+
+
+def _size(estimate: Estimate, name: str) -> float:
+    if name == DELAY:
+        return estimate.interval_s
+    base = _base(name)
+    return abs(value_of(estimate.values, name)) if estimate.values[base] else 0.0

@@ -1,0 +1,199 @@
+"""A record explained by one rigid mass with friction, an offset and whatever else is asked for: least squares.
+
+The torque balance is weighted with smooth windows and integrated by parts, so that nothing has to be differentiated:
+
+    integral g u = J integral g w' + f integral g w + fc integral g tanh(w / scale) + ..       (g = 0 at both ends)
+
+It needs no starting values, holds in a closed loop and under a weight, and sees the slow motion only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.signal import oaconvolve
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Output
+from monitor_core.identification.records.record import Record, segments
+from monitor_core.identification.records.uniform_grid import mean_torque
+
+Term = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag"]
+"""What takes torque beside the inertia: friction, an offset; powers of the angle, for whatever depends on the pose;
+friction that falls with the speed, and that grows faster than it."""
+USUAL: tuple[Term, ...] = ("viscous", "coulomb", "offset")
+
+_WINDOWS = 4
+"""Equations for each length of the window; closer ones hold nothing new."""
+_FEWEST_WINDOWS = 12
+"""Lengths of the window that fit into the record."""
+_SHORTEST = 24
+"""Samples in a window: sums are integrals then, to 1e-3."""
+_STRIBECK = 0.3
+"""Speed of Stribeck's friction, as part of the root mean square of the speed."""
+_SCALES = (0.02, 0.05, 0.12, 0.3)
+"""Speed scales of Coulomb friction, as parts of the root mean square of the speed."""
+_AROUND = 4
+"""Samples on either side for the speed from an angle."""
+_GAP = 10.0
+"""Typical intervals: what acted in a longer one is not known."""
+
+
+class _Part(NamedTuple):
+    """A piece of a record on a regular grid: torque around each sample and motion (N,), interval in s."""
+
+    u: Floats
+    y: Floats
+    h: float
+    quantity: Output
+
+
+class Rigid(NamedTuple):
+    """Records explained by one rigid mass."""
+
+    inertia: float
+    """kg m^2, with its standard deviation"""
+    sd: float
+    torques: Mapping[Term, float]
+    """N m per unit of each term"""
+    explained: float
+    """part of the variance of the windowed torque that the model explains, 1: all"""
+
+
+def rigid_fit(record: Record, speed_scale: float = 1.0, shortest_s: float = 0.0) -> Rigid | None:
+    """The usual terms; arguments and result as of ``rigid_fits``."""
+    return rigid_fits([record], [USUAL], speed_scale, shortest_s)[0]
+
+
+def rigid_fits(
+    records: Sequence[Record],
+    models: Sequence[Sequence[Term]],
+    speed_scale: float = 1.0,
+    shortest_s: float = 0.0,
+) -> list[Rigid | None]:
+    """Fits of models with these terms, all with the window that is best for the first; None: that explains nothing.
+
+    Args:
+        records: about equally sampled.
+        models: terms of each, beside the inertia.
+        speed_scale: of Coulomb friction, rad/s.
+        shortest_s: length of a window at least; motions faster than a third of it are suppressed.
+    """
+    parts = _parts(records)
+    shortest = max(_SHORTEST, shortest_s / records[0].interval_s)
+    ladder = _ladder(shortest, sum(len(part.u) for part in parts))
+    fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0]))]
+    if not fits:
+        return [None] * len(models)
+    best, window = max(fits, key=lambda pair: pair[0].explained)
+    return [best, *(_fit(parts, window, speed_scale, terms) for terms in models[1:])]
+
+
+def speed_scales(records: Sequence[Record]) -> tuple[float, ...]:
+    """Speed scales of Coulomb friction that come into question, rad/s at the sensor, the steepest first."""
+    speed = _rms_speed(records)
+    return tuple(float(f"{part * speed:.2g}") for part in _SCALES)
+
+
+def _rms_speed(records: Sequence[Record]) -> float:
+    """Root mean square of the motor's speed, rad/s, without its noise: from windows of some samples."""
+    means = [
+        _slope(part.y, _AROUND, part.h) if part.quantity == "angle" else part.y for part in _parts(records)
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(means) ** 2))) if means else 1.0
+
+
+def _parts(records: Sequence[Record]) -> list[_Part]:
+    pieces = [piece for record in records for piece in segments(record, _GAP * record.interval_s)]
+    return [_part(piece) for piece in pieces if np.count_nonzero(piece.measured) > 1]
+
+
+def _ladder(shortest: float, count: int) -> list[int]:
+    """Lengths of the window in samples, each one and a half times the one before, for that many samples."""
+    lengths, most = [], count // _FEWEST_WINDOWS
+    length = shortest
+    while length <= most:
+        lengths.append(int(length))
+        length *= 1.5
+    return lengths
+
+
+def _fit(parts: Sequence[_Part], window: int, speed_scale: float, terms: Sequence[Term]) -> Rigid | None:
+    equations = [_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window]
+    if not equations:
+        return None
+    rows, torque = (np.concatenate(of_parts) for of_parts in zip(*equations, strict=True))
+    scale = np.sqrt((rows**2).sum(axis=0))
+    spread = float(((torque - torque.mean()) ** 2).sum())
+    if not (scale > 0).all() or spread <= 0 or len(torque) <= rows.shape[1] + 2:
+        return None
+    found, _, rank, _ = np.linalg.lstsq(rows / scale, torque, rcond=1e-8)
+    if rank < rows.shape[1]:
+        return None
+    residual = torque - rows / scale @ found
+    variance = float(residual @ residual) / (len(torque) - rank)
+    covariance = variance * np.linalg.inv((rows / scale).T @ (rows / scale))
+    sd = float(np.sqrt(covariance[0, 0]) / scale[0])
+    explained = 1 - float(residual @ residual) / spread
+    inertia, *torques = (found / scale).tolist()
+    return Rigid(inertia, sd, dict(zip(terms, torques, strict=True)), explained)
+
+
+def _part(segment: Record) -> _Part:
+    """The record on a regular grid: the mean torque is exact, and the motion is almost straight between samples."""
+    t = np.linspace(segment.t[0], segment.t[-1], len(segment))
+    y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
+    u = mean_torque(segment, t)
+    # Mean of the torques before and after each sample.
+    return _Part(np.convolve(u, (0.5, 0.5))[: len(u)], y, float(t[1] - t[0]), segment.quantity)
+
+
+def _equations(part: _Part, window: int, speed_scale: float, terms: Sequence[Term]) -> tuple[Floats, Floats]:
+    """Columns (M, 1 + terms), that of J first; the windowed torque (M,)."""
+    g, g1, g2 = _window(window, part.h)
+
+    def over(weight: Floats, values: Floats) -> Floats:
+        # A convolution reverses its second factor.
+        out: Floats = part.h * oaconvolve(values, weight[::-1], mode="valid")[:: window // _WINDOWS]
+        return out
+
+    y = part.y
+    if part.quantity == "speed":
+        speed, inertia, viscous, angle = y, -over(g1, y), over(g, y), np.cumsum(y) * part.h
+    else:
+        speed, angle = _slope(y, window // 8, part.h), y - y[0]
+        inertia, viscous = over(g2, angle), -over(g1, angle)
+    columns = [
+        viscous if term == "viscous" else over(g, _torque(term, speed, angle, speed_scale)) for term in terms
+    ]
+    return np.column_stack([inertia, *columns]), over(g, part.u)
+
+
+def _torque(term: Term, speed: Floats, angle: Floats, speed_scale: float) -> Floats:
+    """What a term is proportional to (N,)."""
+    if term == "coulomb":
+        return np.tanh(speed / speed_scale)
+    if term == "stribeck":
+        slow = _STRIBECK * float(np.sqrt(np.mean(speed**2))) or 1.0
+        return np.tanh(speed / speed_scale) * np.exp(-((speed / slow) ** 2))
+    if term == "drag":
+        return np.abs(speed) * speed
+    powers: Mapping[Term, int] = {"offset": 0, "angle": 1, "angle^2": 2, "angle^3": 3}
+    return np.asarray((angle / max(float(np.abs(angle).max()), 1e-300)) ** powers[term])
+
+
+def _slope(angle: Floats, half: int, interval_s: float) -> Floats:
+    """Mean speed (N,) over ``half`` samples on either side; only its sign is wanted."""
+    around = np.pad(angle, half, mode="reflect", reflect_type="odd")
+    slope: Floats = (around[2 * half :] - around[: -2 * half]) / (2 * half * interval_s)
+    return slope
+
+
+def _window(count: int, interval_s: float) -> tuple[Floats, Floats, Floats]:
+    """g = sin^4 over the window (count + 1,), and its first two derivatives."""
+    x = np.pi * np.arange(count + 1) / count
+    w = np.pi / (count * interval_s)
+    sin, cos = np.sin(x), np.cos(x)
+    return sin**4, 4 * w * sin**3 * cos, 4 * w**2 * (3 * sin**2 * cos**2 - sin**4)

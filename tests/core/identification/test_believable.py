@@ -1,0 +1,166 @@
+"""What comes out can be believed: verdict, missing effects, what is held, what can be watched; axes of known truth.
+
+The axes are rigid, in a closed loop, some under a weight; starting values are far off.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.identification import (
+    IdentificationOptions,
+    IdentificationResult,
+    Obstacle,
+    Problem,
+    Record,
+    identify,
+)
+from monitor_core.identification.bode import bode_of
+from monitor_core.identification.greybox import fit
+from monitor_core.identification.holding import DOUBTFUL, TOGETHER
+from monitor_core.identification.records import speed_scales
+from monitor_core.identification.verdict import Basis, Effect, Quality
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+from service.config import nominal_file
+from tests.real.drives import one_mass
+
+H = 0.005
+VALUES = {"kT": 1.0, "J": 2.0, "fv": 1.5, "fc": 2.0, "tau0": 0.1}
+WEIGHT = {"gc": 12.0, "gs": 4.0}
+SCALE = 0.05
+ALL = ("J", "fv", "fc", "tau0")
+
+
+def record(
+    seed: int,
+    *,
+    weight: bool = False,
+    one_speed: bool = False,
+    seconds: float = 40.0,
+    disturbed: float = 0.0,
+) -> Record:
+    """A position controller follows sines, or goes to and fro at one speed; encoder noise; a white torque disturbs."""
+    rng = np.random.default_rng(seed)
+    values = {**VALUES, **(WEIGHT if weight else {})}
+    axis = SimulatedAxis(values, substeps=4, drive=one_mass(gravity=weight), speed_scale=SCALE)
+    t = np.asarray(H * np.arange(round(seconds / H)), dtype=np.float64)
+    phases = rng.uniform(0, 2 * np.pi, 5)
+    wanted = sum(
+        a * np.sin(2 * np.pi * f * t + p)
+        for a, f, p in zip((0.5, 0.3, 0.1, 0.05, 0.01), (0.11, 0.37, 0.9, 2.3, 5.1), phases, strict=True)
+    )
+    if one_speed:
+        wanted = 0.8 * np.abs((t / 4) % 2 - 1)
+    wanted = np.asarray(wanted) - wanted[0]
+    u, y, angle, speed, before = np.zeros(t.size), np.zeros(t.size), 0.0, 0.0, 0.0
+    for k, goal in enumerate(wanted):
+        y[k] = angle + 2e-5 * rng.standard_normal()
+        u[k] = 300 * (goal - y[k]) + 40 * ((goal - before) / H - speed) + 0.3 * rng.standard_normal()
+        angle, speed = axis.step(u[k] + disturbed * rng.standard_normal(), H)
+        before = goal
+    return Record(t, u, y, "angle", "axis")
+
+
+def found(records: list[Record], *, gravity: bool = False, **options: object) -> IdentificationResult:
+    drive = one_mass(gravity=gravity)
+    free = (*ALL, *(WEIGHT if gravity else ()))
+    nominal = {p.name: 1.0 if p.name in ("kT", "J") else 0.0 for p in drive.parameters}
+    problem = Problem(drive, nominal, free, speed_scale=SCALE)
+    given = {"start": "values", "monitored": ("kT", "fv", "fc"), "unknown": free, **options}
+    return identify(problem, records, (), IdentificationOptions(**given))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("weight", [False, True])
+def test_an_axis_in_a_closed_loop_is_found_from_values_far_off(weight: bool, seed: int) -> None:
+    result = found([record(seed, weight=weight)], gravity=weight)
+    true = {**VALUES, **(WEIGHT if weight else {})}
+    e = result.estimate
+    assert result.held == {}
+    for name, value, sd in zip(e.names, e.theta, e.sd, strict=True):
+        print(f"{name} = {value:.4g} +- {sd:.2g}, true {true[name]:g}")
+        assert value == pytest.approx(true[name], abs=max(0.03 * abs(true[name]), 5 * sd))
+    assert result.verdict.quality is Quality.GOOD
+    assert result.verdict.basis is Basis.HALVES
+    assert result.verdict.missing == ()
+    assert result.rejection is None
+
+
+def test_a_weight_that_the_drive_lacks_is_named(seed: int) -> None:
+    result = found([record(seed, weight=True)])
+    print(result.verdict)
+    assert result.verdict.quality is Quality.POOR
+    assert result.verdict.missing[0] is Effect.POSE
+
+
+def test_the_speed_scale_is_found(seed: int) -> None:
+    rec = record(seed)
+    scales = speed_scales([rec])
+    result = found([rec], speed_scales=scales)
+    scale = result.estimate.problem.speed_scale
+    print(scale, scales)
+    assert SCALE / 2.5 < scale < 2.5 * SCALE
+
+
+def test_friction_at_one_speed_is_not_divided(seed: int) -> None:
+    """One of the two is held, and the other one then has a standard deviation that a monitor can work with."""
+    rec = record(seed, one_speed=True, seconds=30, disturbed=3.0)
+    free = fit(Problem(one_mass(), VALUES, ALL, speed_scale=SCALE), [rec])
+    i, j = (free.names.index(name) for name in ("fv", "fc"))
+    assert abs(free.correlation[i, j]) > TOGETHER
+    result = found([rec], monitored=("kT", "fc"))
+    print(result.held, result.estimate.values)
+    assert set(result.held) == {"fv"}
+    assert "fc" in result.estimate.names
+    e = result.estimate
+    k = e.names.index("fc")
+    assert e.sd[k] < DOUBTFUL * e.theta[k]
+    (row,) = (row for row in result.rows() if row.name == "fv")
+    assert row.held.startswith("the records")
+
+
+def test_what_daemon_and_identify_call_together_is_the_same() -> None:
+    assert (TOGETHER, DOUBTFUL) == (nominal_file.TOGETHER, nominal_file.DOUBTFUL)
+
+
+def test_outlook(seed: int) -> None:
+    """With a long memory all show; with a short one little does; a value of zero has no size."""
+    rec = record(seed)
+    long = found([rec], memory_s=20.0)
+    assert [w.obstacle for w in long.watched] == [None] * 3
+    short = found([record(seed, disturbed=3.0)], memory_s=0.05)
+    assert Obstacle.NOT_SHOWN in {w.obstacle for w in short.watched}
+    drive = one_mass()
+    nominal = {**VALUES, "fv": 0.0}
+    held = identify(
+        Problem(drive, nominal, ("J", "fc"), speed_scale=SCALE), [rec], (),
+        IdentificationOptions(start="values", monitored=("fv", "fc")),
+    )  # fmt: skip
+    assert held.watched[0].obstacle is Obstacle.NO_SIZE
+
+
+def test_a_slow_motion_leaves_enough_for_the_black_box(seed: int) -> None:
+    """Sampled each millisecond, with a torque below 1 Hz."""
+    t = np.asarray(0.001 * np.arange(20_000), dtype=np.float64)
+    u = np.asarray(sum(np.sin(2 * np.pi * f * t + f) for f in (0.1, 0.25, 0.4)))
+    speed = np.cumsum(u) * 0.001 / 2.0
+    y = np.concatenate(([0.0], np.cumsum(speed)[:-1] * 0.001)) + 1e-6 * np.random.default_rng(
+        seed
+    ).standard_normal(t.size)
+    rec = Record(t, u, y, "angle", "slow")
+    estimate = fit(Problem(one_mass(), {**VALUES, "fv": 0.0, "fc": 0.0}, ("J",), speed_scale=SCALE), [rec])
+    bode = bode_of(estimate, None, [rec])
+    assert bode.words == ()
+    assert bode.black_box is not None
+
+
+def test_a_prediction_that_runs_away_says_nothing_aloud(seed: int) -> None:
+    """A step into the unstable is rejected; numpy does not warn."""
+    rec = record(seed, seconds=10)
+    problem = Problem(one_mass(), VALUES, ALL, "output-error", speed_scale=SCALE, bounds={"fv": (-1e6, 1e6)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit(replace(problem, nominal={**VALUES, "J": 0.01, "fv": -0.02}), [rec])
