@@ -2,6 +2,7 @@
 
 * ``axis_monitor``: one axis, alone or as a lane of a batch; start here.
 * ``axis_status``: estimates, tests and counters of an axis as plain values; parameters that are not observed.
+* ``not_tested``: parameters that are not tested, why, and what would help.
 * ``alarm_tracker``: the open alarms of an axis, and what became of each.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
@@ -25,6 +26,7 @@ from monitor_core.monitoring.axis_status import (
     unidentifiable_words,
 )
 from monitor_core.monitoring.fleet import AxisTrace, Fleet
+from monitor_core.monitoring.not_tested import NotTested, Remedy
 from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,
     MIN_MEMORY_SAMPLES,
@@ -60,9 +62,11 @@ __all__ = [
     "Fleet",
     "Limit",
     "MonitoringOptions",
+    "NotTested",
     "Observation",
     "ParameterStatus",
     "ParameterTrend",
+    "Remedy",
     "Status",
     "Trace",
     "TrendMonitor",

@@ -18,9 +18,10 @@ from monitor_core.detection.multimodel.multimodel_detector import MultiModelDete
 from monitor_core.detection.multimodel.naming import Event as MultiModelEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
+from monitor_core.kernel.admission import GATED, IDLE
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
-from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
+from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, SEEDING, UNSEEN, USED
 from monitor_core.monitoring.alarm_tracker import AlarmChange, AlarmTracker
 from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_status import (
@@ -32,6 +33,7 @@ from monitor_core.monitoring.axis_status import (
     confounded,
     unidentifiable_words,
 )
+from monitor_core.monitoring.not_tested import NotTested, Remedy, remedy
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
@@ -206,6 +208,8 @@ class AxisMonitor:
             confounded=self._confounded(),
             counters=dict(zip(COUNTERS, map(int, st.counts[:, a]), strict=True)),
             detectors=tuple(self._detectors()),
+            remedy=self._remedy(),
+            memory_s=self.settings.memory * self.settings.interval_s,
         )
 
     def _detectors(self) -> Iterator[DetectorStatus]:
@@ -230,7 +234,53 @@ class AxisMonitor:
             nu=self._nu(i, P_ii),
             status=self._status(i),
             observation=_OBSERVATION[st.observed[i, a]],
+            not_tested=self._not_tested(i),
+            tested_s=self._tested_samples(i) * self.settings.interval_s,
         )
+
+    def _not_tested(self, i: int) -> NotTested | None:
+        """Why the detector that alarms would not find a change of parameter i now; None: it would."""
+        st, a, by_models = self.batch.state, self.lane, self.alarm_source == "multimodel"
+        unseen, seeding = st.observed[i, a] == UNSEEN, not by_models and st.seed_left[a]
+        again = seeding and st.counts[SEEDING, a] > self.settings.seed_updates - st.seed_left[a]
+        blocked = again and (st.observed[:, a] == UNSEEN).any()
+        reasons = {
+            NotTested.NO_SAMPLE: st.t[a] == NEVER,
+            NotTested.UNIDENTIFIABLE: self.settings.unidentifiable,
+            NotTested.SETTLING: st.t[a] < st.settled[a],
+            NotTested.CONDITIONS: st.mode[a] == GATED,
+            NotTested.NOT_OBSERVED: unseen and (st.mode[a] == IDLE or not st.seed_left[a]),
+            NotTested.UNCERTAIN: (again and unseen) or (not seeding and self._is_uncertain(i)),
+            NotTested.BLOCKED: blocked,
+            NotTested.SEEDING: seeding,
+            NotTested.NO_THRESHOLD: by_models and self.model.monitored[i] not in self._tested_causes,
+        }
+        return next((reason for reason, holds in reasons.items() if holds), None)
+
+    def _is_uncertain(self, i: int) -> bool:
+        """Whether the CUSUM tests could not find a change of parameter i by its whole size, as commissioned or now."""
+        st, a = self.batch.state, self.lane
+        nu = self._nu(i, min(st.P_nom[i, a], st.P[i, i, a]))
+        return self.alarm_source == "cusum" and nu >= self.model.scale[i]
+
+    def _tested_samples(self, i: int) -> int:
+        if self.alarm_source == "multimodel" and self.multimodel is not None:
+            tested = self.model.monitored[i] in self._tested_causes and self.multimodel.made
+            return self.multimodel.bank.tested_samples if tested else 0
+        return int(self.batch.state.tested[i, self.lane])
+
+    @property
+    def _tested_causes(self) -> frozenset[str]:
+        """Causes that the multi-model detector has a threshold for; before its first sample: every one."""
+        if self.multimodel is None or not self.multimodel.made:
+            return frozenset(self.model.monitored)
+        return frozenset(self.multimodel.bank.causes)
+
+    def _remedy(self) -> Remedy | None:
+        seed_left, counts = int(self.batch.state.seed_left[self.lane]), self.batch.state.counts[:, self.lane]
+        if not seed_left or self.alarm_source == "multimodel":
+            return None
+        return remedy(self.model, self.settings, seed_left, int(counts[SEEDING] + counts[USED]))
 
     def _nu(self, i: int, P_ii: float) -> float:
         alpha1, _, allowance = self.settings.tests(len(self.model.scale))[:, i]

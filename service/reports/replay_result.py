@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.detection import Alarm, AlarmKey
-from monitor_core.monitoring import AxisStatus, AxisTrace
+from monitor_core.monitoring import AxisStatus, AxisTrace, NotTested
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
@@ -31,6 +31,11 @@ class ReplayedAxis(NamedTuple):
     """What cannot be determined, and what its time stamps say, in words"""
     course: Course | None
     """None: it is not to be drawn"""
+
+    @property
+    def untested(self) -> Mapping[NotTested, Sequence[str]]:
+        """Parameters that were not tested for long enough to find a change, by reason."""
+        return self.status.untested_so_far()
 
     @property
     def id(self) -> str:
