@@ -177,8 +177,8 @@ _NEEDED: dict[NotTested, str] = {
     NotTested.NO_SAMPLE: "torque and motion of this axis; `axiswatch listen` shows what is received",
     NotTested.SETTLING: "samples without gaps for longer than settling_time_s",
     NotTested.CONDITIONS: "samples at which every gate is open and every signal is known and within its range",
-    NotTested.UNIDENTIFIABLE: "nominal values from a record with several speeds and accelerations, or identified with"
-    " --fix for one of them, at a known value",
+    NotTested.UNIDENTIFIABLE: "nominal values from a record of several speeds and accelerations, or from `axiswatch"
+    " identify --fix` with one of them, which is then held at its value in the configuration",
     NotTested.SEEDING: "a longer record",
     NotTested.NOT_OBSERVED: _MORE_MOTION,
     NotTested.UNCERTAIN: f"{_MORE_MOTION}, or {_FEWER}",

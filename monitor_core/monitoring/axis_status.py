@@ -161,9 +161,11 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
 
 
 def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Why nothing is tested, where the nominal values do not allow it."""
+    """Why nothing is tested, where the nominal values do not allow it, and what would help."""
     return tuple(
-        f"{first} and {second} cannot be distinguished by the record of their nominal values: nothing is tested"
+        f"{first} and {second} cannot be distinguished by the record of their nominal values: nothing is tested."
+        " Identify the axis with a record of several speeds and accelerations, or with `axiswatch identify --fix"
+        f" {second}`, which holds it at its value in the configuration"
         for first, second in pairs
     )
 

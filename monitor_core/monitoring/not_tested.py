@@ -52,14 +52,25 @@ class Remedy:
 def remedy(model: AxisModel, settings: Settings, seed_left: int, moved_samples: int) -> Remedy:
     """What would help an axis that has moved for so many samples, with ``seed_left`` left until P(0) is found."""
     h, memories = settings.interval_s, SEEDING_MEMORIES + TEST_MEMORIES
-    memory_s = rounded_down(moved_samples * h / memories)
-    joint = memory_s < shortest_memory(model, settings, joint_state=False)
-    possible = memory_s >= shortest_memory(model, settings, joint_state=True)
+    memory_s, joint = fitting_memory(model, settings, moved_samples * h / memories)
     return Remedy(
         memory_now_s=settings.memory * h,
         seeding_s=settings.seed_updates * h,
         left_s=seed_left * h,
         record_s=settings.settle_s + memories * settings.memory * h,
-        memory_s=memory_s if possible and memory_s >= MIN_MEMORY_SAMPLES * h else None,
+        memory_s=memory_s,
         joint_state=joint,
     )
+
+
+def fitting_memory(model: AxisModel, settings: Settings, most_s: float) -> tuple[float | None, bool]:
+    """A memory up to ``most_s`` that the predictor of these settings allows, and whether it needs joint_state = true.
+
+    None: there is none.
+    """
+    memory_s = rounded_down(most_s)
+    least_s = max(
+        shortest_memory(model, settings, joint_state=True), MIN_MEMORY_SAMPLES * settings.interval_s
+    )
+    needs_joint = memory_s < shortest_memory(model, settings, joint_state=False)
+    return (memory_s if memory_s >= least_s else None), needs_joint
