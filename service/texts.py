@@ -56,6 +56,11 @@ SENSORS = {
 
 def episode_words(e: Alarm, nominal: float, unit: str) -> str:
     """An alarm in words, with its certainty: "something has changed, at first sight fm: fm is .."."""
+    outside = "; raised outside the conditions of the calibration" if e.inside_calibration is False else ""
+    return f"{_episode_words(e, nominal, unit)}{outside}"
+
+
+def _episode_words(e: Alarm, nominal: float, unit: str) -> str:
     fact = alarm_words(e.parameter, e.size, nominal, unit)
     if e.reaches:
         return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])

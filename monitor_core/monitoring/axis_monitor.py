@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,12 +170,12 @@ class AxisMonitor:
             ValueError: arrays of shapes that do not fit.
         """
         events = self.batch.run(*_columns(samples))
-        return self.apply((event for _, event in events), self.multimodel_events(samples))
+        return self.apply((event for _, event in events), self.multimodel_events(samples), samples)
 
     def update_traced(self, samples: SampleBlock) -> tuple[list[AlarmChange], Trace]:
         """As ``update``, with the values of the recursion at every sample: theta (N, p), g (N, 2, p), .."""
         events, trace = self.batch.run_traced(*_columns(samples))
-        changes = self.apply((event for _, event in events), self.multimodel_events(samples))
+        changes = self.apply((event for _, event in events), self.multimodel_events(samples), samples)
         return changes, Trace(*(field[..., 0] for field in trace))
 
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
@@ -189,13 +189,19 @@ class AxisMonitor:
         return self.multimodel.bank.run_traced(*samples[:5]) if self.multimodel else ((), None)
 
     def apply(
-        self, cusum: Iterable[BatchEvent] = (), multimodel: Iterable[MultiModelEvent] = ()
+        self,
+        cusum: Iterable[BatchEvent] = (),
+        multimodel: Iterable[MultiModelEvent] = (),
+        samples: SampleBlock | None = None,
     ) -> list[AlarmChange]:
-        """Make alarms of the events of the alarm source, in order of time; events of the other detector are ignored."""
+        """Make alarms of the events of the alarm source, in order of time; events of the other detector are ignored.
+
+        ``samples``: those of the events, which state whether the axis was in the conditions of its calibration.
+        """
         if self.alarm_source == "multimodel" and self.multimodel is not None:
-            return self._tracker.update(multimodel, self.multimodel.interpret)
+            return self._tracker.update(multimodel, _marked(self.multimodel.interpret, samples))
         found = (event for event in cusum if not isinstance(event, Reading))
-        return self._tracker.update(found, self.cusum.interpret)
+        return self._tracker.update(found, _marked(self.cusum.interpret, samples))
 
     def status(self) -> AxisStatus:
         """Status of the axis now."""
@@ -338,6 +344,28 @@ class AxisMonitor:
             self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
         self._tracker = AlarmTracker(alarms)
+
+
+_E = TypeVar("_E")
+_Interpret = Callable[[_E, Sequence[Alarm]], Iterable[Alarm]]
+
+
+def _marked(interpret: _Interpret[_E], samples: SampleBlock | None) -> _Interpret[_E]:
+    """As ``interpret``; a new alarm states whether it was raised in the conditions of the calibration."""
+    if samples is None or samples.inside is None:
+        return interpret
+    t_us, inside = samples.t_us, samples.inside
+
+    def marked(event: _E, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        known = {alarm.key for alarm in open_alarms}
+        for alarm in interpret(event, open_alarms):
+            if alarm.key in known or alarm.inside_calibration is not None:
+                yield alarm
+            else:
+                at = np.flatnonzero(t_us == alarm.raised_us)
+                yield replace(alarm, inside_calibration=bool(inside[at[0]]) if at.size else None)
+
+    return marked
 
 
 def _model_key(model: AxisModel) -> str:

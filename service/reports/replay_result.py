@@ -126,11 +126,16 @@ class Replay:
             clock=self._clock[axis.id],
             history=(),
             gated_by=monitors.waits_for(axis.id),
+            outside_calibration=monitors.outside_calibration(axis.id),
             stamps=stamps,
             trends=monitors.trends.for_axis(axis.id),
         )
         doubts = remarks(axis.id, axis.config.sample_interval_s, stamps)
-        notes = [*(f"{axis.id}: {words}" for words in status.confounded), *doubts]
+        outside = [
+            f"at the end outside the conditions of the calibration: {words}"
+            for words in snapshot.outside_calibration
+        ]
+        notes = [*(f"{axis.id}: {words}" for words in (*status.confounded, *outside)), *doubts]
         return ReplayedAxis(snapshot, alarms, notes, self._courses.get(axis.id))
 
     def _recorded(self, axis_id: str, status: AxisStatus) -> list[RecordedAlarm]:

@@ -152,6 +152,10 @@ class Axis(Body):
     clock: dict[str, int] = Field(description="restarts of the time base of the samples, by cause")
     stamps: Stamps
     detectors: list[Detector]
+    outside_calibration: list[str] = Field(
+        description="conditions that are outside their range in the calibration records now, where the false-alarm "
+        "budget is not kept; e.g. temperature = 41, calibrated from 20 to 35; empty: none, or no range is known"
+    )
     not_tested: list[str] = Field(
         description="parameters that are not tested now, why, and what would help, in sentences; empty: all are tested"
     )
@@ -297,6 +301,10 @@ class Alarm(Body):
         description="why it may be none of the causes; several: no single parameter explains it; model: the model no "
         "longer holds, as with a sensor fault; sign: torque or motion seems to have changed its sign; still: no motion "
         "follows the torque; empty: no doubt"
+    )
+    inside_calibration: bool | None = Field(
+        description="whether it was raised in the conditions of the calibration records; false: the false-alarm budget "
+        "is not kept there; null: unknown"
     )
     kind: Kind = Field(
         description="step or drift; empty: unknown, or not known yet; forecast: a long-term drift that will reach a "
