@@ -25,6 +25,8 @@ class SampleBlock(NamedTuple):
     """(N,) False where nothing is learned; None: all samples are used"""
     signals: Floats | None = None
     """(N, S) auxiliary signals, from which shift and gate are computed; NaN: unknown; None: the axis needs none"""
+    inside: NDArray[np.bool_] | None = None
+    """(N,) whether the conditions are those of the calibration; None: that is not known"""
     name: str = ""
     """Of the record, as shown to the user"""
 

@@ -1,7 +1,8 @@
-"""Words that messages share: suggestions for unknown names, lists, percentages, durations."""
+"""Words that messages share: suggestions for unknown names, lists, percentages, durations, round numbers."""
 
 import difflib
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 
 _NEARLY = 0.05
 _MOST = 20
@@ -29,6 +30,23 @@ def listed(names: Sequence[str], word: str = "and") -> str:
 def percent(value: float) -> str:
     """``0.3 %``, ``120 %``: two digits."""
     return f"{float(f'{100 * value:.2g}'):g} %"
+
+
+def rounded_down(value: float) -> float:
+    """To two digits, for a number that the user is asked to stay below."""
+    return _rounded(value, math.floor)
+
+
+def rounded_up(value: float) -> float:
+    """To two digits, for a number that the user is asked to reach."""
+    return _rounded(value, math.ceil)
+
+
+def _rounded(value: float, towards: Callable[[float], int]) -> float:
+    if value == 0 or not math.isfinite(value):
+        return value
+    digit = math.floor(math.log10(abs(value))) - 1
+    return float(f"{towards(round(value / 10.0**digit, 9))}e{digit}")
 
 
 def duration(seconds: float) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.monitoring import AxisMonitor
+from monitor_core.monitoring import AxisMonitor, NotTested
 from monitor_core.samples import SampleBlock, forward_fill
 from monitor_core.settings import Settings
 
@@ -37,6 +37,8 @@ class Deviations:
     """Samples before P(0) was found"""
     confounded: tuple[str, ...]
     """What could not be distinguished at the end, in words"""
+    uncertain: tuple[str, ...] = ()
+    """Parameters that could not be determined within the memory, so that P(0) was not found"""
 
 
 def without_tests(settings: Settings) -> Settings:
@@ -76,7 +78,9 @@ def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[i
         tested[rows] = learned & (not seeds)
         seeding += len(part.t_us) if seeds else 0
         progress(min(k + step, N))
-    return Deviations(record.name, record.t_us, d, s, tested, seeding, monitor.status().confounded)
+    status = monitor.status()
+    uncertain = status.untested().get(NotTested.UNCERTAIN, ()) if st.seed_left[0] else ()
+    return Deviations(record.name, record.t_us, d, s, tested, seeding, status.confounded, uncertain)
 
 
 def first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:

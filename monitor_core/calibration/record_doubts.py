@@ -10,8 +10,9 @@ from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, looked_at
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.axis_status import unidentifiable_words
+from monitor_core.monitoring.not_tested import SEEDING_MEMORIES, fitting_memory
 from monitor_core.settings import Settings
-from monitor_core.wording import duration
+from monitor_core.wording import duration, listed, rounded_up
 
 FEWEST = 20
 """Memories of tested samples."""
@@ -53,11 +54,22 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
     h, memory = settings.interval_s, settings.memory
     tested = np.concatenate([deviations.tested for deviations in found])
     after = len(tested) - sum(deviations.seeding for deviations in found)
+    if not tested.any() and (uncertain := found[-1].uncertain):
+        raise CalibrationError(
+            f"P(0) was not found, because {listed(uncertain)} cannot be determined within a memory of"
+            f" {memory * h:.3g} s: take {'it' if len(uncertain) == 1 else 'them'} out of `monitor`, or give motion that"
+            " accelerates and has several speeds within memory_s"
+        )
     if not tested.any() and after < memory:
+        needed = SEEDING_MEMORIES + FEWEST + 1
+        settling_s = len(found) * settings.settle_s
+        shorter, joint = fitting_memory(model, settings, (len(tested) * h - settling_s) / needed)
+        ways = [f"give at least {rounded_up(settling_s + needed * memory * h):g} s that move the axis"]
+        if shorter is not None:
+            ways.append(f"set memory_s = {shorter:g}{' and joint_state = true' if joint else ''}")
         raise CalibrationError(
             f"the records hold {len(tested) * h:.3g} s, and P(0) was not found in them: that takes ten memories of"
-            f" {memory * h:.3g} s of motion; give at least {(10 + FEWEST) * memory * h:.3g} s that move the axis, or"
-            " initial_p"
+            f" {memory * h:.3g} s of motion; {', or '.join(ways)}"
         )
     for i, name in enumerate(model.monitored):
         share = tested[:, i].sum() / max(after, 1)

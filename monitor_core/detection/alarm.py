@@ -122,6 +122,8 @@ class Alarm:
     """Earlier names"""
     reaches: tuple[Reach, ...] = ()
     """Of a forecast: the limit"""
+    inside_calibration: bool | None = None
+    """Whether it was raised in the conditions of the calibration; None: unknown"""
 
     @property
     def first(self) -> tuple[str, Direction]:

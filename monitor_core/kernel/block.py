@@ -135,8 +135,10 @@ def _take(
 
 
 @kernel
-def _tally(lanes: Any, mode: Ints, hit: Ints, counts: Ints) -> None:
+def _tally(lanes: Any, mode: Ints, hit: Ints, counts: Ints, last: Ints) -> None:
+    """Count what became of the sample; ``last`` (W,) keeps it, where the predictor runs."""
     for a in range(len(lanes)):
+        last[a] = mode[a] if mode[a] >= SETTLE else last[a]
         counts[USED, a] += mode[a] == TRACK
         counts[SEEDING, a] += mode[a] == SEED
         counts[SETTLING, a] += mode[a] == SETTLE
@@ -276,9 +278,10 @@ def run(
                 update_P(lanes, lam, P, Ppsi, S, learns, fit)
                 if drift:
                     drift_P(lanes, share, st.P_nom, P, fit)
-                find_P0(lanes, con.min_excitation, con.P_uninformed, con.seed, st.seed_left, st.P_nom, P, mode)
+                find_P0(lanes, con.min_excitation, con.P_uninformed, con.seed, st.seed_left, st.P_nom, P, mode,
+                        st.observed)
                 apply_information_floor(lanes, floor, known, tracks, N, L, Y)
-                select_tests(lanes, con.tested, st.observed, theta, tracks, st.theta_seen, tested)
+                select_tests(lanes, con.tested, st.observed, theta, tracks, st.theta_seen, tested, st.tested)
                 update_running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, mode)
                 correct(lanes, K, X, eps, psi, moves)
                 if joint:
@@ -286,7 +289,7 @@ def run(
                 if T.mean >= 0:
                     mark_sampled(lanes, mode, lost)
                     restart_integral(lanes, T.mean, T.n, lost, X)
-                _tally(lanes, mode, hit, st.counts)
+                _tally(lanes, mode, hit, st.counts, st.mode)
                 compute_deviations(lanes, tests, cusum, d, nu)
                 if update_cusum(lanes, con.h, t, st.g, st.onset, st.below_nu, d, nu, tested):
                     note_crossings(lanes, tests, cusum, t, d, tested, a0, reset, events)

@@ -10,7 +10,7 @@ from typing import Any
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import SEED
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.state import UNSEEN
+from monitor_core.kernel.state import OBSERVED, UNSEEN
 from monitor_core.kernel.tables import OutputTerms
 
 
@@ -147,11 +147,13 @@ def find_P0(
     P_nom: Floats,
     P: Floats,
     mode: Ints,
+    observed: Ints,
 ) -> None:
     """P(0) by the paper's recipe: run the P recursion along the nominal theta, average its steady diagonal.
 
     The second half of the run counts as steady.  At its end P becomes the averaged diagonal, P_nom, which was the sum;
-    but an axis that stood still, so that a parameter is known to no better than its size, starts the run again.
+    but an axis that stood still, so that a parameter is known to no better than its size, starts the run again; until
+    the next end that parameter is unobserved, and the others are observed.
     """
     for a in range(len(lanes)):
         if mode[a] != SEED:
@@ -166,6 +168,8 @@ def find_P0(
             for i in range(P.shape[0]):
                 P_nom[i, a] /= half
                 again |= min_excitation[a] > 0.0 and not P_nom[i, a] <= P_uninformed[i, a]
+            for i in range(P.shape[0] if again else 0):
+                observed[i, a] = OBSERVED if P_nom[i, a] <= P_uninformed[i, a] else UNSEEN
             for i in range(P.shape[0]):
                 for j in range(P.shape[0]):
                     P[i, j, a] = 0.0

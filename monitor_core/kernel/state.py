@@ -16,7 +16,7 @@ from monitor_core.kernel.tables import GAINS, Constants, Tables
 NEVER = np.iinfo(np.int64).min
 """Time stamp of something that has not happened."""
 
-SCHEMA = 5
+SCHEMA = 6
 """Version of the order below; part of the key of every checkpoint."""
 
 COUNTERS = (
@@ -82,6 +82,8 @@ class State(NamedTuple):
     left: NDArray[np.int64]  # (W,) samples to learn until evidence is noted
     noting: NDArray[np.int64]  # (W,) COURSE, NAMING: what for
     learned: NDArray[np.int64]  # (W,) samples learned so far
+    mode: NDArray[np.int64]  # (W,) of the last sample that was predicted: SETTLE .. TRACK of kernel.admission
+    tested: NDArray[np.int64]  # (p, W) samples at which the tests of a parameter ran
     counts: NDArray[np.int64]  # (len(COUNTERS), W)
 
 
@@ -125,14 +127,16 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         I[r + p + 3],
         I[r + p + 4],
         I[r + p + 5],
-        I[r + p + 6 :],
+        I[r + p + 6],
+        I[r + p + 7 : r + 2 * p + 7],
+        I[r + 2 * p + 7 :],
     )
 
 
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Number of rows of the float array and of the integer array."""
     floats = n + p * n + p + p * p + 2 * p + m + p * m + 4 + 3 * p
-    return floats, 9 + 4 * p + len(COUNTERS)
+    return floats, 10 + 5 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:

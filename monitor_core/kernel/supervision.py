@@ -229,13 +229,15 @@ def select_tests(
     on: Ints,
     theta_seen: Floats,
     tests: Ints,
+    count: Ints,
 ) -> None:
     """The CUSUM of an unobserved parameter waits, and its last observed value is kept.
 
-    Where an axis is not ``tested`` (W,) all tests wait.
+    Where an axis is not ``tested`` (W,) all tests wait.  ``count`` (p, W): samples at which a test ran.
     """
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
             seen = on[a] and observed[i, a] != UNSEEN
             theta_seen[i, a] = theta[i, a] if seen else theta_seen[i, a]
             tests[i, a] = 1 if seen and tested[a] > 0.0 else 0
+            count[i, a] += tests[i, a]

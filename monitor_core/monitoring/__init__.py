@@ -2,6 +2,8 @@
 
 * ``axis_monitor``: one axis, alone or as a lane of a batch; start here.
 * ``axis_status``: estimates, tests and counters of an axis as plain values; parameters that are not observed.
+* ``not_tested``: parameters that are not tested, why, and what would help.
+* ``calibrated_range``: ranges of the conditions at calibration, and whether an axis is within them.
 * ``alarm_tracker``: the open alarms of an axis, and what became of each.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
@@ -24,7 +26,15 @@ from monitor_core.monitoring.axis_status import (
     Status,
     unidentifiable_words,
 )
+from monitor_core.monitoring.calibrated_range import (
+    RMS_SPEED,
+    CalibratedRange,
+    ConditionTracker,
+    Range,
+    ranges,
+)
 from monitor_core.monitoring.fleet import AxisTrace, Fleet
+from monitor_core.monitoring.not_tested import NotTested, Remedy
 from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,
     MIN_MEMORY_SAMPLES,
@@ -43,6 +53,7 @@ __all__ = [
     "MIN_MEMORY_SAMPLES",
     "NEVER",
     "RESTART",
+    "RMS_SPEED",
     "SEED",
     "SETTLE",
     "SKIP",
@@ -56,16 +67,22 @@ __all__ = [
     "AxisStatus",
     "AxisTrace",
     "BankTrace",
+    "CalibratedRange",
+    "ConditionTracker",
     "DetectorStatus",
     "Fleet",
     "Limit",
     "MonitoringOptions",
+    "NotTested",
     "Observation",
     "ParameterStatus",
     "ParameterTrend",
+    "Range",
+    "Remedy",
     "Status",
     "Trace",
     "TrendMonitor",
+    "ranges",
     "recommended_settings",
     "short_memory",
     "standard_deviation",

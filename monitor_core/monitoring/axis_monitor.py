@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,10 @@ from monitor_core.detection.multimodel.multimodel_detector import MultiModelDete
 from monitor_core.detection.multimodel.naming import Event as MultiModelEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
+from monitor_core.kernel.admission import GATED, IDLE
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
-from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
+from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, SEEDING, UNSEEN, USED
 from monitor_core.monitoring.alarm_tracker import AlarmChange, AlarmTracker
 from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_status import (
@@ -32,6 +33,7 @@ from monitor_core.monitoring.axis_status import (
     confounded,
     unidentifiable_words,
 )
+from monitor_core.monitoring.not_tested import NotTested, Remedy, remedy
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
@@ -168,17 +170,17 @@ class AxisMonitor:
             ValueError: arrays of shapes that do not fit.
         """
         events = self.batch.run(*_columns(samples))
-        return self.apply((event for _, event in events), self.multimodel_events(samples))
+        return self.apply((event for _, event in events), self.multimodel_events(samples), samples)
 
     def update_traced(self, samples: SampleBlock) -> tuple[list[AlarmChange], Trace]:
         """As ``update``, with the values of the recursion at every sample: theta (N, p), g (N, 2, p), .."""
         events, trace = self.batch.run_traced(*_columns(samples))
-        changes = self.apply((event for _, event in events), self.multimodel_events(samples))
+        changes = self.apply((event for _, event in events), self.multimodel_events(samples), samples)
         return changes, Trace(*(field[..., 0] for field in trace))
 
     def update_multimodel(self, samples: SampleBlock) -> list[AlarmChange]:
         """Let only the multi-model detector take samples, as ``Fleet.update`` has left it out."""
-        return self.apply(multimodel=self.multimodel_events(samples))
+        return self.apply(multimodel=self.multimodel_events(samples), samples=samples)
 
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
         """The events of the multi-model detector in these samples, if it runs."""
@@ -191,13 +193,19 @@ class AxisMonitor:
         return self.multimodel.bank.run_traced(*samples[:5]) if self.multimodel else ((), None)
 
     def apply(
-        self, cusum: Iterable[BatchEvent] = (), multimodel: Iterable[MultiModelEvent] = ()
+        self,
+        cusum: Iterable[BatchEvent] = (),
+        multimodel: Iterable[MultiModelEvent] = (),
+        samples: SampleBlock | None = None,
     ) -> list[AlarmChange]:
-        """Make alarms of the events of the alarm source, in order of time; events of the other detector are ignored."""
+        """Make alarms of the events of the alarm source, in order of time; events of the other detector are ignored.
+
+        ``samples``: those of the events, which state whether the axis was in the conditions of its calibration.
+        """
         if self.alarm_source == "multimodel" and self.multimodel is not None:
-            return self._tracker.update(multimodel, self.multimodel.interpret)
+            return self._tracker.update(multimodel, _marked(self.multimodel.interpret, samples))
         found = (event for event in cusum if not isinstance(event, Reading))
-        return self._tracker.update(found, self.cusum.interpret)
+        return self._tracker.update(found, _marked(self.cusum.interpret, samples))
 
     def status(self) -> AxisStatus:
         """Status of the axis now."""
@@ -210,6 +218,8 @@ class AxisMonitor:
             confounded=self._confounded(),
             counters=dict(zip(COUNTERS, map(int, st.counts[:, a]), strict=True)),
             detectors=tuple(self._detectors()),
+            remedy=self._remedy(),
+            memory_s=self.settings.memory * self.settings.interval_s,
         )
 
     def _detectors(self) -> Iterator[DetectorStatus]:
@@ -234,7 +244,53 @@ class AxisMonitor:
             nu=self._nu(i, P_ii),
             status=self._status(i),
             observation=_OBSERVATION[st.observed[i, a]],
+            not_tested=self._not_tested(i),
+            tested_s=self._tested_samples(i) * self.settings.interval_s,
         )
+
+    def _not_tested(self, i: int) -> NotTested | None:
+        """Why the detector that alarms would not find a change of parameter i now; None: it would."""
+        st, a, by_models = self.batch.state, self.lane, self.alarm_source == "multimodel"
+        unseen, seeding = st.observed[i, a] == UNSEEN, not by_models and st.seed_left[a]
+        again = seeding and st.counts[SEEDING, a] > self.settings.seed_updates - st.seed_left[a]
+        blocked = again and (st.observed[:, a] == UNSEEN).any()
+        reasons = {
+            NotTested.NO_SAMPLE: st.t[a] == NEVER,
+            NotTested.UNIDENTIFIABLE: self.settings.unidentifiable,
+            NotTested.SETTLING: st.t[a] < st.settled[a],
+            NotTested.CONDITIONS: st.mode[a] == GATED,
+            NotTested.NOT_OBSERVED: unseen and (st.mode[a] == IDLE or not st.seed_left[a]),
+            NotTested.UNCERTAIN: (again and unseen) or (not seeding and self._is_uncertain(i)),
+            NotTested.BLOCKED: blocked,
+            NotTested.SEEDING: seeding,
+            NotTested.NO_THRESHOLD: by_models and self.model.monitored[i] not in self._tested_causes,
+        }
+        return next((reason for reason, holds in reasons.items() if holds), None)
+
+    def _is_uncertain(self, i: int) -> bool:
+        """Whether the CUSUM tests could not find a change of parameter i by its whole size, as commissioned or now."""
+        st, a = self.batch.state, self.lane
+        nu = self._nu(i, min(st.P_nom[i, a], st.P[i, i, a]))
+        return self.alarm_source == "cusum" and nu >= self.model.scale[i]
+
+    def _tested_samples(self, i: int) -> int:
+        if self.alarm_source == "multimodel" and self.multimodel is not None:
+            tested = self.model.monitored[i] in self._tested_causes and self.multimodel.made
+            return self.multimodel.bank.tested_samples if tested else 0
+        return int(self.batch.state.tested[i, self.lane])
+
+    @property
+    def _tested_causes(self) -> frozenset[str]:
+        """Causes that the multi-model detector has a threshold for; before its first sample: every one."""
+        if self.multimodel is None or not self.multimodel.made:
+            return frozenset(self.model.monitored)
+        return frozenset(self.multimodel.bank.causes)
+
+    def _remedy(self) -> Remedy | None:
+        seed_left, counts = int(self.batch.state.seed_left[self.lane]), self.batch.state.counts[:, self.lane]
+        if not seed_left or self.alarm_source == "multimodel":
+            return None
+        return remedy(self.model, self.settings, seed_left, int(counts[SEEDING] + counts[USED]))
 
     def _nu(self, i: int, P_ii: float) -> float:
         alpha1, _, allowance = self.settings.tests(len(self.model.scale))[:, i]
@@ -292,6 +348,28 @@ class AxisMonitor:
             self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
         self._tracker = AlarmTracker(alarms)
+
+
+_E = TypeVar("_E")
+_Interpret = Callable[[_E, Sequence[Alarm]], Iterable[Alarm]]
+
+
+def _marked(interpret: _Interpret[_E], samples: SampleBlock | None) -> _Interpret[_E]:
+    """As ``interpret``; a new alarm states whether it was raised in the conditions of the calibration."""
+    if samples is None or samples.inside is None:
+        return interpret
+    t_us, inside = samples.t_us, samples.inside
+
+    def marked(event: _E, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        known = {alarm.key for alarm in open_alarms}
+        for alarm in interpret(event, open_alarms):
+            if alarm.key in known or alarm.inside_calibration is not None:
+                yield alarm
+            else:
+                at = np.flatnonzero(t_us == alarm.raised_us)
+                yield replace(alarm, inside_calibration=bool(inside[at[0]]) if at.size else None)
+
+    return marked
 
 
 def _model_key(model: AxisModel) -> str:

@@ -1,6 +1,8 @@
 """Status of an axis: plain values with their units."""
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -9,6 +11,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import DetectorName
 from monitor_core.kernel.supervision import LOST, TAKES_PART
+from monitor_core.monitoring.not_tested import MIN_TESTED_MEMORIES, NotTested, Remedy
 
 
 class Status(StrEnum):
@@ -58,6 +61,15 @@ class ParameterStatus:
     """Deviation per sample that is tolerated"""
     status: Status
     observation: Observation
+    not_tested: NotTested | None = None
+    """Why no change of it would be found now; None: it is tested"""
+    tested_s: float = 0.0
+    """Time for which it has been tested since the start of the monitor [s]"""
+
+    @property
+    def tested(self) -> bool:
+        """Whether a change of it would be found now."""
+        return self.not_tested is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +98,52 @@ class AxisStatus:
     counters: Mapping[str, int]
     """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
     detectors: tuple[DetectorStatus, ...] = ()
+    remedy: Remedy | None = None
+    """What would help while P(0) is not found; None: it is"""
+    memory_s: float = 0.0
+    """Memory of the estimates [s]"""
+
+    def untested(self) -> dict[NotTested, tuple[str, ...]]:
+        """Parameters that are not tested now, by reason."""
+        return _by_reason((p.name, p.not_tested) for p in self.parameters)
+
+    def untested_so_far(self) -> dict[NotTested, tuple[str, ...]]:
+        """Parameters whose tests ran for too short a time, since the start, to find and name a change; by reason."""
+        least_s = MIN_TESTED_MEMORIES * self.memory_s
+        missing = (p for p in self.parameters if p.tested_s < least_s or p.not_tested is NotTested.UNCERTAIN)
+        return _by_reason((p.name, self._main_reason(p)) for p in missing)
+
+    def _main_reason(self, p: ParameterStatus) -> NotTested:
+        """Why a parameter was not tested: at present, if that lasts; else what most samples were lost by."""
+        if p.not_tested in _LASTING:
+            return p.not_tested
+        lost_by = {
+            NotTested.SEEDING: ("seeding",),
+            NotTested.CONDITIONS: ("gated",),
+            NotTested.NOT_OBSERVED: ("starved", "used"),
+            NotTested.SETTLING: ("settling", "started", "gap"),
+        }
+        return max(lost_by, key=lambda reason: sum(self.counters.get(name, 0) for name in lost_by[reason]))
 
     @property
     def samples(self) -> int:
         """Samples received; the other counters say what became of them."""
         return sum(v for k, v in self.counters.items() if k != "projected")
+
+
+_LASTING = (
+    *(NotTested.NO_SAMPLE, NotTested.UNIDENTIFIABLE, NotTested.UNCERTAIN, NotTested.BLOCKED),
+    NotTested.NO_THRESHOLD,
+)
+"""Reasons that do not change from sample to sample."""
+
+
+def _by_reason(found: Iterable[tuple[str, NotTested | None]]) -> dict[NotTested, tuple[str, ...]]:
+    names = dict[NotTested, tuple[str, ...]]()
+    for name, reason in found:
+        if reason is not None:
+            names[reason] = (*names.get(reason, ()), name)
+    return names
 
 
 # --- Which combinations of parameters the last samples say nothing of, in words ---------------------------------------
@@ -108,9 +161,11 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
 
 
 def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Why nothing is tested, where the nominal values do not allow it."""
+    """Why nothing is tested, where the nominal values do not allow it, and what would help."""
     return tuple(
-        f"{first} and {second} cannot be distinguished by the record of their nominal values: nothing is tested"
+        f"{first} and {second} cannot be distinguished by the record of their nominal values: nothing is tested."
+        " Identify the axis with a record of several speeds and accelerations, or with `axiswatch identify --fix"
+        f" {second}`, which holds it at its value in the configuration"
         for first, second in pairs
     )
 

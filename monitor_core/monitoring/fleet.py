@@ -154,11 +154,11 @@ def _axis_update(
     readings = [event for event in events if isinstance(event, Reading)]
     if trace is None:
         found = monitor.multimodel_events(block) if multimodel else ()
-        return AxisUpdate(monitor.apply(events, found), readings, None)
+        return AxisUpdate(monitor.apply(events, found, block), readings, None)
     found, bank_trace = monitor.multimodel_events_traced(block) if multimodel else ((), None)
     crossings = [event for event in events if isinstance(event, Crossing)]
     traces = AxisTrace(trace, crossings, bank_trace)
-    return AxisUpdate(monitor.apply(events, found), readings, traces)
+    return AxisUpdate(monitor.apply(events, found, block), readings, traces)
 
 
 def _filled(given: Mapping[int, NDArray[_T] | None], empty: Callable[[], NDArray[_T]]) -> NDArray[_T] | None:

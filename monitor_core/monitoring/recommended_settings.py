@@ -13,6 +13,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
 from monitor_core.drive.structure import DISTURBANCE_TIME
 from monitor_core.settings import Settings
+from monitor_core.wording import listed, rounded_up
 
 SETTLING_TIME_CONSTANTS = 5
 """After this number of its slowest time constants the predictor has forgotten its initial state (e^-5 = 0.7 %)."""
@@ -109,7 +110,7 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
     K, lam0 = _gain(model, interval_s, options)
     lam, slowest_s = options.forgetting(interval_s), _time_constant(model, interval_s, K)
     memory_s, joint = interval_s / (1 - lam), options.joint_state
-    _check_memory(memory_s, slowest_s, joint)
+    _check_memory(model, interval_s, options, memory_s, slowest_s)
     settle_s = options.settling_time_s
     settle_s = SETTLING_TIME_CONSTANTS * slowest_s if settle_s is None else settle_s
     return Settings(
@@ -185,20 +186,54 @@ def _gains_after_gaps(
     return gains_after(model, *noises) if np.allclose(computed, K, rtol=1e-3, atol=0) else ()
 
 
-def _check_memory(memory_s: float, slowest_s: float, joint_state: bool | None) -> None:
+def shortest_memory(model: AxisModel, settings: Settings, joint_state: bool) -> float:
+    """Shortest memory [s] with which the estimates do not run away, with the predictor of these settings."""
+    return _shortest(_time_constant(model, settings.interval_s, settings.K), joint_state)
+
+
+def _shortest(slowest_s: float, joint_state: bool) -> float:
+    return MIN_MEMORY * slowest_s * (JOINT_STATE_SHARE if joint_state else 1)
+
+
+def _check_memory(
+    model: AxisModel, interval_s: float, o: MonitoringOptions, memory_s: float, slowest_s: float
+) -> None:
     """Check that the predictor is stable, and the memory long enough for its slowest time constant.
 
     Raises:
-        SettingsError: it is not.
+        SettingsError: it is not; the text names what would be right.
     """
     if not np.isfinite(slowest_s):
         raise SettingsError(
             "the predictor is not stable: give another gain, or torque_noise and output_noise"
         )
-    least = MIN_MEMORY * slowest_s * (JOINT_STATE_SHARE if joint_state else 1)
-    if memory_s < least:
-        raise SettingsError(
-            f"a memory of {memory_s:.3g} s is less than {least:.3g} s, too short for the slowest time constant of the"
-            f" predictor, {slowest_s:.3g} s: the estimates would run away. Set joint_state = true, or raise memory_s,"
-            " or torque_noise, which makes the predictor faster"
-        )
+    least = _shortest(slowest_s, bool(o.joint_state))
+    if memory_s >= least:
+        return
+    ways = [f"raise memory_s to {rounded_up(least):g}"]
+    if not o.joint_state and memory_s >= _shortest(slowest_s, joint_state=True):
+        ways.insert(0, "set joint_state = true")
+    if noise := _faster_noise(model, interval_s, o, memory_s):
+        ways.append(f"raise torque_noise to {noise:g}, which makes the predictor faster")
+    raise SettingsError(
+        f"a memory of {memory_s:.3g} s is less than {least:.3g} s, too short for the slowest time constant of the"
+        f" predictor, {slowest_s:.3g} s: the estimates would run away. {listed(ways, 'or').capitalize()}"
+    )
+
+
+_NOISIER = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0, 50.0, 100.0)
+
+
+def _faster_noise(model: AxisModel, interval_s: float, o: MonitoringOptions, memory_s: float) -> float | None:
+    """The least of some larger torque noises with which the memory is long enough; None: it cannot help, or be chosen.
+
+    More noise does not always make the predictor faster.
+    """
+    if o.gain or o.output_error or o.torque_noise is None or o.output_noise is None:
+        return None
+    for factor in _NOISIER:
+        noise = rounded_up(factor * o.torque_noise)
+        K, _ = filter_gain(model, interval_s, noise, o.output_noise)
+        if memory_s >= _shortest(slowest_time_constant(model, K, interval_s), bool(o.joint_state)):
+            return noise
+    return None

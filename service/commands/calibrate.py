@@ -113,18 +113,22 @@ def calibrate_axis(
         RecordError, DbcError, IngestError: a record cannot be read.
     """
     from monitor_core.calibration import calibrate as find_thresholds
+    from monitor_core.monitoring import ranges
     from service.commands.progress import Background
+    from service.config import conditions_of
     from service.config.axis_settings import alarm_source_of, axis_settings
     from service.config.drives import axis_model
     from service.ingest.calibration_records import read
-    from service.reports.calibration_report import Calibration, warnings
+    from service.reports.calibration_report import Calibration, one_sided, warnings
 
     model = axis_model(axis.config)
     settings = axis_settings(axis, model)
     records, sources = read(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
     result = find_thresholds(model, settings, records, options, progress, Background)
     alarms: DetectorName = "cusum" if result.bank is None else alarm_source_of(axis.config, True)
-    return Calibration(axis, result, sources, tuple(warnings(result)), provenance, alarms)
+    found = ranges(model.drive.output, settings, conditions_of(axis).signals, records)
+    cautions = (*warnings(result), *one_sided(records, found))
+    return Calibration(axis, result, sources, cautions, provenance, alarms, tuple(found))
 
 
 def seconds_of(text: str) -> float:

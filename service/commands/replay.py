@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from service.commands.exit_codes import MISTAKE, explained
+from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
 from service.commands.options import ConfigPath, JsonFile, configuration
 from service.commands.output_files import STDOUT, check_writable, write, write_all
 from service.commands.progress import progress_bar
@@ -36,7 +36,7 @@ def replay(config: ConfigPath, records: Records, json: JsonFile = None, report: 
     """Run records through the same decoding, estimation and detection as the daemon, and list the alarms.
 
     Several records are one after the other in the life of the robot; the estimates of one are the start of
-    the next.
+    the next. The exit code is 5 where a monitored parameter was not tested: no alarm says nothing of it.
     """
     from service.reports.replay_report import as_json, print_text
 
@@ -57,6 +57,8 @@ def replay(config: ConfigPath, records: Records, json: JsonFile = None, report: 
         print_text(found, Console())
     if json is not None:
         write(json, as_json(found))
+    if any(axis.untested for axis in found.axes):
+        raise typer.Exit(NOT_TESTED)
 
 
 def _replay(config: Config, path: Path, records: list[Path], drawn: bool) -> Replayed:

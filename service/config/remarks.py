@@ -40,7 +40,7 @@ def remarks(config: Config) -> Iterator[str]:
         settings = axis_settings(axis, model)
         yield from _short_memory(axis, model, settings)
         for words in unidentifiable_words(untold(axis.config)):
-            yield f"{axis.id}: {words}. Identify it again: one of them is then held, the other tested"
+            yield f"{axis.id}: {words}"
         yield from _small_noise(axis, config)
         yield from _nearly_a_turn(axis)
         yield from _detector(axis, detectors_of(axis, model, settings))

@@ -124,6 +124,9 @@ class DetectorConfig(Table):
     """drift nu = alpha_1 standard deviations"""
     alpha_2: Positive = 20.0
     """threshold h = alpha_2 times the size of the parameter"""
+    outside_calibration: Literal["report", "wait"] = "report"
+    """where speed or signals are outside their range in the calibration records: "report" (tests go on, alarms are
+    marked) or "wait" (nothing is tested)"""
     covariance_reset: Real = Field(0.0, ge=0, le=1e6)
     """after an alarm P_ii is at least this many times P(0)_ii: faster convergence; 0: P stays"""
 

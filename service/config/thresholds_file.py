@@ -42,6 +42,14 @@ class HypothesisTable(FoundTable):
         return math.nan if self.size is None else self.size
 
 
+class RangeTable(FoundTable):
+    """[[range]]: lowest and highest value of a condition in the calibration records."""
+
+    condition: str
+    low: Real
+    high: Real
+
+
 class ThresholdsFile(FoundFile):
     """The whole file.  ``made_with`` and ``nominal`` are of the monitor that the thresholds belong to."""
 
@@ -54,6 +62,8 @@ class ThresholdsFile(FoundFile):
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
     hypothesis: tuple[HypothesisTable, ...] = ()
     """Of the multi-model detector, where it was calibrated, too"""
+    range: tuple[RangeTable, ...] = ()
+    """Of the rms speed and of the signals; none in files of earlier versions"""
 
 
 # --- Thresholds belong to one monitor: to its nominal values and to the settings of its estimator ---------------------

@@ -67,4 +67,4 @@ def _with_conditions(block: SampleBlock, axis: NamedAxis, model: AxisModel) -> S
     shift = gate = None
     if conditions:
         shift, gate = Operating(model, conditions).take(block.t_us, block.y, block.signals)
-    return block._replace(shift=shift, gate=gate, signals=None)
+    return block._replace(shift=shift, gate=gate)

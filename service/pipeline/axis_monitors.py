@@ -6,8 +6,17 @@ import numpy as np
 
 from monitor_core.detection import MultiModelDetector
 from monitor_core.drive import Operating
-from monitor_core.monitoring import NEVER, AxisMonitor, AxisTrace, Fleet
+from monitor_core.monitoring import (
+    NEVER,
+    AxisMonitor,
+    AxisTrace,
+    CalibratedRange,
+    ConditionTracker,
+    Fleet,
+    Range,
+)
 from monitor_core.samples import SampleBlock
+from monitor_core.settings import Settings
 from service.can.frames import Frame, Sample
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings, detectors_of
@@ -52,6 +61,12 @@ class AxisMonitors:
         self._resumed = False
         conditions = [(axis.id, m, conditions_of(axis)) for axis, m in zip(axes, models, strict=True)]
         self._operating = {axis_id: Operating(m, c) for axis_id, m, c in conditions if c}
+        self._calibrated = {
+            axis.id: _calibrated_range(axis, s, c.signals)
+            for axis, s, (_, _, c) in zip(axes, settings, conditions, strict=True)
+            if axis.config.model.thresholds_file is not None and axis.config.model.thresholds_file.range
+        }
+        self._waiting = {axis.id for axis in axes if axis.config.detector.outside_calibration == "wait"}
 
     def update(self, samples: Samples, observer: Observer | None = None) -> list[AxisAlarm]:
         """Let every axis take its samples; returns the alarms that changed, axis by axis."""
@@ -89,11 +104,21 @@ class AxisMonitors:
 
     def _block(self, axis_id: str, block: SampleBlock) -> SampleBlock:
         """Samples with the nominal values and the gate that their operating conditions require."""
-        operating = self._operating.get(axis_id)
-        if operating is None:
-            return block
-        shift, gate = operating.take(block.t_us, block.y, block.signals)
-        return block._replace(shift=shift, gate=gate)
+        operating, calibrated = self._operating.get(axis_id), self._calibrated.get(axis_id)
+        if operating is not None:
+            shift, gate = operating.take(block.t_us, block.y, block.signals)
+            block = block._replace(shift=shift, gate=gate)
+        if calibrated is not None:
+            inside = calibrated.take(block)
+            block = block._replace(inside=inside)
+            if axis_id in self._waiting:
+                block = block._replace(gate=inside if block.gate is None else block.gate & inside)
+        return block
+
+    def outside_calibration(self, axis_id: str) -> tuple[str, ...]:
+        """Conditions of the last sample of an axis that are outside the range of its calibration, in words."""
+        calibrated = self._calibrated.get(axis_id)
+        return () if calibrated is None else calibrated.outside
 
     def dropped(self, axis_id: str) -> Mapping[str, int]:
         """Samples of an axis that were refused before its monitor, by reason."""
@@ -115,7 +140,9 @@ class AxisMonitors:
     def waits_for(self, axis_id: str) -> str:
         """The operating condition by which the last sample of an axis was not used; empty: it was used."""
         operating = self._operating.get(axis_id)
-        return operating.reason if operating else ""
+        reason = operating.reason if operating else ""
+        outside = self.outside_calibration(axis_id) if axis_id in self._waiting else ()
+        return reason or "; ".join(outside)
 
     @property
     def batch_sizes(self) -> list[int]:
@@ -136,6 +163,12 @@ class AxisMonitors:
         empty = np.zeros(0)
         for detector in self.multimodel[:1]:
             detector.bank.run(np.zeros(0, np.int64), empty, empty)
+
+
+def _calibrated_range(axis: NamedAxis, settings: Settings, signals: Sequence[str]) -> CalibratedRange:
+    found = axis.config.model.thresholds_file
+    known = () if found is None else tuple(Range(r.condition, r.low, r.high) for r in found.range)
+    return CalibratedRange(known, ConditionTracker(axis.config.output, settings, signals))
 
 
 def _motion(monitor: AxisMonitor) -> Motion | None:

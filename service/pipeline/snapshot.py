@@ -51,6 +51,8 @@ class AxisSnapshot:
     """The last points, oldest first"""
     gated_by: str = ""
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
+    outside_calibration: tuple[str, ...] = ()
+    """Conditions that are outside the range of its calibration, in words"""
     stamps: Stamps = NOT_KNOWN
     """Jitter of its time stamps"""
     other_causes: tuple[str, ...] = ()
@@ -173,6 +175,7 @@ class AxisView:
             clock=source.events,
             history=self._history.points,
             gated_by=monitors.waits_for(axis.id),
+            outside_calibration=monitors.outside_calibration(axis.id),
             stamps=source.stamps,
             other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),
             trends=monitors.trends.for_axis(axis.id),

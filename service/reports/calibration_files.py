@@ -50,6 +50,9 @@ def _tables(calibration: Calibration) -> Iterator[str]:
         hypotheses = [toml_table("[[hypothesis]]", _hypothesis(own)) for own in result.bank.limits.own]
         yield f"# Of the multi-model detector: alarm when {about}\n" + "".join(hypotheses)
         yield toml_table("[bank_false_alarms]", _rate(result.by_bank), remarks=_REMARKS)
+    if calibration.ranges:
+        about = "# Conditions of the records (rms speed, signals): the promise holds within them.\n"
+        yield about + "".join(toml_table("[[range]]", r._asdict()) for r in calibration.ranges)
     monitor = made_with(result.model, result.settings)
     yield toml_table("[made_with]", monitor, "With any other of these the thresholds are not used.")
     yield toml_table("[nominal]", result.model.nominal)
@@ -102,6 +105,7 @@ def as_json(calibration: Calibration) -> str:
             "first_named": _confusion(result.tests),
             "made_with": made_with(result.model, result.settings),
             "nominal": result.model.nominal,
+            "conditions": [r._asdict() for r in calibration.ranges],
             "records": calibration.sources,
             "warnings": calibration.warnings,
             "provenance": {"version": made.version, "date": made.date, "command": made.command},

@@ -12,6 +12,8 @@ from rich.text import Text
 
 from monitor_core.calibration import CalibrationResult, DetectorResult, TrialResult
 from monitor_core.detection import DetectorName
+from monitor_core.monitoring import RMS_SPEED, Range
+from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration
 from service.config import NamedAxis
 from service.ingest.calibration_records import Source
@@ -28,6 +30,8 @@ class Calibration:
     warnings: Sequence[str]
     provenance: Provenance
     alarms: DetectorName = "cusum"
+    ranges: Sequence[Range] = ()
+    """Of the conditions in the records"""
 
     @property
     def detectors(self) -> tuple[DetectorResult, ...]:
@@ -55,6 +59,8 @@ def print_text(calibration: Calibration, console: Console) -> None:
     show("Thresholds of the CUSUM tests", thresholds(calibration))
     if (causes := hypotheses(calibration)) is not None:
         show("Thresholds of the multi-model detector", causes)
+    if calibration.ranges:
+        show("Conditions of the records", conditions(calibration))
     for words in calibration.warnings:
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
 
@@ -174,6 +180,30 @@ def confusion(result: DetectorResult) -> Table:
         for name, row in counts.items()
     ]
     return Table(("fault in", *names), rows)
+
+
+def conditions(calibration: Calibration) -> Table:
+    """A row for each condition: outside of these ranges the promise does not hold."""
+    rows = [(r.condition, plain(r.low, 3), plain(r.high, 3)) for r in calibration.ranges]
+    return Table(("", "lowest", "highest"), rows)
+
+
+_ONE_DAY_S, _SHORT_S = 86400.0, 3600.0
+
+
+def one_sided(records: Sequence[SampleBlock], found: Sequence[Range]) -> Iterator[str]:
+    """Cautions about records that cover little of what the axis will meet."""
+    starts = [record.t_us[0] * 1e-6 for record in records]
+    longest = max((record.t_us[-1] - record.t_us[0]) * 1e-6 for record in records)
+    if max(starts) - min(starts) < _ONE_DAY_S and longest < _SHORT_S:
+        yield (
+            f"The records are of one day and last {duration(longest)} at most. What changes over hours or days is not"
+            " in them: friction, for example, falls by a fifth to a half while an axis warms up. Expect alarms when it"
+            " is warmer or colder than in the records; add records from the cold and from the warm axis."
+        )
+    for r in found:
+        if r.condition != RMS_SPEED and r.high == r.low:
+            yield f"{r.condition} is {r.low:.3g} in all records: at other values the promise does not hold."
 
 
 _DOUBTFUL_SCATTER, _FAR_EXTRAPOLATION = 2.0, 30.0

@@ -54,6 +54,7 @@ def as_html(replayed: Replayed) -> str:
         replayed=replayed,
         outcome=_outcome(replayed),
         key_figures=_key_figures(replayed),
+        not_tested=[words for axis in replayed.axes for words in content.not_tested(axis)],
         notes=[note for axis in replayed.axes for note in axis.notes],
         estimates=content.estimates(replayed.axes),
         largest_g=content.largest_g(replayed.axes),
@@ -69,12 +70,15 @@ def _outcome(replayed: Replayed) -> tuple[str, str, str]:
     """Kind, first words and the rest of the first thing to read."""
     count = sum(len(axis.alarms) for axis in replayed.axes)
     silent = [axis.id for axis in replayed.axes if not axis.status.samples]
-    idle = [axis.id for axis in replayed.axes if axis.status.samples and not axis.status.counters["used"]]
+    untested = [axis.id for axis in replayed.axes if axis.untested]
     rest = f" No samples of {', '.join(silent)}." if silent else ""
-    rest += f" Nothing was learned of {', '.join(idle)}." if idle else ""
+    rest += f" Not tested: parameters of {', '.join(untested)}." if untested else ""
     if count:
         alarmed = [axis.id for axis in replayed.axes if axis.alarms]
         return "bad", f"{count} alarm{_s(count)}", f"of {', '.join(alarmed)}.{rest}"
+    if untested:
+        about = content.of_what(replayed.axes)
+        return "bad", "Not tested", f"are parameters of {', '.join(untested)}. No alarm{about}."
     return ("warn", "No alarm.", rest.strip()) if rest else ("good", "No alarm.", "")
 
 

@@ -9,18 +9,21 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from monitor_core.monitoring import ParameterStatus
+from monitor_core.monitoring import ParameterStatus, Status
 from service.reports.formats import Table, for_terminal, json_text, percent, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
 from service.reports.replay_result import Replayed, ReplayedAxis
 from service.store.journal import RecordedAlarm
-from service.texts import DATED_US, episode_words, iso, reach_words, trend_words
+from service.texts import DATED_US, episode_words, iso, not_tested_sentences, reach_words, trend_words
 from service.web import views
 
 
 def print_text(replayed: Replayed, console: Console) -> None:
     """The estimates at the end, the alarms, trends, and what else is to be known."""
     axes = replayed.axes
+    for axis in axes:
+        for words in not_tested(axis):
+            console.print(Text.assemble(("Not tested: ", "bold red"), words), soft_wrap=True)
     for axis in axes:
         gated = axis.status.counters["gated"]
         console.print(
@@ -32,7 +35,7 @@ def print_text(replayed: Replayed, console: Console) -> None:
     if alarms.rows:
         console.print(for_terminal(alarms, "Alarms (times in UTC)", styles=dict.fromkeys(still_open, "red")))
     else:
-        console.print("No alarms.")
+        console.print(f"No alarms{of_what(axes)}.")
     for axis in axes:
         for kind, style, sentences in (
             ("Alarm", "bold red", alarm_sentences(axis)),
@@ -50,6 +53,21 @@ def estimates(axes: Sequence[ReplayedAxis]) -> Table:
     """A row for each parameter."""
     rows = [(axis.id, *_parameter(p)) for axis in axes for p in axis.status.parameters]
     return Table(("axis", "parameter", "unit", "nominal", "estimate ± sd", "change", "status"), rows)
+
+
+def not_tested(axis: ReplayedAxis) -> Iterator[str]:
+    """What was not tested, why, and what would be needed."""
+    sentences = not_tested_sentences(axis.untested, axis.status, axis.snapshot.gated_by)
+    return (f"{axis.id}: {words}" for words in sentences)
+
+
+def of_what(axes: Sequence[ReplayedAxis]) -> str:
+    """What the absence of alarms is about: empty, where all was tested."""
+    missing = sum(len(names) for axis in axes for names in axis.untested.values())
+    if not missing:
+        return ""
+    some = missing < sum(len(axis.status.parameters) for axis in axes)
+    return " of what was tested" if some else ": nothing was tested"
 
 
 def largest_g(axes: Sequence[ReplayedAxis]) -> Table:
@@ -70,11 +88,18 @@ def largest_g(axes: Sequence[ReplayedAxis]) -> Table:
 
 def _parameter(p: ParameterStatus) -> tuple[str, ...]:
     unit, nominal = "" if p.unit == "1" else p.unit, plain(p.nominal, 5)
+    status = f"not tested: {p.not_tested}" if p.not_tested and p.status is not Status.ALARM else str(p.status)
+    if p.status in _NO_ESTIMATE:
+        return p.name, unit, nominal, "none yet", "", status
     if math.isnan(p.estimate):
-        return p.name, unit, nominal, "invalid", "", str(p.status)
+        return p.name, unit, nominal, "invalid", "", status
     change = percent(p.estimate / p.nominal - 1, signed=True) if p.nominal else ""
     estimate = f"{plain(p.estimate, 5)} ± {plain(p.standard_deviation, 2)}"
-    return p.name, unit, nominal, estimate, change, str(p.status)
+    return p.name, unit, nominal, estimate, change, status
+
+
+_NO_ESTIMATE = (Status.WAITING, Status.SEEDING)
+"""The estimate is still the nominal value."""
 
 
 def alarm_table(axes: Sequence[ReplayedAxis]) -> Table:
@@ -155,4 +180,7 @@ def _axis(axis: ReplayedAxis) -> dict[str, Any]:
         **views.axis(axis.snapshot, now_us).model_dump(exclude={"last_sample_age_s"}),
         "trends": [trend.model_dump() for trend in views.trend(axis.snapshot).parameters],
         "alarms": [views.alarm(alarm).model_dump() for alarm in axis.alarms],
+        "not_tested_in_records": {
+            name: str(reason) for reason, names in axis.untested.items() for name in names
+        },
     }

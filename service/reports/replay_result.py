@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.detection import Alarm, AlarmKey
-from monitor_core.monitoring import AxisStatus, AxisTrace
+from monitor_core.monitoring import AxisStatus, AxisTrace, NotTested
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
@@ -31,6 +31,11 @@ class ReplayedAxis(NamedTuple):
     """What cannot be determined, and what its time stamps say, in words"""
     course: Course | None
     """None: it is not to be drawn"""
+
+    @property
+    def untested(self) -> Mapping[NotTested, Sequence[str]]:
+        """Parameters that were not tested for long enough to find a change, by reason."""
+        return self.status.untested_so_far()
 
     @property
     def id(self) -> str:
@@ -121,11 +126,16 @@ class Replay:
             clock=self._clock[axis.id],
             history=(),
             gated_by=monitors.waits_for(axis.id),
+            outside_calibration=monitors.outside_calibration(axis.id),
             stamps=stamps,
             trends=monitors.trends.for_axis(axis.id),
         )
         doubts = remarks(axis.id, axis.config.sample_interval_s, stamps)
-        notes = [*(f"{axis.id}: {words}" for words in status.confounded), *doubts]
+        outside = [
+            f"at the end outside the conditions of the calibration: {words}"
+            for words in snapshot.outside_calibration
+        ]
+        notes = [*(f"{axis.id}: {words}" for words in (*status.confounded, *outside)), *doubts]
         return ReplayedAxis(snapshot, alarms, notes, self._courses.get(axis.id))
 
     def _recorded(self, axis_id: str, status: AxisStatus) -> list[RecordedAlarm]:

@@ -50,6 +50,10 @@ MIGRATIONS = (
     """
     ALTER TABLE alarm ADD COLUMN reaches TEXT NOT NULL DEFAULT '[]';
     """,
+    # Whether an alarm was raised in the conditions of the calibration; unknown of those of before.
+    """
+    ALTER TABLE alarm ADD COLUMN inside_calibration INTEGER;
+    """,
 )
 
 
@@ -254,6 +258,8 @@ def _alarm(row: tuple[Any, ...]) -> RecordedAlarm:
     values: dict[str, Any] = dict(zip(_NAMES, row, strict=True))
     for name in _NUMBERS:
         values[name] = math.nan if values[name] is None else values[name]
+    inside = values["inside_calibration"]
+    values["inside_calibration"] = None if inside is None else bool(inside)
     for name, read in _LISTS.items():
         values[name] = tuple(read(entry) for entry in json.loads(values[name]))
     return RecordedAlarm(**values)

@@ -32,6 +32,7 @@ _GAUGES = {
         "parameter_p_diagonal": "P_ii of the recursion; the variance of the estimate is lambda_0 P_ii / (1 + lambda).",
         "parameter_observed": "Observability of the parameter in the last samples: 1 as at commissioning, 0.5 weak, "
         "0 not observed; then the estimate is the last that was observed.",
+        "parameter_tested": "1 while a change of the parameter would be found, else 0: no alarm then says nothing.",
         "cusum_threshold": f"Threshold h of both CUSUMs, {_SI} times samples.",
         "alarm_probability": "Probability that the parameter is the cause of a named open alarm, else 0.",
         "parameter_slope": f"Long-term drift, {_PER_SECOND}.",
@@ -76,6 +77,9 @@ _COUNTERS = {
     "axis": {
         "samples": "Samples received.",
         "histories_lost": "Long-term histories that could not be restored at the start: damaged, or of another model.",
+    },
+    "axis parameter": {
+        "parameter_tested_seconds": "Time for which the parameter has been tested, in seconds.",
     },
     "axis fate": {
         "samples_by_fate": "Samples by their use; starved: too little excitation; gated: excluded by operating "
@@ -158,6 +162,8 @@ def _parameters(axes: _Axes) -> Iterator[Metric]:
     yield gauge("parameter_standard_deviation", lambda p: p.standard_deviation)
     yield gauge("parameter_p_diagonal", lambda p: p.p_diagonal)
     yield gauge("parameter_observed", lambda p: _OBSERVED[p.observation])
+    yield gauge("parameter_tested", lambda p: p.tested)
+    yield gauge("parameter_tested_seconds", lambda p: p.tested_s)
     g = ((labels, {"up": p.g_up, "down": p.g_down}) for labels, p in known)
     yield _family("cusum", (((*labels, d), by_side[d]) for labels, by_side in g for d in DIRECTIONS))
     yield gauge("cusum_threshold", lambda p: p.h)

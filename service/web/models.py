@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
-from monitor_core.monitoring import Observation, Status
+from monitor_core.monitoring import NotTested, Observation, Status
 from service.texts import iso
 
 
@@ -68,6 +68,18 @@ class Parameter(Body):
         description="information in the last samples relative to commissioning; while it is not observed, the "
         "estimate is the last observed one and its CUSUM is frozen"
     )
+    tested: bool = Field(
+        description="whether a change of it would be found now; false: no alarm says nothing of it"
+    )
+    not_tested_reason: NotTested | None = Field(
+        description="why it is not tested now; null: it is tested. no sample; settling: after a start or a gap; "
+        "operating conditions: a gate is closed, or a signal is unknown or out of range; unidentifiable: the record of "
+        "the nominal values does not determine them; seeding: P(0) is being found, in ten memories of motion; not "
+        "observed, uncertain: no or hardly any information in the motion; blocked: P(0) is not found, because another "
+        "parameter is uncertain; no threshold: the detector that alarms has "
+        "none for it"
+    )
+    tested_s: Number = Field(description="time for which it has been tested since the start of its state [s]")
 
 
 class Constant(Body):
@@ -140,6 +152,13 @@ class Axis(Body):
     clock: dict[str, int] = Field(description="restarts of the time base of the samples, by cause")
     stamps: Stamps
     detectors: list[Detector]
+    outside_calibration: list[str] = Field(
+        description="conditions that are outside their range in the calibration records now, where the false-alarm "
+        "budget is not kept; e.g. temperature = 41, calibrated from 20 to 35; empty: none, or no range is known"
+    )
+    not_tested: list[str] = Field(
+        description="parameters that are not tested now, why, and what would help, in sentences; empty: all are tested"
+    )
     open_alarms: list[str] = Field(
         description="causes of the open alarms of the axis, forecasts left out: parameters or sensor faults"
     )
@@ -282,6 +301,10 @@ class Alarm(Body):
         description="why it may be none of the causes; several: no single parameter explains it; model: the model no "
         "longer holds, as with a sensor fault; sign: torque or motion seems to have changed its sign; still: no motion "
         "follows the torque; empty: no doubt"
+    )
+    inside_calibration: bool | None = Field(
+        description="whether it was raised in the conditions of the calibration records; false: the false-alarm budget "
+        "is not kept there; null: unknown"
     )
     kind: Kind = Field(
         description="step or drift; empty: unknown, or not known yet; forecast: a long-term drift that will reach a "

@@ -9,7 +9,7 @@ from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from service.pipeline.snapshot import AxisSnapshot, HistoryPoint, Snapshot
 from service.store.journal import RecordedAlarm
-from service.texts import episode_words, iso, reach_words, trend_words
+from service.texts import episode_words, iso, not_tested_sentences, reach_words, trend_words
 from service.web import models
 from service.web.app_state import VERSION, reasons_not_ready, sample_age_s
 
@@ -48,6 +48,7 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         last_sample_age_s=sample_age_s(a, now_us),
         parameters=[parameter(p) for p in a.status.parameters],
         innovation_unit=OUTPUT_UNITS[a.output],
+        not_tested=list(not_tested_sentences(a.status.untested(), a.status, a.gated_by)),
         open_alarms=list(dict.fromkeys(e.parameter for e in a.open_alarms if e.kind != "forecast")),
         model=_body(models.Model, a, nominal=constants),
     )
@@ -56,7 +57,9 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
 def parameter(p: ParameterStatus) -> models.Parameter:
     """One monitored parameter."""
     cusum = models.Cusum(up=p.g_up, down=p.g_down)
-    return _body(models.Parameter, p, cusum=cusum, threshold=p.h, tolerance=p.nu)
+    return _body(
+        models.Parameter, p, cusum=cusum, threshold=p.h, tolerance=p.nu, not_tested_reason=p.not_tested
+    )
 
 
 def history(

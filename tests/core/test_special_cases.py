@@ -213,7 +213,9 @@ def test_nominal_values_that_a_record_could_not_tell_apart_are_not_tested(seed: 
     assert not untold.batch.state.g.any()
     np.testing.assert_array_equal(untold.batch.state.theta, told.batch.state.theta)
     assert untold.status().confounded == (
-        "fm and fc cannot be distinguished by the record of their nominal values: nothing is tested",
+        "fm and fc cannot be distinguished by the record of their nominal values: nothing is tested. Identify the axis"
+        " with a record of several speeds and accelerations, or with `axiswatch identify --fix fc`, which holds it at"
+        " its value in the configuration",
     )
 
 

@@ -26,7 +26,7 @@ from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel.hypotheses import BankTrace, Block, Memory, run_hypotheses
 from monitor_core.kernel.likelihood import FIRST_MARK, LATE, MARKS, ONSET, G
 from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
-from monitor_core.kernel.state import NEVER
+from monitor_core.kernel.state import NEVER, USED
 from monitor_core.kernel.tables import Tables
 from monitor_core.settings import Settings
 
@@ -157,6 +157,11 @@ class HypothesisBank:
     def causes(self) -> tuple[str, ...]:
         """Causes that may be named."""
         return self.standing.causes
+
+    @property
+    def tested_samples(self) -> int:
+        """Number of samples that were tested."""
+        return int(self._memory.integers[kernel.COUNTS + USED, 0])
 
     def leading(self) -> tuple[str, float]:
         """The cause with the largest g / h, and that ratio."""

@@ -6,7 +6,7 @@ import { count, number, percent, span, unit, withDeviation } from "./format.js";
 const HALF_WIDTH = 0.4; // the ends of the deviation bar, in shares of nominal
 const LATE_S = 5;
 const COLUMNS = [["Parameter", "unseen"], ["Nominal"], ["Estimate"], ["Deviation"], ["CUSUM"], ["Status", "unseen"]];
-const STATUS_CLASS = { alarm: "pill bad", tracking: "pill good" };
+const STATUS_CLASS = { alarm: "pill bad", tracking: "pill good", "not tested": "pill untested" };
 
 const cards = new Map(); // by id and shape of the axis
 
@@ -30,10 +30,12 @@ function makeCard(axis) {
   const sub = el("p", { className: "sub quiet" });
   const title = el("h3", { id: `axis-${cards.size}` }, axis.id);
   const rows = axis.parameters.map(makeRow);
+  const untested = el("ul", { className: "banner warn", "aria-label": `Not tested on ${axis.id}`, hidden: true });
   const node = el(
     "article",
     { className: "card", "aria-labelledby": title.id },
     el("div", { className: "head" }, title, age, sub),
+    untested,
     el(
       "table",
       { role: "table", "aria-labelledby": title.id },
@@ -48,9 +50,17 @@ function makeCard(axis) {
     text(age, seconds === null ? "no sample yet" : `last sample ${span(seconds)} ago`);
     className(age, seconds === null || seconds > LATE_S ? "age late" : "age quiet");
     text(sub, describe(now));
-    now.parameters.forEach((parameter, i) => rows[i].show(parameter, now.gated_by !== null));
+    showSentences(untested, now.not_tested);
+    now.parameters.forEach((parameter, i) => rows[i].show(parameter));
   }
   return { node, show };
+}
+
+/** Why parameters are not tested, and what would help: as long as there is any. */
+function showSentences(list, sentences) {
+  list.hidden = sentences.length === 0;
+  const shown = [...list.children].map((item) => item.textContent);
+  if (JSON.stringify(shown) !== JSON.stringify(sentences)) list.replaceChildren(...sentences.map((words) => el("li", {}, words)));
 }
 
 const signed = (x) => withDeviation(x, null, true);
@@ -65,8 +75,9 @@ function describe(axis) {
   const parts = [`${axis.model.drive}, ${axis.model.output}`, `bus ${axis.bus}`, `${count(axis.samples)} samples`];
   if (axis.samples > used) parts.push(`${count(axis.samples - used)} not used`);
   if (lost > 0) parts.push(`${count(lost)} values dropped`);
+  parts.push(...axis.outside_calibration.map((words) => `outside the calibration: ${words}`));
   if (axis.gated_by !== null) parts.push(`estimation paused: ${axis.gated_by}`);
-  parts.push(...axis.detectors.map(detectorOf).filter((words) => words !== ""), ...axis.confounded);
+  parts.push(...axis.detectors.map(detectorOf).filter((words) => words !== ""));
   return parts.join(" · ");
 }
 
@@ -97,15 +108,16 @@ function makeRow(parameter) {
     cell("CUSUM", cusum.node),
     el("td", { role: "cell", className: "status" }, status),
   );
-  function show(now, gated) {
-    const state = gated && now.status !== "alarm" && now.status !== "waiting" ? "gated" : now.status;
+  function show(now) {
+    const state = now.tested || now.status === "alarm" ? now.status : "not tested";
     const difference = deviationOf(now);
     text(nominal, number(now.nominal));
     text(estimate, withDeviation(now.estimate, now.standard_deviation));
     text(share, now.nominal ? percent(difference / Math.abs(now.nominal)) : `${signed(difference)} ${inUnit}`);
     text(status, state);
     className(status, STATUS_CLASS[state] ?? "pill");
-    className(node, now.status === "alarm" ? "out" : "");
+    attribute(status, "title", now.not_tested_reason ?? "");
+    className(node, { alarm: "out", "not tested": "untested" }[state] ?? "");
     deviation.show(now);
     cusum.show(now);
   }

@@ -9,7 +9,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import Deviations, scatter
+from monitor_core.calibration.healthy_records import Deviations, deviations, scatter
 from monitor_core.calibration.record_doubts import (
     CalibrationError,
     check_healthy,
@@ -17,10 +17,17 @@ from monitor_core.calibration.record_doubts import (
     check_records,
     check_settings,
 )
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.excitation import multisine
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.standard_drives import reference_model
+from monitor_core.monitoring import MonitoringOptions, recommended_settings
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
+from tests.core import supervised
 from tests.core.calibration.test_budget import MEMORY, forgotten
+from tests.core.supervised import TORQUE_NOISE, H, moved
 
 MODEL = reference_model("speed", ("kT", "fm"))
 SETTINGS = Settings.paper(0.005, lam=1 - 1 / MEMORY)
@@ -98,7 +105,7 @@ def without_excitation(one: Deviations) -> Deviations:
     ("spoiled", "words"),
     [
         (shortened, r"3 s of the records can be used, 12 memories.*20 are needed, 5 s"),
-        (without_P0, r"hold 3 s, and P\(0\) was not found .* at least 7.5 s"),
+        (without_P0, r"hold 3 s, and P\(0\) was not found .* at least 8.8 s"),
         (without_excitation, r"fm is observed in 10 % of the time .*2\.5 of 25 s; fm is not observed: give"),
     ],
 )
@@ -154,3 +161,45 @@ def test_how_wide_it_may_be_goes_with_the_root_of_a_far_budget(seed: int) -> Non
 )
 def test_times_in_words(seconds: float, words: str) -> None:
     assert duration(seconds) == words
+
+
+# --- What is advised where P(0) was not found gets it found -----------------------------------------------------------
+
+
+OPTIONS = MonitoringOptions(torque_noise=TORQUE_NOISE, output_noise=1.0, settling_time_s=1.0)
+
+
+def checked(model: AxisModel, options: MonitoringOptions, block: SampleBlock) -> str:
+    """What is wrong with a record; empty: it can be used."""
+    settings = recommended_settings(model, H, options)
+    try:
+        check_records(model, settings, deviations(model, settings, [block]))
+    except CalibrationError as error:
+        return str(error)
+    return ""
+
+
+def moving(seed: int, seconds: float, band_hz: tuple[float, float] = BAND_HZ) -> SampleBlock:
+    rng = np.random.default_rng(seed)
+    return SampleBlock(*moved("speed", multisine(rng, round(seconds / H), H, band_hz, TORQUE_RMS), rng))
+
+
+def test_a_longer_record_or_a_shorter_memory(seed: int) -> None:
+    words = checked(supervised.MODEL, OPTIONS, moving(seed, 8.0))
+    match = re.search(
+        r"give at least ([\d.]+) s .*, or set memory_s = ([\d.]+)( and joint_state = true)?$", words
+    )
+    assert match, words
+    assert checked(supervised.MODEL, OPTIONS, moving(seed, float(match[1]))) == ""
+    shorter = replace(OPTIONS, memory_s=float(match[2]), joint_state=True if match[3] else None)
+    assert checked(supervised.MODEL, shorter, moving(seed, 8.0)) == ""
+
+
+def test_without_the_parameter_that_cannot_be_determined(seed: int) -> None:
+    slow, options = moving(seed, 15.0, (0.0, 3.0)), replace(OPTIONS, memory_s=0.3, settling_time_s=0.5)
+    with_dg = replace(supervised.MODEL, monitored=("kT", "fm", "dg"), scales={}, bounds={})
+    words = checked(with_dg, options, slow)
+    assert words.startswith(
+        "P(0) was not found, because dg cannot be determined within a memory of 0.3 s: take it out"
+    )
+    assert checked(replace(with_dg, monitored=("kT", "fm")), options, slow) == ""

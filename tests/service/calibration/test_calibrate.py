@@ -15,6 +15,8 @@ from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
 from service.config.axis_settings import axis_settings, detectors_of
 from service.config.drives import axis_model
+from service.ingest.records import read_record
+from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.calibration_files import as_html, as_toml
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
@@ -94,6 +96,35 @@ def test_the_file_is_used_by_the_daemon_and_then_the_bank_alarms(
     bank = chosen.multimodel.bank
     assert [(of.cause, of.alike) for of in bank.hypotheses] == [(one.cause, one.alike) for one in own]
     np.testing.assert_allclose(bank.allowance, [one.allowance for one in own])
+
+
+@pytest.mark.parametrize("configured", ["report", "wait"])
+def test_outside_the_speed_of_the_records_the_axis_is_marked_or_waits(
+    robot: Path, found: Calibration, tmp_path: Path, configured: str
+) -> None:
+    """The record itself, beside thresholds whose records were slower."""
+    text = as_toml(found)
+    (condition,) = tomllib.loads(text)["range"]
+    assert condition["condition"] == "rms speed"
+    assert 0 < condition["low"] < condition["high"]
+    slower = re.sub(r'(condition = "rms speed"\nlow = ).*\nhigh = .*', r"\g<1>0.01\nhigh = 0.02", text)
+    (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
+    for thresholds, outside in ((text, False), (slower, True)):
+        (tmp_path / "thresholds.toml").write_text(thresholds, encoding="utf-8")
+        own = f'[robot.axis.detector]\noutside_calibration = "{configured}"'
+        (tmp_path / "robot.toml").write_text(
+            named(robot_text()).replace("[robot.axis.detector]", own), encoding="utf-8"
+        )
+        config = load(tmp_path / "robot.toml", {})
+        monitors = AxisMonitors(config.axes)
+        for step in read_record(robot.parent / "healthy.csv", config).steps():
+            monitors.update(step.samples)
+        (axis_id,) = monitors.by_id
+        words = "; ".join(monitors.outside_calibration(axis_id))
+        assert words.startswith("rms speed = ") == outside
+        assert monitors.waits_for(axis_id) == (words if configured == "wait" else "")
+        gated = monitors.by_id[axis_id].status().counters["gated"]
+        assert (gated > 1000) == (outside and configured == "wait")
 
 
 def test_page(found: Calibration) -> None:

@@ -1,6 +1,7 @@
 """``axiswatch replay`` over tables and logs, and over a drift of months, compressed."""
 
 import json
+import re
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import pytest
 
 from service.simulation.robot import Fault
-from tests.service.command_line import shown
+from tests.service.command_line import axiswatch, shown
 from tests.service.robot_tables import configured, write_table
 
 
@@ -55,6 +56,52 @@ def test_estimates_and_the_alarm_as_json_and_the_same_again_and_tables_for_peopl
     assert as_json(folder, "a.csv") == as_json(folder, "a.csv")
     shown = replay(folder, str(folder / "a.csv"))
     assert all(words in shown for words in ("demo.axis1", "Alarms", "fm"))
+
+
+# --- what was not tested --------------------------------------------------------------------------------------------
+
+
+def replayed(folder: Path, *changes: tuple[str, str]) -> tuple[int, str, dict[str, Any]]:
+    """Exit code, text and the axis as JSON, of the table with these changes of the configuration."""
+    name = f"untested{len(list(folder.iterdir()))}"
+    (folder / name).mkdir()
+    file = configured(folder / name, name, *changes)
+    found, page = folder / name / "a.json", folder / name / "a.html"
+    result = axiswatch("replay", "--config", file, folder / "a.csv", "--json", found, "--report", page)
+    (axis,) = json.loads(found.read_text(encoding="utf-8"))["axes"]
+    return result.exit_code, result.stdout, {**axis, "page": page.read_text(encoding="utf-8")}
+
+
+def test_a_record_too_short_for_P0_is_not_healthy_and_the_memory_that_is_named_gets_it_tested(
+    folder: Path,
+) -> None:
+    P0 = 'initial_p = { kT = 206.0, "1/Ja" = 0.0065, fm = 30.6 }', ""
+    code, text, axis = replayed(folder, P0)
+    assert code == 5
+    first = text.splitlines()[0]
+    assert first.startswith("Not tested: demo.axis1: kT, 1/Ja and fm are not tested: P(0) is not found yet,")
+    assert "No alarms: nothing was tested." in text
+    assert "none yet" in text
+    assert axis["not_tested_in_records"] == dict.fromkeys(("kT", "1/Ja", "fm"), "seeding")
+    assert [(p["tested"], p["not_tested_reason"]) for p in axis["parameters"]] == 3 * [(False, "seeding")]
+    assert escape(first.removeprefix("Not tested: ")) in axis["page"]
+    assert "Not tested" in axis["page"]
+    advised = re.search(r"memory_s = ([\d.]+) and joint_state = true", first)
+    assert advised, first
+    memory = "memory_s = 1.0", f"memory_s = {advised[1]}\njoint_state = true"
+    code, text, axis = replayed(folder, P0, memory)
+    assert code == 0
+    assert "ot tested" not in text
+    assert axis["not_tested_in_records"] == {}
+    assert [alarm["parameter"] for alarm in axis["alarms"]][:1] == ["fm"]
+
+
+def test_a_gate_that_was_closed_all_along(folder: Path) -> None:
+    slow = "sample_interval_s = 0.005", "sample_interval_s = 0.005\nmin_speed = 1000.0"
+    code, text, axis = replayed(folder, slow)
+    assert code == 5
+    assert "operating conditions exclude the samples (slower than 1000 rad/s)" in text.splitlines()[0]
+    assert set(axis["not_tested_in_records"].values()) == {"operating conditions"}
 
 
 # --- a drift: an entry each three seconds -------------------------------------------------------------------

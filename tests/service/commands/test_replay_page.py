@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from service.commands.exit_codes import NOT_TESTED
 from service.commands.main import app
 from service.simulation.robot import Fault
 from tests.service.command_line import refused
@@ -51,7 +52,7 @@ def run(folder: Path, *arguments: str | Path) -> Result:
 @pytest.fixture(scope="module")
 def page(folder: Path) -> str:
     done = run(folder, folder / "a.csv", "--report", folder / "page.html")
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == NOT_TESTED, done.output  # there is no record of the second axis
     assert f"written: {folder / 'page.html'}" in done.stderr
     return (folder / "page.html").read_text(encoding="utf-8")
 
@@ -116,7 +117,7 @@ def test_records_without_dates_and_one_after_the_other(folder: Path, tmp_path: P
     for name in ("a.csv", "b.csv"):
         (tmp_path / name).write_text(text, encoding="utf-8")
     where = tmp_path / "two.HTML"
-    assert run(folder, tmp_path / "a.csv", tmp_path / "b.csv", "--report", where).exit_code == 0
+    assert run(folder, tmp_path / "a.csv", tmp_path / "b.csv", "--report", where).exit_code == NOT_TESTED
     page = where.read_text(encoding="utf-8")
     assert "Replay of a.csv and 1 more" in page
     assert "clock set back</text>" in page
@@ -125,7 +126,7 @@ def test_records_without_dates_and_one_after_the_other(folder: Path, tmp_path: P
 
 def test_one_sample_can_be_drawn(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "one.csv").write_text("t,u,phi,mode\n1,0,0,1\n", encoding="utf-8")
-    assert run(folder, tmp_path / "one.csv", "--report", tmp_path / "one.html").exit_code == 0
+    assert run(folder, tmp_path / "one.csv", "--report", tmp_path / "one.html").exit_code == NOT_TESTED
     assert (tmp_path / "one.html").is_file()
 
 

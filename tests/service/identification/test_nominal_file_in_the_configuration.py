@@ -212,6 +212,7 @@ def test_nominal_values_that_cannot_be_told_apart(robot: Path, sd: float, r: flo
         if tested
         else [
             "demo.axis1: fm and fc cannot be distinguished by the record of their nominal values: nothing is tested."
-            " Identify it again: one of them is then held, the other tested"
+            " Identify the axis with a record of several speeds and accelerations, or with `axiswatch identify --fix"
+            " fc`, which holds it at its value in the configuration"
         ]
     )

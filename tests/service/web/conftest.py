@@ -15,6 +15,7 @@ from monitor_core.detection import Alarm, Cause, Name, Reach
 from monitor_core.monitoring import (
     AxisStatus,
     DetectorStatus,
+    NotTested,
     Observation,
     ParameterStatus,
     ParameterTrend,
@@ -43,16 +44,19 @@ PARAMETERS = (
         name="kT", unit="1", meaning="torque constant, relative to the one the controller uses",
         nominal=1.0, estimate=0.99317, standard_deviation=0.0179, p_diagonal=6.4e-4,
         g_up=0.0, g_down=3.25, h=20.0, nu=0.0759, status=Status.TRACKING, observation=Observation.OBSERVED,
+        tested_s=594.0,
     ),
     ParameterStatus(
         name="1/Ja", unit="1/(kg m^2)", meaning="reciprocal of: inertia of the arm",
         nominal=0.0104474, estimate=0.0105012, standard_deviation=6.9e-5, p_diagonal=9.6e-9,
         g_up=0.0, g_down=0.0, h=0.208948, nu=0.000294, status=Status.UNSEEN, observation=Observation.UNSEEN,
+        not_tested=NotTested.NOT_OBSERVED, tested_s=421.5,
     ),
     ParameterStatus(
         name="fm", unit="N m s/rad", meaning="viscous friction of the motor",
         nominal=0.06, estimate=0.07832, standard_deviation=0.00256, p_diagonal=1.31e-5,
         g_up=0.87, g_down=0.0, h=1.2, nu=0.01087, status=Status.ALARM, observation=Observation.WEAK,
+        tested_s=594.0,
     ),
 )  # fmt: skip
 
@@ -130,7 +134,16 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
 def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     """An axis that has had no sample."""
     parameters = tuple(
-        replace(p, estimate=p.nominal, g_up=0.0, g_down=0.0, status=Status.WAITING) for p in PARAMETERS
+        replace(
+            p,
+            estimate=p.nominal,
+            g_up=0.0,
+            g_down=0.0,
+            status=Status.WAITING,
+            not_tested=NotTested.NO_SAMPLE,
+            tested_s=0.0,
+        )
+        for p in PARAMETERS
     )
     silent = tuple(replace(d, leading="", evidence=0.0) for d in DETECTORS)
     facts = AxisStatus(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)

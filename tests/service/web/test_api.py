@@ -69,7 +69,21 @@ def test_a_parameter_has_its_unit_and_both_cusums(client: TestClient) -> None:
         "nominal": 0.06, "estimate": 0.07832, "standard_deviation": 0.00256, "p_diagonal": 1.31e-5,
         "cusum": {"up": 0.87, "down": 0.0}, "threshold": 1.2, "tolerance": 0.01087,
         "status": "alarm", "observation": "weakly observed",
+        "tested": True, "not_tested_reason": None, "tested_s": 594.0,
     }  # fmt: skip
+
+
+def test_what_is_not_tested_says_why_and_what_would_help(client: TestClient) -> None:
+    first, second = get(client, "/api/v1/axes")["axes"]
+    shown = [(p["tested"], p["not_tested_reason"], p["tested_s"]) for p in first["parameters"]]
+    assert shown == [(True, None, 594.0), (False, "not observed", 421.5), (True, None, 594.0)]
+    (words,) = first["not_tested"]
+    assert words.startswith(
+        "1/Ja is not tested: the motion contains almost no information (1/Ja is not observed)"
+    )
+    assert {p["not_tested_reason"] for p in second["parameters"]} == {"no sample"}
+    (words,) = second["not_tested"]
+    assert words.startswith("kT, 1/Ja and fm are not tested: no sample has been received. Needed: ")
 
 
 def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) -> None:
@@ -186,7 +200,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
                 {"parameter": "fm", "probability": 0.97, "alike": []},
                 {"parameter": "kT", "probability": 0.03, "alike": []},
             ],
-            "doubt": "", "kind": "step", "reaches": [], "active": True,
+            "doubt": "", "inside_calibration": None, "kind": "step", "reaches": [], "active": True,
             "words": "fm is 0.018 N m s/rad (31 %) above its nominal value",
             "unit": "N m s/rad", "nominal": 0.06, "size": 0.01832, "size_sd": 0.0021, "crossings": 4,
             "onset": "2026-03-01T11:59:51.000000Z", "onset_low": "2026-03-01T11:59:50.400000Z",

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import Status
+from monitor_core.monitoring import NotTested, Status
 from service.web.server import serve
 from tests.service.web.conftest import PARAMETERS, Stage, with_status
 
@@ -174,11 +174,15 @@ def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Alar
 
 
 def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> None:
+    kT, *others = (replace(p, not_tested=NotTested.CONDITIONS) for p in PARAMETERS)
+    with_status(stage, parameters=(kT, *others))
     axis = stage.snapshot.axes[0]
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, gated_by="temperature is not known"),))
     page.goto("/")
     expect(page.get_by_role("article").first).to_contain_text("estimation paused: temperature is not known")
-    expect(page.get_by_role("row", name="kT").get_by_role("cell").last).to_have_text("gated")
+    expect(page.get_by_role("row", name="kT").get_by_role("cell").last).to_have_text("not tested")
+    banner = page.get_by_role("list", name="Not tested on demo.axis1")
+    expect(banner).to_contain_text("operating conditions exclude the samples (temperature is not known)")
     expect(page.get_by_role("row", name="fm").get_by_role("cell").last).to_have_text("alarm")
 
 

@@ -1,0 +1,133 @@
+"""Conditions of an axis while it was calibrated: ranges of its speed and its signals; whether it is within them now.
+
+Thresholds keep their false-alarm budget in the conditions of the records that they are from.  A condition is the value
+of an auxiliary signal, or the root mean square of the speed over ten memories.  The torque is none: a fault changes it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from monitor_core.arrays import Bools, Floats
+from monitor_core.drive.structure import Output
+from monitor_core.samples import SampleBlock, forward_fill
+from monitor_core.settings import Settings
+
+RMS_SPEED = "rms speed"
+"""Root mean square of the speed [rad/s]; no signal can have this name."""
+RMS_MEMORIES = 10
+MARGIN = 0.1
+"""Of the width of a range, and of the magnitude of its ends: so far beyond them counts as inside."""
+
+
+class Range(NamedTuple):
+    """Lowest and highest value of a condition in the calibration records."""
+
+    condition: str
+    low: float
+    high: float
+
+    def holds(self, values: Floats) -> Bools:
+        """Whether values (N,) are inside, with a margin; unknown ones (NaN) count as inside."""
+        reach = MARGIN * max(self.high - self.low, abs(self.low), abs(self.high))
+        return np.asarray(~((values < self.low - reach) | (values > self.high + reach)), np.bool_)
+
+
+class ConditionTracker:
+    """The conditions of an axis, from sample to sample; blocks may be split anywhere.
+
+    Args:
+        output: what is measured beside the torque.
+        settings: memory, interval and longest gap.
+        signals: names of the auxiliary signals.
+    """
+
+    def __init__(self, output: Output, settings: Settings, signals: Sequence[str]) -> None:
+        self.names = (RMS_SPEED, *signals)
+        self._angle, self._gap_us = output == "angle", 1e6 * settings.max_gap_s
+        self._samples = RMS_MEMORIES * settings.memory
+        self._before = math.nan, math.nan  # time [us] and output of the last sample
+        self._state = np.zeros((2, 1))  # of the filters of the squares and of their weights
+        self._last = np.full(len(self.names), math.nan)
+
+    def take(self, block: SampleBlock) -> Floats:
+        """The conditions at each sample (N, 1 + S); NaN: unknown."""
+        N = block.size
+        if N == 0:
+            return np.zeros((0, len(self.names)))
+        squares = self._speeds(block) ** 2
+        known = np.isfinite(squares)
+        # A sample without a speed neither adds nor forgets.
+        total, count = self._sum(0, squares[known]), self._sum(1, np.ones(int(known.sum())))
+        found = np.full((N, len(self.names)), math.nan)
+        enough = count > self._samples * (1 - math.exp(-1))
+        found[known, 0] = np.where(enough, np.sqrt(total / count), math.nan)
+        found[:, :1] = forward_fill(found[:, :1], self._last[:1])
+        if block.signals is not None:
+            found[:, 1:] = block.signals
+        self._last = found[-1].copy()
+        return found
+
+    def _sum(self, row: int, values: Floats) -> Floats:
+        """Running sum of values (n,) with the memory of the mean square; one of two, by row."""
+        if not values.size:
+            return values
+        out, self._state[row] = lfilter([1.0], [1.0, 1 / self._samples - 1], values, zi=self._state[row])
+        return np.asarray(out)
+
+    def _speeds(self, block: SampleBlock) -> Floats:
+        """Speed at each sample (N,), from an angle the mean since the sample before; NaN: unknown."""
+        if not self._angle:
+            return block.y
+        t = np.concatenate([self._before[:1], block.t_us.astype(float)])
+        y = np.concatenate([self._before[1:], block.y])
+        self._before = float(t[-1]), float(y[-1])
+        h = np.diff(t)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where((h > 0) & (h <= self._gap_us), np.diff(y) / h * 1e6, math.nan)
+
+
+def ranges(
+    output: Output, settings: Settings, signals: Sequence[str], records: Sequence[SampleBlock]
+) -> list[Range]:
+    """Ranges of the conditions in records, one after the other; without those that were never known."""
+    tracker = ConditionTracker(output, settings, signals)
+    found = np.concatenate([tracker.take(record) for record in records])
+    return [
+        Range(name, float(np.nanmin(values)), float(np.nanmax(values)))
+        for name, values in zip(tracker.names, found.T, strict=True)
+        if np.isfinite(values).any()
+    ]
+
+
+class CalibratedRange:
+    """Whether an axis is within the conditions of its calibration, from sample to sample."""
+
+    def __init__(self, known: Sequence[Range], tracker: ConditionTracker) -> None:
+        self._tracker = tracker
+        self._ranges = [(tracker.names.index(r.condition), r) for r in known if r.condition in tracker.names]
+        self._last: Floats | None = None
+
+    def take(self, block: SampleBlock) -> Bools:
+        """Whether the conditions are inside at each sample (N,)."""
+        values, inside = self._tracker.take(block), np.ones(block.size, np.bool_)
+        for column, r in self._ranges:
+            inside &= r.holds(values[:, column])
+        self._last = values[-1] if block.size else self._last
+        return inside
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """What was outside at the last sample: "temperature = 41, calibrated from 20 to 35"; empty: nothing."""
+        return tuple(self._outside())
+
+    def _outside(self) -> Iterator[str]:
+        for column, r in self._ranges if self._last is not None else ():
+            assert self._last is not None
+            if not r.holds(self._last[column : column + 1]).all():
+                yield f"{r.condition} = {self._last[column]:.3g}, calibrated from {r.low:.3g} to {r.high:.3g}"
