@@ -82,8 +82,8 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
     if rounding.any() or not np.isfinite(normal).all() or np.linalg.eigvalsh(normal)[0] < ROUNDING:
         return None
     V = np.linalg.inv(normal) / np.outer(scale, scale)
-    more = np.array([scatter(past, i) for i in range(len(s))])
-    return V @ s, past.lam0 * V * np.outer(more, more)
+    excess = float(np.mean([scatter(past, i) ** 2 for i in range(len(s))]))
+    return V @ s, excess * past.lam0 * V
 
 
 def _said(past: Past) -> tuple[Floats, Floats]:
