@@ -14,11 +14,15 @@ NAMING_MEMORIES = 3
 
 
 class Threshold(NamedTuple):
-    """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size."""
+    """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size.
+
+    ``size_error``: standard deviation of what the estimate of the healthy axis is off by for good, in s_i.
+    """
 
     alpha1: float
     alpha2: float
     allowance: float = 0.0
+    size_error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,7 @@ class Settings:
 
     @property
     def naming_samples(self) -> int:
-        """Samples from the first crossing to the name, between readings, and of a recovery that ends an alarm."""
+        """Samples to learn from the first crossing to the name, and from one evidence or reading to the next."""
         return round(NAMING_MEMORIES * self.memory)
 
     def tests(self, p: int) -> Floats:
@@ -156,7 +160,12 @@ class Settings:
         own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
         if len(own) != p:
             raise ValueError(f"there are {len(own)} thresholds, {p} parameters are monitored")
-        return np.array(own, float).reshape(p, 3).T
+        return np.array([threshold[:3] for threshold in own], float).reshape(p, 3).T
+
+    def size_errors(self, p: int) -> Floats:
+        """Standard deviation of what healthy estimates are off by beside their scatter, in sizes (p,)."""
+        own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
+        return np.array([math.hypot(t.allowance, t.size_error) for t in own], float)
 
     def gain(self, n: int) -> Floats:
         """K as a vector (n,).
@@ -194,4 +203,5 @@ def _usable(threshold: Threshold) -> bool:
         0 <= threshold.alpha1 < math.inf
         and 0 < threshold.alpha2 < math.inf
         and 0 <= threshold.allowance < math.inf
+        and 0 <= threshold.size_error < math.inf
     )

@@ -55,20 +55,23 @@ SENSORS = {
 
 
 def episode_words(e: Alarm, nominal: float, unit: str) -> str:
-    """An alarm in words, with its certainty: "something has changed, at first sight fm: fm is .."."""
+    """An alarm in words, with its certainty: "kT or fm, 60:40; kT is .."."""
     outside = "; raised outside the conditions of the calibration" if e.inside_calibration is False else ""
     return f"{_episode_words(e, nominal, unit)}{outside}"
 
 
 def _episode_words(e: Alarm, nominal: float, unit: str) -> str:
-    fact = alarm_words(e.parameter, e.size, nominal, unit)
+    if e.stage == "changed":
+        return f"something has changed, at first sight {e.parameter}; cause and size are not known yet"
+    size = e.size
+    if size is None:
+        size = -math.inf if e.direction == "down" else math.inf
+    fact = alarm_words(e.parameter, size, nominal, unit)
     if e.reaches:
         return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
-    if e.stage == "changed":
-        return f"something has changed, at first sight {e.parameter}: {fact}"
     if e.doubt:
         return DOUBTS[e.doubt].format(parameter=e.parameter, fact=fact)
-    drifts = f", and drifts {'down' if e.size < 0 else 'up'}" if e.kind == "drift" else ""
+    drifts = f", and drifts {e.direction}" if e.kind == "drift" else ""
     return f"{_which(e.causes)}{fact}{drifts}{_alike(e.parameter, e.causes)}"
 
 
@@ -91,7 +94,7 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
 
     Args:
         parameter: its name, or that of a fault of a sensor.
-        size: its estimate minus its nominal value, in ``unit``.
+        size: its estimate minus its nominal value, in ``unit``; infinite: not known.
         nominal: its nominal value, in ``unit``.
         unit: "1" for a ratio.
     """
@@ -101,9 +104,12 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
     if parameter in SENSORS:
         share = _digits(abs(100 * size))
         return SENSORS[parameter].format(share=share, amount=amount, unit=unit, more=more)
+    side = "below" if size < 0 else "above"
+    if not math.isfinite(size):
+        return f"{parameter} is {side} its nominal value, by how much is not known"
     share = f" ({_digits(abs(100 * size / nominal))} %)" if nominal else ""
     amount += "" if unit == "1" else f" {unit}"
-    return f"{parameter} is {amount}{share} {'below' if size < 0 else 'above'} its nominal value"
+    return f"{parameter} is {amount}{share} {side} its nominal value"
 
 
 def _skew(size: float, nominal: float) -> str:

@@ -72,8 +72,9 @@ def thresholds(
 
     # The bound of a sum of widely scattered rates differs from the sum of their bounds; mostly it is smaller.
     less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
+    error = np.hypot(scatter.mean_d, scatter.off.std(axis=0))
     return tuple(
-        Threshold(tail.nu / float(scatter.mean_s[i]), h, float(allowance[i]))
+        Threshold(tail.nu / float(scatter.mean_s[i]), h, float(allowance[i]), float(error[i]))
         for i, (tail, h) in enumerate(zip(tails, h_for(log_share - less), strict=True))
     )
 

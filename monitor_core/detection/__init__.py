@@ -22,7 +22,7 @@ from monitor_core.detection.alarm import (
     Reach,
     Stage,
 )
-from monitor_core.detection.cusum.cusum_evidence import Crossing, Evidence, Recovered
+from monitor_core.detection.cusum.cusum_evidence import Crossing, Evidence
 from monitor_core.detection.multimodel.candidates import (
     OUTPUT_NOISE,
     OUTPUT_OFFSET,
@@ -70,7 +70,6 @@ __all__ = [
     "MultiModelDetector",
     "Name",
     "Reach",
-    "Recovered",
     "Stage",
     "reason_unavailable",
 ]

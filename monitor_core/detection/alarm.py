@@ -5,6 +5,7 @@ there is enough evidence: of large changes, the first test that crosses is often
 """
 
 import json
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, NamedTuple
@@ -34,6 +35,9 @@ NO_PARAMETER: tuple[Doubt, ...] = ("model", "sign", "still")
 """With these doubts a sensor or a wire is a more likely cause than any parameter."""
 
 MAX_EARLIER_NAMES = 20
+
+MODEL_ERROR = 0.05
+"""Share of a size by which it is off because the model is not the axis: no size is stated to be better known."""
 
 MIN_PROBABILITY = 0.01
 """Causes below this probability are not reported."""
@@ -82,6 +86,14 @@ class Onset(NamedTuple):
     onset_low_us: int | None
     onset_high_us: int | None
 
+    @classmethod
+    def within(cls, best_us: int, low_us: int | None, high_us: int | None) -> "Onset":
+        """The likeliest time, moved into its interval; an interval that ends before it begins is as short as can be."""
+        if high_us is not None:
+            best_us = min(best_us, high_us)
+            low_us = None if low_us is None else min(low_us, high_us)
+        return cls(best_us if low_us is None else max(best_us, low_us), low_us, high_us)
+
 
 class Leading(NamedTuple):
     """The cause whose test is nearest its threshold, and its evidence g / h; an empty cause: no sample yet."""
@@ -98,7 +110,8 @@ AlarmKey = tuple[int, str, Direction]
 class Alarm:
     """An alarm of one axis.  Times in microseconds since 1970, sizes in the unit of the parameter.
 
-    ``parameter`` is the best name so far; ``size`` is theta - theta_0 with its standard deviation.
+    ``parameter`` is the best name so far.  ``size`` is theta - theta_0 with its standard deviation; both are None while
+    they are not known, and where the cause has no size.
     """
 
     parameter: str
@@ -107,8 +120,8 @@ class Alarm:
     raised_us: int
     updated_us: int
     ended_us: int | None
-    size: float
-    size_sd: float
+    size: float | None
+    size_sd: float | None
     crossings: int
     stage: Stage = "changed"
     causes: tuple[Cause, ...] = ()
@@ -124,6 +137,13 @@ class Alarm:
     """Of a forecast: the limit"""
     inside_calibration: bool | None = None
     """Whether it was raised in the conditions of the calibration; None: unknown"""
+    reopened_us: int | None = None
+    """When its cause was detected again after the alarm had ended; None: it was not"""
+
+    @property
+    def since_us(self) -> int:
+        """When the cause was detected, the last time that it came."""
+        return self.raised_us if self.reopened_us is None else self.reopened_us
 
     @property
     def first(self) -> tuple[str, Direction]:
@@ -146,22 +166,28 @@ class Alarm:
         """The alarm after its tests have crossed their thresholds again."""
         return replace(self, updated_us=time_us, crossings=self.crossings + crossings)
 
-    def named(self, time_us: int, parameter: str, size: float, **changes: Any) -> "Alarm":
+    def named(self, time_us: int, parameter: str, direction: Direction, **changes: Any) -> "Alarm":
         """The alarm with its likeliest cause as its name from now on; ``changes``: of further fields."""
-        direction = direction_of(size)
         same = (self.stage, self.parameter, self.direction) == ("named", parameter, direction)
-        name = {"stage": "named", "parameter": parameter, "direction": direction, "size": size}
+        name: dict[str, Any] = {"stage": "named", "parameter": parameter, "direction": direction}
         past = self.past if same else self._earlier_names(time_us)
-        return replace(self, updated_us=time_us, past=past, **(name | changes))  # type: ignore[arg-type]
+        return replace(self, updated_us=time_us, past=past, **(name | changes))
 
-    def resized(self, time_us: int, direction: Direction, size: float, size_sd: float) -> "Alarm":
-        """The alarm with a better size."""
-        past = self.past if direction == self.direction else self._earlier_names(time_us)
-        return replace(self, updated_us=time_us, direction=direction, size=size, size_sd=size_sd, past=past)
+    def turned(self, time_us: int, direction: Direction) -> "Alarm":
+        """The alarm of a parameter that has changed in this direction."""
+        if direction == self.direction:
+            return self
+        return replace(self, updated_us=time_us, direction=direction, past=self._earlier_names(time_us))
 
     def ended(self, time_us: int) -> "Alarm":
         """The alarm when its cause is gone, or when it turns out to belong to another one."""
         return replace(self, ended_us=time_us)
+
+    def reopened(self, again: "Alarm") -> "Alarm":
+        """This alarm, which has ended, when its cause is back as ``again`` has it; it keeps its onset and names."""
+        now = {name: getattr(again, name) for name in ("updated_us", "size", "size_sd", "causes", "doubt")}
+        crossings = self.crossings + again.crossings
+        return replace(self, ended_us=None, reopened_us=again.raised_us, crossings=crossings, **now)
 
     def _earlier_names(self, until_us: int) -> tuple[Name, ...]:
         """The earlier names and the present one, valid until a time; the first name is always kept."""
@@ -170,8 +196,13 @@ class Alarm:
 
 
 def direction_of(size: float) -> Direction:
-    """Direction of a change; up where there is no size (NaN)."""
+    """Direction of a change; up where it has no size (NaN)."""
     return "down" if size < 0 else "up"
+
+
+def known(value: float | None) -> float | None:
+    """A number, or None where it is not finite: not known.  Earlier versions have saved NaN."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 def alarms_to_array(alarms: Iterable[Alarm]) -> NDArray[np.generic]:
@@ -193,6 +224,7 @@ def alarms_from_array(array: NDArray[np.generic], causes: Collection[str]) -> li
 
 
 def _alarm(fields: dict[str, Any]) -> Alarm:
+    fields |= {name: known(fields[name]) for name in ("size", "size_sd")}
     causes = tuple(Cause.read(cause) for cause in fields.pop("causes"))
     past = tuple(Name(*name) for name in fields.pop("past"))
     reaches = tuple(Reach(*reach) for reach in fields.pop("reaches", ()))

@@ -19,6 +19,9 @@ FEWEST = 8
 APART = 4
 """Stretches that are hardly correlated any more."""
 
+ROUNDING = 1e-9
+"""Information that is so small a share of all is a matter of rounding."""
+
 LEAST_SHARE = 1e-4
 """Of the information of the others; a stretch with less says nothing."""
 
@@ -66,16 +69,17 @@ def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: fl
 def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
     """Deviations (p,) that fit the last stretches with equal weights, with their covariance; None: too little is known.
 
-    An estimate forgets: where an axis has moved little since, most of what was learned after a change is lost.
+    Its variances are those of P times the scatter that the stretches show.
     """
-    if len(past.t_us) <= stretches:
+    if len(past.t_us) <= FEWEST:
         return None
     dR, ds = _said(past)
     R, s = dR[-stretches:].sum(0), ds[-stretches:].sum(0)
     scale = np.sqrt(np.abs(np.diag(R)))
     with np.errstate(all="ignore"):
         normal = R / np.outer(scale, scale)
-    if not np.isfinite(normal).all() or np.linalg.eigvalsh(normal)[0] < 1e-9:
+        rounding = np.diag(R) < ROUNDING / np.diag(past.P[-1])
+    if rounding.any() or not np.isfinite(normal).all() or np.linalg.eigvalsh(normal)[0] < ROUNDING:
         return None
     V = np.linalg.inv(normal) / np.outer(scale, scale)
     excess = float(np.mean([scatter(past, i) ** 2 for i in range(len(s))]))

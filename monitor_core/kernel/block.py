@@ -31,7 +31,6 @@ from monitor_core.kernel.cusum import (
     TestState,
     compute_deviations,
     note_crossings,
-    note_recoveries,
     update_cusum,
 )
 from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, count_until_kept, gather_evidence
@@ -226,10 +225,10 @@ def run(
         roles, timing = Roles(mode, moves, learns, tracks), Timing(con.gap_us, con.settle_us, con.interval, con.lost_us)
         floor = FloorConstants(con.floor, con.min_excitation, con.span, con.lam, con.drift, con.scale)
         known = Observation(P, st.P_nom, st.since, st.unobserved, st.observed)
-        tests = TestConstants(con.theta0, con.alpha1, con.allowance, con.lam0, con.h, con.widen, con.recovery_samples)
-        cusum = TestState(theta, P, st.P_nom, st.shift, st.g, st.onset, st.below_nu, st.left, st.noting)
-        evidence = EvidenceState(theta, P, st.lam0_running, st.observed, st.below_nu, st.left, st.noting, st.learned,
-                                 con.span, con.recovery_samples)
+        tests = TestConstants(con.theta0, con.alpha1, con.allowance, con.lam0, con.h, con.widen, con.naming_samples)
+        cusum = TestState(theta, P, st.P_nom, st.shift, st.g, st.onset, st.left, st.noting)
+        evidence = EvidenceState(theta, P, st.lam0_running, st.observed, st.left, st.noting, st.learned,
+                                 con.span, con.naming_samples)
         # fmt: on
         count_until_kept(lanes, con.span, st.learned, until)
         copy_rows(con.V0, V)
@@ -291,10 +290,9 @@ def run(
                     restart_integral(lanes, T.mean, T.n, lost, X)
                 _tally(lanes, mode, hit, st.counts, st.mode)
                 compute_deviations(lanes, tests, cusum, d, nu)
-                if update_cusum(lanes, con.h, t, st.g, st.onset, st.below_nu, d, nu, tested):
+                if update_cusum(lanes, con.h, t, st.g, st.onset, d, nu, tested):
                     note_crossings(lanes, tests, cusum, t, d, tested, a0, reset, events)
                 gather_evidence(lanes, evidence, t, until, d, tracks, a0, kept_t, kept_d, events.filled, noted)
-                note_recoveries(lanes, tests, cusum, t, d, tested, a0, events)
             restart_predictor(lanes, mode, con.rest, y, X)
             hold_inputs(lanes, T, con.u_scale, t, u, y, mode, X, st.t, st.u, st.du, st.torque_before)
             if trace.eps.size:

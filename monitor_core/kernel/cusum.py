@@ -1,4 +1,4 @@
-"""Two CUSUM tests for each parameter (paper eq. 21-23), with the onset, and the recovery that ends an alarm."""
+"""Two CUSUM tests for each parameter (paper eq. 21-23), with the onset."""
 
 import math
 from typing import Any, NamedTuple
@@ -11,8 +11,8 @@ from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.evidence import NAMING
 from monitor_core.kernel.state import NEVER
 
-UP, DOWN, CALM = 0, 1, 2
-"""Kinds of event: g of an increase or of a decrease crossed h; the deviation has been below nu long enough."""
+UP, DOWN = 0, 1
+"""Kinds of event: g of an increase or of a decrease crossed h."""
 
 
 class Events(NamedTuple):
@@ -32,7 +32,7 @@ class TestConstants(NamedTuple):
     lam0: Floats
     h: Floats
     widen: Floats
-    recovery_samples: Floats
+    naming_samples: Floats
 
 
 class TestState(NamedTuple):
@@ -44,7 +44,6 @@ class TestState(NamedTuple):
     shift: Floats
     g: Floats
     onset: Ints
-    below_nu: Ints
     left: Ints
     noting: Ints
 
@@ -65,12 +64,11 @@ def compute_deviations(lanes: Any, con: TestConstants, st: TestState, d: Floats,
 
 @kernel
 def update_cusum(
-    lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, below_nu: Ints, d: Floats, nu: Floats, on: Ints
+    lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, d: Floats, nu: Floats, on: Ints
 ) -> bool:
     """g = max(0, g + d - nu) for d and for -d (eq. 21).  True if any lane's g exceeds its h.
 
-    The onset is the last time at which g was zero, or the first sample.  Counts the consecutive samples with |d| <= nu.
-    ``on`` (p, W): which tests run.
+    The onset is the last time at which g was zero, or the first sample.      ``on`` (p, W): which tests run.
     """
     crossed = False
     for i in range(d.shape[0]):
@@ -86,10 +84,6 @@ def update_cusum(
                 onset[way, i, a] = now_us if (on[i, a] != 0) & zero else before_us
             for a in range(len(lanes)):
                 crossed |= g[way, i, a] > h[i, a]
-        for a in range(len(lanes)):
-            counted = below_nu[i, a]
-            more = counted + 1 if abs(d[i, a]) <= nu[i, a] else 0
-            below_nu[i, a] = more if on[i, a] else counted
     return crossed
 
 
@@ -108,10 +102,10 @@ def note_crossings(
     """Note every g > h (eq. 23).  Then g restarts from 0 if ``reset``, the paper's rule; in its Figure 6 g runs on.
 
     P_ii is raised to at least ``widen`` (W,) times P(0)_ii: theta_i has changed, and so converges faster.  A larger
-    diagonal leaves P positive definite.  After ``recovery_samples`` more samples there is evidence for the name of the
+    diagonal leaves P positive definite.  After ``naming_samples`` more samples there is evidence for the name of the
     cause.
     """
-    h, widen, needed = con.h, con.widen, con.recovery_samples
+    h, widen, needed = con.h, con.widen, con.naming_samples
     g, onset, P, P_nom, left, noting = st.g, st.onset, st.P, st.P_nom, st.left, st.noting
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
@@ -125,18 +119,6 @@ def note_crossings(
                 if reset:
                     g[way, i, a] = 0.0
                     onset[way, i, a] = t[a]
-
-
-@kernel
-def note_recoveries(
-    lanes: Any, con: TestConstants, st: TestState, t: Ints, d: Floats, on: Ints, a0: int, events: Events
-) -> None:
-    """Note every parameter whose deviation has now been below nu for ``recovery_samples``."""
-    needed, below_nu, P = con.recovery_samples, st.below_nu, st.P
-    for i in range(d.shape[0]):
-        for a in range(len(lanes)):
-            if on[i, a] and below_nu[i, a] == needed[a]:
-                _note(events, CALM, a0 + a, i, t[a], t[a], d[i, a], P[i, i, a])
 
 
 @outlined

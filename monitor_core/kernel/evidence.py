@@ -55,12 +55,11 @@ class EvidenceState(NamedTuple):
     P: Floats
     lam0_running: Floats
     observed: Ints
-    below_nu: Ints
     left: Ints
     noting: Ints
     learned: Ints
     span: Floats
-    recovery_samples: Floats
+    naming_samples: Floats
 
 
 @kernel
@@ -145,12 +144,9 @@ def _note(
     events: Ints,
     noted: EvidenceColumns,
 ) -> None:
-    """Note a column for each lane that is due.
-
-    A parameter whose recovery was noted before it was named is counted again, so that its alarm ends.
-    """
-    needed, span, theta, P, observed = st.recovery_samples, st.span, st.theta, st.P, st.observed
-    left, noting, learned, below_nu = st.left, st.noting, st.learned, st.below_nu
+    """Note a column for each lane that is due."""
+    needed, span, theta, P, observed = st.naming_samples, st.span, st.theta, st.P, st.observed
+    left, noting, learned = st.left, st.noting, st.learned
     p = d.shape[0]
     for a in range(len(lanes)):
         if not on[a] or left[a] > 0:
@@ -170,13 +166,10 @@ def _note(
             for j in range(p):
                 noted.value[1 + 2 * p + p * i + j, c] = P[i, j, a]
             noted.value[1 + 2 * p + p * p + i, c] = observed[i, a]
-        if noting[a] == NAMING:
-            newest = learned[a] // int(span[a])
-            for q in range(KEPT):
-                k = (newest + 1 + q) % KEPT
-                noted.t[c, q] = kept_t[k, a0 + a]
-                for i in range(noted.before.shape[2]):
-                    noted.before[c, q, i] = kept_d[k * noted.before.shape[2] + i, a0 + a]
-            for i in range(p):
-                below_nu[i, a] = 0 if below_nu[i, a] > needed[a] else below_nu[i, a]
+        newest = learned[a] // int(span[a])
+        for q in range(KEPT):
+            k = (newest + 1 + q) % KEPT
+            noted.t[c, q] = kept_t[k, a0 + a]
+            for i in range(noted.before.shape[2]):
+                noted.before[c, q, i] = kept_d[k * noted.before.shape[2] + i, a0 + a]
         left[a], noting[a] = int(needed[a]), COURSE

@@ -73,7 +73,6 @@ class State(NamedTuple):
     t: NDArray[np.int64]  # (W,) time of the last sample, us
     settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
     seed_left: NDArray[np.int64]  # (W,) updates left of the run that finds P(0)
-    below_nu: NDArray[np.int64]  # (p, W) consecutive samples with |d| <= nu
     onset: NDArray[np.int64]  # (2, p, W) time at which g was last zero, us
     observed: NDArray[np.int64]  # (p, W) OBSERVED, WEAK, UNSEEN
     since: NDArray[np.int64]  # (W,) updates since the last look at P
@@ -98,8 +97,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
     f = e + m
     g = f + p * m
     s = g + 2 + p
-    q = 3 + p
-    r = q + 2 * p
+    r = 3 + 2 * p
     return State(
         F[:a],
         F[a:b],
@@ -118,8 +116,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         I[0],
         I[1],
         I[2],
-        I[3:q],
-        I[q:r].reshape(2, p, W),
+        I[3:r].reshape(2, p, W),
         I[r : r + p],
         I[r + p],
         I[r + p + 1],
@@ -136,7 +133,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Number of rows of the float array and of the integer array."""
     floats = n + p * n + p + p * p + 2 * p + m + p * m + 4 + 3 * p
-    return floats, 10 + 5 * p + len(COUNTERS)
+    return floats, 10 + 4 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:

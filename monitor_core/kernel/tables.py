@@ -117,7 +117,7 @@ class Constants(NamedTuple):
     gap_us: Floats  # (W,) a longer interval re-initialises the predictor
     settle_us: Floats  # (W,) no update of theta for so long after that
     seed: Floats  # (W,) updates of the run that finds P(0); its second half is averaged
-    recovery_samples: Floats  # (W,) samples below nu that end an alarm episode
+    naming_samples: Floats  # (W,) samples to learn from a crossing to the evidence, and between two of them
     floor: Floats  # (W,) least share of the commissioned information; 0: none
     min_excitation: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
     lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first

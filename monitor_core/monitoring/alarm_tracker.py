@@ -1,4 +1,11 @@
-"""Open alarms of one axis: the alarms that a detector raises, changes or ends, and what became of each."""
+"""Open alarms of one axis: the alarms that a detector raises, changes or ends, and what became of each.
+
+One change is one alarm:
+
+* While an alarm is open, or has ended not long ago, a further change is reported only when it has a name.  A detector
+  may find out that it belongs to the open alarm; then nothing was reported.
+* A cause that is found again not long after its alarm has ended is the same alarm, which is reopened.
+"""
 
 from __future__ import annotations
 
@@ -9,42 +16,94 @@ from monitor_core.detection.alarm import Alarm, AlarmKey
 
 E = TypeVar("E")
 
+REOPEN_MEMORIES = 12
+"""Memory lengths after the end of an alarm in which the same cause reopens it: four times what ends it."""
+
 
 class AlarmChange(NamedTuple):
     """What became of an alarm in one update, and the alarm in its latest form."""
 
-    kind: Literal["raised", "renamed", "updated", "ended"]
+    kind: Literal["raised", "renamed", "updated", "ended", "reopened"]
     alarm: Alarm
 
 
 class AlarmTracker:
-    """The open alarms of one axis, the oldest first."""
+    """The alarms of one axis, the oldest first.
 
-    def __init__(self, open_alarms: Iterable[Alarm] = ()) -> None:
-        self._open = {alarm.key: alarm for alarm in open_alarms if alarm.ended_us is None}
+    ``alarms``: those open, or ended not long ago.  ``unreported``: an open one that has no name yet.  An alarm that has
+    ended is reopened if its cause is found within ``reopen_us``.
+    """
+
+    def __init__(
+        self, alarms: Iterable[Alarm] = (), unreported: Iterable[Alarm] = (), reopen_us: int = 0
+    ) -> None:
+        known = list(alarms)
+        self._open = {alarm.key: alarm for alarm in known if alarm.ended_us is None}
+        self._ended = {alarm.key: alarm for alarm in known if alarm.ended_us is not None}
+        self._unreported = {alarm.key: alarm for alarm in unreported}
+        self._reopen_us = reopen_us
 
     @property
     def open(self) -> tuple[Alarm, ...]:
-        """The open alarms."""
+        """The open alarms that have been reported."""
         return tuple(self._open.values())
+
+    @property
+    def ended(self) -> tuple[Alarm, ...]:
+        """Alarms that may be reopened."""
+        return tuple(self._ended.values())
+
+    @property
+    def unreported(self) -> tuple[Alarm, ...]:
+        """Changes without a name, that may belong to another alarm."""
+        return tuple(self._unreported.values())
 
     def is_open(self, parameter: str) -> bool:
         """Whether an open alarm names this parameter, or other cause."""
         return any(alarm.parameter == parameter for alarm in self._open.values())
 
+    def adopt(self, open_alarms: Iterable[Alarm]) -> None:
+        """Replace the open alarms."""
+        self._open = {alarm.key: alarm for alarm in open_alarms if alarm.ended_us is None}
+        for alarms in (self._ended, self._unreported):
+            for key in alarms.keys() & self._open.keys():
+                del alarms[key]
+
     def update(
         self, events: Iterable[E], interpret: Callable[[E, Sequence[Alarm]], Iterable[Alarm]]
     ) -> list[AlarmChange]:
         """Take the events of a detector, interpreted with the alarms that are open then; each changed alarm once."""
-        before, latest = dict(self._open), dict[AlarmKey, Alarm]()
+        before, latest = {**self._ended, **self._open}, dict[AlarmKey, Alarm]()
         for event in events:
-            for alarm in interpret(event, self.open):
-                latest[alarm.key] = alarm
-                if alarm.ended_us is None:
-                    self._open[alarm.key] = alarm
-                else:
-                    self._open.pop(alarm.key, None)
+            for alarm in interpret(event, (*self.open, *self.unreported)):
+                if (changed := self._take(alarm)) is not None:
+                    latest[changed.key] = changed
         return [_change(before.get(key), alarm) for key, alarm in latest.items()]
+
+    def _take(self, alarm: Alarm) -> Alarm | None:
+        """Keep an alarm in its new form; returns what there is to report."""
+        key, time_us = alarm.key, alarm.updated_us if alarm.ended_us is None else alarm.ended_us
+        if key in self._open:
+            self._open[key] = alarm
+            if alarm.ended_us is not None:
+                self._ended[key] = self._open.pop(key)
+            return alarm
+        self._unreported.pop(key, None)
+        if alarm.ended_us is not None:  # it belonged to another one
+            return None
+        self._ended = {k: a for k, a in self._ended.items() if time_us - (a.ended_us or 0) <= self._reopen_us}
+        if alarm.stage == "changed" and (self._open or self._ended):
+            self._unreported[key] = alarm
+            return None
+        same = (
+            a
+            for a in self._ended.values()
+            if (a.parameter, a.direction) == (alarm.parameter, alarm.direction)
+        )
+        if (ended := next(same, None)) is not None:
+            alarm = self._ended.pop(ended.key).reopened(alarm)
+        self._open[alarm.key] = alarm
+        return alarm
 
 
 def _change(before: Alarm | None, alarm: Alarm) -> AlarmChange:
@@ -52,5 +111,7 @@ def _change(before: Alarm | None, alarm: Alarm) -> AlarmChange:
         return AlarmChange("ended", alarm)
     if before is None:
         return AlarmChange("raised", alarm)
+    if before.ended_us is not None:
+        return AlarmChange("reopened", alarm)
     names = [(a.stage, a.parameter, a.direction) for a in (before, alarm)]
     return AlarmChange("updated" if names[0] == names[1] else "renamed", alarm)

@@ -7,13 +7,13 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.detection.alarm import DIRECTIONS
-from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing, EvidenceBuilder, Recovered
+from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing, EvidenceBuilder
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, run
-from monitor_core.kernel.cusum import CALM, Events
-from monitor_core.kernel.evidence import KEPT, NAMING, EvidenceColumns, kept_numbers, noted_numbers
+from monitor_core.kernel.cusum import Events
+from monitor_core.kernel.evidence import KEPT, EvidenceColumns, kept_numbers, noted_numbers
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
@@ -135,7 +135,7 @@ class AxisBatch:
         return BatchSamples(t, u, y, n, moved, opened)
 
     def _run(self, samples: BatchSamples, trace: Trace) -> list[tuple[int, BatchEvent]]:
-        most = 3 * self._tables.p * samples.t.size  # of each parameter two crossings and a recovery
+        most = 2 * self._tables.p * samples.t.size  # of each parameter two crossings
         events = Events(np.zeros(1, np.int64), np.empty((5, most), np.int64), np.empty((2, most)))
         noted, reset = self._noted(len(samples.t)), not self.settings[0].run_on
         run(
@@ -166,16 +166,13 @@ class AxisBatch:
             done = before
             a = int(noted.what[1, c])
             yield a, self._judges[a].reading(noted, c)
-            if noted.what[0, c] == NAMING:
-                yield a, self._judges[a].evidence(noted, c)
+            yield a, self._judges[a].evidence(noted, c)
         yield from (self._event(events, k) for k in range(done, int(events.filled[0])))
 
-    def _event(self, events: Events, k: int) -> tuple[int, Crossing | Recovered]:
+    def _event(self, events: Events, k: int) -> tuple[int, Crossing]:
         kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
         d, P_ii = events.value[:, k]
         name = self.models[a].monitored[i]
-        if kind == CALM:
-            return a, Recovered(name, t_us)
         sd = standard_deviation(self.settings[a], float(P_ii))
         return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
 
@@ -236,7 +233,7 @@ def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str,
         "gap_us": round(s.max_gap_s * 1e6),
         "settle_us": round(s.settle_s * 1e6),
         "seed": s.seed_updates,
-        "recovery_samples": s.naming_samples,
+        "naming_samples": s.naming_samples,
         "floor": s.information_floor,
         "min_excitation": s.min_excitation,
         "lost_us": round(s.lost_s * 1e6),

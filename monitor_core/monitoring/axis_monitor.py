@@ -22,7 +22,7 @@ from monitor_core.kernel.admission import GATED, IDLE
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, SEEDING, UNSEEN, USED
-from monitor_core.monitoring.alarm_tracker import AlarmChange, AlarmTracker
+from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange, AlarmTracker
 from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_status import (
     AxisStatus,
@@ -104,9 +104,8 @@ class AxisMonitor:
         if source == "multimodel" and multimodel is None:
             raise ValueError("the multi-model detector is the alarm source, but does not run")
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
-        g, below_nu = batch.state.g[:, :, lane], batch.state.below_nu[:, lane]
-        self.cusum = CusumDetector(self.model.monitored, g, batch.thresholds[:, lane], below_nu)
-        self._tracker = AlarmTracker()
+        self.cusum = CusumDetector(self.model.monitored, batch.state.g[:, :, lane], batch.thresholds[:, lane])
+        self._tracker = AlarmTracker(reopen_us=self._reopen_us)
 
     @property
     def open_alarms(self) -> tuple[Alarm, ...]:
@@ -119,6 +118,11 @@ class AxisMonitor:
         return self._source.causes
 
     @property
+    def _reopen_us(self) -> int:
+        s = self.settings
+        return round(1e6 * REOPEN_MEMORIES * s.memory * s.interval_s)
+
+    @property
     def _source(self) -> CusumDetector | MultiModelDetector:
         if self.alarm_source == "multimodel" and self.multimodel is not None:
             return self.multimodel
@@ -126,9 +130,9 @@ class AxisMonitor:
 
     def adopt(self, open_alarms: Iterable[Alarm]) -> None:
         """Replace the open alarms, as after a restart."""
-        tracker = AlarmTracker(open_alarms)
-        self._source.adopt(tracker.open, self._tracker.open)
-        self._tracker = tracker
+        before = (*self._tracker.open, *self._tracker.unreported)
+        self._tracker.adopt(open_alarms)
+        self._source.adopt((*self._tracker.open, *self._tracker.unreported), before)
 
     @property
     def model(self) -> AxisModel:
@@ -334,7 +338,9 @@ class AxisMonitor:
     def to_arrays(self) -> Arrays:
         """The whole state except that of the multi-model detector, to be saved: arrays by name."""
         floats, ints = self.batch.column(self.lane)
-        return {"floats": floats, "ints": ints, "alarms": alarms_to_array(self.open_alarms)}
+        t = self._tracker
+        alarms = {"alarms": (*t.ended, *t.open), "unreported": t.unreported}
+        return {"floats": floats, "ints": ints} | {k: alarms_to_array(a) for k, a in alarms.items()}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Continue from a saved state; alarms of causes that the axis no longer has are left out.
@@ -343,11 +349,13 @@ class AxisMonitor:
             KeyError: an array is missing.
             ValueError: it does not belong to this model, or is damaged.
         """
-        alarms = alarms_from_array(arrays["alarms"], self.causes)
+        alarms, unreported = (
+            alarms_from_array(arrays[name], self.causes) for name in ("alarms", "unreported")
+        )
         self.batch.restore(
             self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
-        self._tracker = AlarmTracker(alarms)
+        self._tracker = AlarmTracker(alarms, unreported, self._reopen_us)
 
 
 _E = TypeVar("_E")

@@ -19,12 +19,16 @@ Entry = bool | float | str | list[float] | list[str]
 
 
 class ThresholdTable(FoundTable):
-    """[[threshold]]: nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size, h = alpha_2 * size."""
+    """[[threshold]]: nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size, h = alpha_2 * size.
+
+    size_error is what the estimate of the healthy axis is off by for good, as a share of the size.
+    """
 
     parameter: str
     alpha_1: NotNegative
     alpha_2: Positive
     allowance: NotNegative
+    size_error: NotNegative = 0.0
 
 
 class HypothesisTable(FoundTable):
@@ -101,7 +105,7 @@ def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile)
                 f"{found.path.name} was made with {reason}: run `axiswatch calibrate` again, or leave out"
                 " thresholds_file"
             )
-    own = tuple(Threshold(entry.alpha_1, entry.alpha_2, entry.allowance) for entry in found.threshold)
+    own = tuple(Threshold(t.alpha_1, t.alpha_2, t.allowance, t.size_error) for t in found.threshold)
     return replace(settings, thresholds=own)
 
 

@@ -10,7 +10,7 @@ from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.monitoring import AxisMonitor
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal
-from service.texts import episode_words
+from service.texts import episode_words, iso
 
 RETRY_S = 1.0
 
@@ -115,7 +115,8 @@ class Alarms:
             return
         self._open[key] = change
         if before is None:
-            log.warning("alarm raised", **self._facts(change))
+            again = alarm.reopened_us is not None
+            log.warning("alarm reopened" if again else "alarm raised", **self._facts(change))
         elif _name(before.alarm) != _name(alarm):
             log.warning("alarm named", **self._facts(change))
 
@@ -131,6 +132,7 @@ class Alarms:
             "direction": e.direction,
             "size": e.size,
             "size_sd": e.size_sd,
+            "onset": _onset(e),
             "nominal": quantity.nominal,
             "unit": quantity.unit,
             "stage": e.stage,
@@ -141,6 +143,12 @@ class Alarms:
 
 def _name(e: Alarm) -> tuple[str, ...]:
     return e.stage, e.parameter, e.direction, e.doubt
+
+
+def _onset(e: Alarm) -> dict[str, str]:
+    """The onset with the ends of its interval, as far as they are known."""
+    times = {"best": e.onset_us, "low": e.onset_low_us, "high": e.onset_high_us}
+    return {name: iso(t_us) for name, t_us in times.items() if t_us is not None}
 
 
 def _words(changes: Iterable[AxisAlarm]) -> str:

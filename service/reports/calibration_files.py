@@ -42,7 +42,11 @@ def _tables(calibration: Calibration) -> Iterator[str]:
         toml_table("[[threshold]]", {"parameter": name, **_threshold(own)})
         for name, own in zip(result.model.monitored, result.settings.thresholds, strict=True)
     ]
-    yield "# nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size,  h = alpha_2 * size\n" + "".join(thresholds)
+    rules = (
+        "# nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size,  h = alpha_2 * size\n"
+        "# size_error: what healthy estimates are off by for good, in sizes; for the deviations of reported sizes\n"
+    )
+    yield rules + "".join(thresholds)
     rate = {"budget_s": result.budget_s, **_rate(result.tests), "within_s": result.within_s}
     yield toml_table("[false_alarms]", rate, remarks=_REMARKS)
     if result.bank is not None and result.by_bank is not None:
@@ -73,7 +77,12 @@ _REMARKS = {
 
 
 def _threshold(own: Threshold) -> Json:
-    return {"alpha_1": own.alpha1, "alpha_2": own.alpha2, "allowance": own.allowance}
+    return {
+        "alpha_1": own.alpha1,
+        "alpha_2": own.alpha2,
+        "allowance": own.allowance,
+        "size_error": own.size_error,
+    }
 
 
 def _rate(result: DetectorResult) -> Json:

@@ -41,7 +41,7 @@ _NARROWEST = 0.003
 """Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
 _LINES = (
     *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "nominal ± ν"),
-    *("g of an increase", "g of a decrease", "h", "onset"),
+    *("g of an increase", "g of a decrease", "h", "onset, with its interval"),
     *("alarm raised", "alarm open", "nothing learned", "pause, cut out"),
 )
 """In the order of the legend."""
@@ -205,9 +205,12 @@ class _Drawing:
             if alarm.parameter not in names and alarm.parameter in self._course.h:
                 continue
             onset, raised, ended = (line.find(t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us))
+            low, high = (line.find(t) for t in (alarm.onset_low_us, alarm.onset_high_us))
             for axes in panels:
                 if onset is not None:
                     axes.axvline(onset / scale, color=ALARM, lw=1.1, ls=(0, (1, 1.5)), label=_ONSET)
+                if low is not None and high is not None:
+                    axes.axvspan(low / scale, high / scale, color=ALARM, alpha=0.15, lw=0)
                 if raised is not None:
                     axes.axvline(raised / scale, color=ALARM, lw=1.3, label=_RAISED)
                     end = 1e-6 * line.end_us if ended is None else ended

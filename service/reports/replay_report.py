@@ -109,7 +109,7 @@ def alarm_table(axes: Sequence[ReplayedAxis]) -> Table:
             axis.id,
             alarm.parameter,
             _size(alarm),
-            f"{_when(axis, alarm.onset_us)}{_onset_within(alarm)}",
+            _onset(axis, alarm),
             _when(axis, alarm.raised_us),
             _when(axis, alarm.ended_us),
         )
@@ -120,18 +120,19 @@ def alarm_table(axes: Sequence[ReplayedAxis]) -> Table:
 
 
 def _size(alarm: RecordedAlarm) -> str:
-    if not math.isfinite(alarm.size):
-        return "-"
+    if alarm.size is None or alarm.size_sd is None:
+        return "not known" if alarm.active else "-"
     sign, unit = "+" if alarm.size > 0 else "", "" if alarm.unit == "1" else f" {alarm.unit}"
     share = f" ({percent(alarm.size / alarm.nominal, signed=True)})" if alarm.nominal else ""
     return f"{sign}{plain(alarm.size, 3)} ± {plain(alarm.size_sd, 2)}{unit}{share}"
 
 
-def _onset_within(alarm: RecordedAlarm) -> str:
-    """Half the length of the interval of the onset, where it is known."""
-    if alarm.onset_low_us is None or alarm.onset_high_us is None:
-        return ""
-    return f" ± {(alarm.onset_high_us - alarm.onset_low_us) / 2e6:.1f} s"
+def _onset(axis: ReplayedAxis, alarm: RecordedAlarm) -> str:
+    """The onset, and as far as it is known the interval in which it lies."""
+    ends = (("-", alarm.onset_low_us), ("+", alarm.onset_high_us))
+    away = [f"{sign}{abs(t_us - alarm.onset_us) / 1e6:.1f}" for sign, t_us in ends if t_us is not None]
+    within = f" ({' '.join(away)} s)" if away else ""
+    return f"{_when(axis, alarm.onset_us)}{within}"
 
 
 def _when(axis: ReplayedAxis, t_us: int | None) -> str:

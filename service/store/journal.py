@@ -54,6 +54,10 @@ MIGRATIONS = (
     """
     ALTER TABLE alarm ADD COLUMN inside_calibration INTEGER;
     """,
+    # An alarm whose cause comes back soon is reopened.
+    """
+    ALTER TABLE alarm ADD COLUMN reopened_us INTEGER;
+    """,
 )
 
 
@@ -74,8 +78,6 @@ class RecordedAlarm(Alarm):
 
 _NAMES = tuple(field.name for field in fields(RecordedAlarm))
 _COLUMNS = ", ".join(_NAMES)
-_NUMBERS = ("nominal", "size", "size_sd")
-"""SQLite keeps NaN as NULL."""
 _LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
     "causes": Cause.read,
     "past": Name._make,
@@ -256,8 +258,8 @@ def _select(
 
 def _alarm(row: tuple[Any, ...]) -> RecordedAlarm:
     values: dict[str, Any] = dict(zip(_NAMES, row, strict=True))
-    for name in _NUMBERS:
-        values[name] = math.nan if values[name] is None else values[name]
+    if values["nominal"] is None:  # SQLite keeps NaN as NULL
+        values["nominal"] = math.nan
     inside = values["inside_calibration"]
     values["inside_calibration"] = None if inside is None else bool(inside)
     for name, read in _LISTS.items():

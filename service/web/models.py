@@ -316,9 +316,10 @@ class Alarm(Body):
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
     nominal: Number = Field(description="commissioned value, in unit")
     size: Number = Field(
-        description="estimate - nominal at the last update, in unit; null where the cause has no size"
+        description="estimate - nominal, mean since the alarm was raised, in unit; null: not known yet, or the cause"
+        " has no size"
     )
-    size_sd: Number = Field(description="standard deviation of the size, in unit")
+    size_sd: Number = Field(description="standard deviation of the size, in unit; null together with it")
     onset: Time = Field(
         description="most probable time of the change, UTC; before it is named the last time that g was zero"
     )
@@ -331,7 +332,11 @@ class Alarm(Body):
     raised: Time = Field(description="when the threshold was crossed for the first time, UTC")
     updated: Time = Field(description="when it was crossed for the last time, UTC")
     ended: Time | None = Field(
-        description="when the deviation had been within its tolerance for three memory lengths, UTC"
+        description="when the parameter was found to be back: its tests had not crossed for three memory lengths, and "
+        "it was much nearer to its nominal value than to the size, UTC"
+    )
+    reopened: Time | None = Field(
+        description="when the same cause was detected again soon after the alarm had ended, UTC; null: it was not"
     )
     crossings: int = Field(description="number of times a threshold was crossed")
     past: list[PastName] = Field(description="earlier names of the alarm, oldest first")

@@ -256,7 +256,7 @@ class FaultAlarm(NamedTuple):
     raised_s: float
     named_s: float
     size: float
-    """In sizes of the parameter"""
+    """In sizes of the parameter; NaN: not known"""
     first: str
 
 
@@ -306,7 +306,8 @@ def after_fault(
 
 
 def alarm_of(e: Alarm, model: AxisModel, start_us: int, named_s: float) -> FaultAlarm:
-    size = e.size / float(model.scale[model.monitored.index(e.parameter)])
+    scale = float(model.scale[model.monitored.index(e.parameter)])
+    size = np.nan if e.size is None else e.size / scale
     return FaultAlarm(e.parameter, e.direction, (e.raised_us - start_us) * 1e-6, named_s, size, e.first[0])
 
 

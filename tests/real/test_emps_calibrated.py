@@ -244,7 +244,7 @@ def watch(half: Halves, change: Mapping[str, float], begins_s: float) -> tuple[f
     e = episodes[-1]
     print(
         f"EMPS {change} at {begins_s:g} s: {e.parameter} {e.direction} ({e.stage}, first {e.first[0]}) after"
-        f" {delay_s:.2f} s, {100 * e.size / half.found.result.model.nominal[e.parameter]:+.0f} %"
+        f" {delay_s:.2f} s, {100 * (e.size or 0.0) / half.found.result.model.nominal[e.parameter]:+.0f} %"
     )
     assert e.doubt == ""
     return delay_s, e

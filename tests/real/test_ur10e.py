@@ -296,4 +296,5 @@ def test_a_change_of_friction_in_the_second_half_is_named(
     episodes = run(watched, record, u)[0]
     assert {(e.parameter, e.direction) for e in episodes} == {(name, "up" if change > 0 else "down")}
     assert record.t[half] < episodes[0].raised_us * 1e-6 < record.t[half] + 15
+    assert episodes[-1].size is not None
     assert episodes[-1].size / model.nominal[name] == pytest.approx(change, abs=0.1)

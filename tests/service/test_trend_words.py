@@ -94,7 +94,7 @@ USUAL = "the torque frame is {} than usual: the torque acts {} its sample"
         (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
         (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
         (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
-        (("fm", float("nan"), 0.06, "N m s/rad"), "fm is ? N m s/rad (? %) above its nominal value"),
+        (("fm", float("inf"), 0.06, "N m s/rad"), "fm is above its nominal value, by how much is not known"),
     ],
 )
 def test_alarms(alarm: tuple[str, float, float, str], words: str) -> None:

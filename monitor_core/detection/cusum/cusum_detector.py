@@ -1,25 +1,31 @@
-"""Alarms of the CUSUM tests: raised at a crossing, named by likelihood ratios of single faults, ended on recovery.
+"""Alarms of the CUSUM tests: raised at a crossing, named by likelihood ratios of single faults, ended by evidence.
 
 * The first crossing raises one alarm, "something has changed".  Until it is named, crossings of any parameter belong to
   it.  So a first crossing of the wrong parameter is not a second alarm: the name is corrected, the earlier one is kept.
 * The name comes from the likelihood ratios of single faults (isolation.py), with the probabilities of all causes.
-* While a named alarm is open, a crossing of another parameter raises a second alarm.  Its cause is isolated given the
-  first: the named parameters may have changed by any amount, and the others are judged without them.  Nominal values
-  and tests are not modified, so nothing has to be restored when the first fault is repaired.  If no other parameter
-  stands out then, the second alarm belongs to the first and ends; if another single parameter explains everything, the
-  first alarm is renamed.
+* While a named alarm is open, a crossing of another parameter is a second change only where the first does not explain
+  it.  Its cause is isolated given the first: the named parameters may have changed by any amount, and the others are
+  judged without them.  Nominal values and tests are not modified, so nothing has to be restored when the first fault is
+  repaired.  If no other parameter stands out then, the second change belongs to the first; if another single parameter
+  explains everything, the first alarm is renamed.
+* The size of a named alarm is the mean since its first crossing.  While the cause lasts, the tests cross again and
+  again.  The alarm ends when they have not crossed for three memory lengths, and what was learned meanwhile is so much
+  more likely at the nominal value than at that size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from math import hypot, log
+from typing import Any
 
 import numpy as np
 
-from monitor_core.arrays import Floats, Ints
+from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import (
     MIN_PROBABILITY,
+    MODEL_ERROR,
     NO_PARAMETER,
     Alarm,
     Cause,
@@ -30,9 +36,9 @@ from monitor_core.detection.alarm import (
     Onset,
     direction_of,
 )
-from monitor_core.detection.cusum.cusum_evidence import INVALID, Crossing, CusumEvent, Evidence, Recovered
+from monitor_core.detection.cusum.cusum_evidence import INVALID, Crossing, CusumEvent, Evidence
 from monitor_core.detection.isolation import Causes, single_faults, sizes
-from monitor_core.detection.onset import SURE, change_of, scatter
+from monitor_core.detection.onset import SURE, change_of
 
 DISMISSED = 0.05
 """An alarm is renamed when the probability of its cause falls below this."""
@@ -44,21 +50,27 @@ FIRST_CROSSING_ODDS = 8.0
 """Prior odds of the parameter that crossed first against each other one: among eight parameters it was the right one in
 55 of 100 large changes, and more often for small changes."""
 
+SURELY_BACK = log(100)
+"""Logarithm of the likelihood ratio of the nominal value against the size of an alarm, from which on it ends."""
+
+NOTHING = 1.0
+"""Twice the logarithm of the likelihood ratio of the likeliest cause, below which an alarm without a name ends."""
+
 TORQUE_CONSTANT = "kT"
 
 
 class CusumDetector:
     """The CUSUM tests of one axis.  The kernel computes g (paper eq. 21-23); this class makes alarms of the crossings.
 
-    ``parameters`` (p,) are those monitored.  g (2, p) of both directions, the thresholds h (p,), and ``calm`` (p,), the
-    samples without deviation so far, are views of the batch.
+    ``parameters`` (p,) are those monitored.  g (2, p) of both directions and the thresholds h (p,) are views of the
+    batch.
     """
 
     name: DetectorName = "cusum"
 
-    def __init__(self, parameters: tuple[str, ...], g: Floats, h: Floats, calm: Ints) -> None:
+    def __init__(self, parameters: tuple[str, ...], g: Floats, h: Floats) -> None:
         self.causes = parameters
-        self._g, self._h, self._calm = g, h, calm
+        self._g, self._h = g, h
 
     def leading(self) -> Leading:
         """The parameter whose test is nearest its threshold, and g / h."""
@@ -67,23 +79,17 @@ class CusumDetector:
         return Leading(self.causes[i], float(evidence[i]))
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
-        """Take over open alarms: a recovery is reported once only, so it is counted from now for a new alarm."""
-        known = {alarm.parameter for alarm in previous}
-        for alarm in alarms:
-            if alarm.parameter not in known:
-                self._calm[self.causes.index(alarm.parameter)] = 0
+        """Take over open alarms: there is nothing to do, as evidence does not depend on them."""
 
     @staticmethod
     def interpret(event: CusumEvent, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
-        """The alarms that a crossing, a recovery or new evidence raises, changes or ends; the last form of each counts.
+        """The alarms that a crossing or new evidence raises, changes or ends; the last form of each counts.
 
         ``open_alarms``: the oldest first.
         """
         if isinstance(event, Crossing):
             yield from _crossing(event, open_alarms)
-        elif isinstance(event, Recovered):
-            yield from (a.ended(event.time_us) for a in open_alarms if a.parameter == event.parameter)
-        elif event.past is not None and open_alarms:
+        elif open_alarms:
             yield from _evidence(event, open_alarms)
 
 
@@ -91,33 +97,58 @@ def _crossing(c: Crossing, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     same = [a for a in open_alarms if a.parameter == c.parameter]
     unnamed = [a for a in open_alarms if a.stage == "changed"]
     if same:
-        yield same[0].detected_again(c.time_us).resized(c.time_us, c.direction, c.size, c.size_sd)
+        yield same[0].detected_again(c.time_us).turned(c.time_us, c.direction)
     elif unnamed:
         yield unnamed[0].detected_again(c.time_us)
     elif not any(a.doubt in NO_PARAMETER for a in open_alarms):
         # Otherwise all estimates drift away: one alarm is enough.
         times = c.onset_us, c.time_us, c.time_us, None
-        yield Alarm(c.parameter, c.direction, *times, c.size, c.size_sd, crossings=1)
+        yield Alarm(c.parameter, c.direction, *times, size=None, size_sd=None, crossings=1)
 
 
 def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     named = [a for a in open_alarms if a.stage == "named"]
     unnamed = [a for a in open_alarms if a.stage == "changed"]
-    if not named:
-        causes = _causes(e, unnamed[0])
-        no_parameter = _doubt(e, causes.best, causes) in NO_PARAMETER
-        # Otherwise wait for more evidence, or for recovery.
-        if no_parameter or causes.stands_out(e.tolerance):
-            yield _named(unnamed[0], e, causes, alone=True)
+    over = [a for a in named if _is_over(a, named, e)]
+    yield from (a.ended(e.time_us) for a in over)
+    lasting = [a for a in named if a not in over]
+    if unnamed and lasting:
+        yield from _second_change(unnamed[0], lasting, e)
     elif unnamed:
-        yield from _second_alarm(unnamed[0], named, e)
-    elif len(named) == 1:
-        yield from _resized(e, [_reconsidered(named[0], e)])
+        yield from _first_change(unnamed[0], e)
+    elif len(lasting) == 1:
+        yield from _resized(e, [_reconsidered(lasting[0], e)])
     else:
-        yield from _resized(e, named)
+        yield from _resized(e, lasting)
 
 
-def _second_alarm(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[Alarm]:
+def _is_over(alarm: Alarm, named: Sequence[Alarm], e: Evidence) -> bool:
+    """Whether the parameter is back at its nominal value, or at least as near as the tests can tell.
+
+    The differences between healthy records do not count: they are in both values that are compared.
+    """
+    if not e.is_old(alarm.updated_us):
+        return False
+    now, sd = _sizes(e, alarm.updated_us, named, np.zeros_like(e.allowed))[named.index(alarm)]
+    before = np.inf if alarm.size is None else alarm.size
+    # Where the size is not known, it is larger than what the tests can tell.
+    back = (before - 2 * now) * before / (2 * sd**2) if np.isfinite(before) else SURELY_BACK
+    return bool(back > SURELY_BACK or (back > 0 and sd < abs(before) and e.is_forgotten(alarm.updated_us)))
+
+
+def _first_change(alarm: Alarm, e: Evidence) -> Iterator[Alarm]:
+    """Name the only alarm; without enough evidence wait for more, or end it if the tests no longer cross.
+
+    A small change needs more than three memory lengths to stand out.
+    """
+    causes = _causes(e, alarm)
+    if _doubt(e, causes.best, causes) in NO_PARAMETER or causes.stands_out(e.tolerance):
+        yield _named(alarm, e, causes, alone=True)
+    elif e.is_old(alarm.updated_us) and (causes.T.max() < NOTHING or e.is_forgotten(alarm.updated_us)):
+        yield alarm.ended(e.time_us)
+
+
+def _second_change(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[Alarm]:
     """Name the newer alarm given the older ones, or find that it belongs to them."""
     others, alone = _causes(e, new, named), _causes(e, new)
     first, *later = named
@@ -130,17 +161,22 @@ def _second_alarm(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[A
         changed = [*named, new]
     else:
         yield new.ended(e.time_us)
-        changed = [first.detected_again(e.time_us, new.crossings), *later]
+        changed = [first.detected_again(new.updated_us, new.crossings), *later]
     yield from _resized(e, changed)
 
 
 def _reconsidered(alarm: Alarm, e: Evidence) -> Alarm:
-    """The only alarm in the light of new evidence; it is renamed only where its cause has become unlikely."""
+    """The only alarm in the light of new evidence.
+
+    It is renamed only where its cause is unlikely, and was so three memory lengths before: for a moment, what the model
+    lacks looks like anything.
+    """
     causes, i = _causes(e, alarm), e.parameters.index(alarm.parameter)
     if not causes.stands_out(e.tolerance):  # it is about to end
         return alarm
     if causes.probability[i] < DISMISSED and causes.explains(e.tolerance):
-        return _named(alarm, e, causes, alone=True)
+        before = _causes(e.earlier(), alarm).probability[i]
+        return _named(alarm, e, causes, alone=True) if before < DISMISSED else alarm
     if causes.best == i:
         doubt = alarm.doubt if alarm.doubt in NO_PARAMETER else _doubt(e, i, causes)
         return replace(alarm, causes=_reported(e, causes), doubt=doubt)
@@ -150,47 +186,68 @@ def _reconsidered(alarm: Alarm, e: Evidence) -> Alarm:
 def _named(alarm: Alarm, e: Evidence, causes: Causes, alone: bool) -> Alarm:
     """The alarm of the likeliest cause with its size, and with the onset as far as the kept past shows it."""
     i = causes.best
-    ((size, size_sd),) = _sizes(e, [i])
     onset, kind = _onset(alarm, e, i, alone and causes.explains(e.tolerance))
+    size = _stated(float(causes.size[i]), float(causes.size_sd[i]))
     details = {"causes": _reported(e, causes), "doubt": _doubt(e, i, causes), "kind": kind, **onset._asdict()}
-    return alarm.named(e.time_us, e.parameters[i], size, size_sd=size_sd, **details)
+    return alarm.named(e.time_us, e.parameters[i], direction_of(size["size"]), **size, **details)
 
 
 def _resized(e: Evidence, alarms: Sequence[Alarm]) -> Iterator[Alarm]:
-    """All named alarms with their sizes, given that their parameters and no others have changed."""
-    found = _sizes(e, [e.parameters.index(alarm.parameter) for alarm in alarms])
-    for alarm, (size, size_sd) in zip(alarms, found, strict=True):
-        yield alarm.resized(e.time_us, direction_of(size), size, size_sd)
+    """All named alarms with their sizes, given that their parameters and no others have changed.
+
+    What was learned since they have their names counts with equal weights.  A size stays when the parameter seems to be
+    back: that decides whether the alarm ends.
+    """
+    if not alarms:
+        return
+    found = _sizes(e, max(map(_size_since_us, alarms)), alarms, e.allowed)
+    lately = _sizes(e, e.time_us, alarms, e.allowed)
+    for alarm, size, (now, _) in zip(alarms, found, lately, strict=True):
+        back = alarm.size is not None and now * alarm.size < alarm.size**2 / 2 and e.is_old(alarm.updated_us)
+        yield alarm if back else replace(alarm.turned(e.time_us, direction_of(size[0])), **_stated(*size))
+
+
+def _size_since_us(alarm: Alarm) -> int:
+    """The time since when the size is that of now: the detection, or the last change of the name or direction."""
+    renamed = alarm.past and alarm.past[-1].stage == "named"
+    return max(alarm.since_us, alarm.past[-1].until_us) if renamed else alarm.since_us
 
 
 def _onset(alarm: Alarm, e: Evidence, i: int, alone: bool) -> tuple[Onset, Kind]:
     """Onset and kind of the change of parameter i; those of the alarm where the past is not known."""
     past = e.past
-    change = None if past is None else change_of(past, i, alone)
-    if past is None or change is None:
+    change = change_of(past, i, alone)
+    if change is None:
         return alarm.onset, alarm.kind
     last_us = int(past.t_us[-1])
-    high = min(last_us + round(change.high), alarm.raised_us)
-    low = min(last_us + round(change.low), high)
+    low, best, high = (last_us + round(t) for t in (change.low, change.best, change.high))
+    high = min(high, alarm.raised_us)
     if low <= past.t_us[0]:  # older than what is kept
-        return alarm.onset._replace(onset_high_us=high), alarm.kind
-    onset = min(max(last_us + round(change.best), low), high)
+        return Onset.within(alarm.onset_us, None, high), alarm.kind
     kind: Kind = "" if abs(change.drift) < SURE else "drift" if change.drift > 0 else "step"
-    return Onset(onset, low, high), kind
+    return Onset.within(best, low, high), kind
 
 
 def _causes(e: Evidence, alarm: Alarm, named: Sequence[Alarm] = ()) -> Causes:
     """Probabilities of the causes; parameters of the ``named`` alarms may have changed by any amount."""
     known = [e.parameters.index(a.parameter) for a in named]
     prior = np.array([FIRST_CROSSING_ODDS if name == alarm.first[0] else 1.0 for name in e.parameters])
-    return single_faults(np.array(e.since), np.array(e.since_covariance), known, prior)
+    d, V = e.since(alarm.since_us)
+    return single_faults(d, V + e.allowed, known, prior)
 
 
-def _sizes(e: Evidence, changed: Sequence[int]) -> list[tuple[float, float]]:
-    """Size and standard deviation of each, given that these have changed and no others."""
-    found, sd = sizes(np.array(e.deviation), np.array(e.covariance), changed)
-    times = [1.0 if e.past is None else scatter(e.past, i) for i in changed]
-    return [(float(f), float(s) * more) for f, s, more in zip(found, sd, times, strict=True)]
+def _sizes(
+    e: Evidence, since_us: int, changed: Sequence[Alarm], allowed: Floats
+) -> list[tuple[float, float]]:
+    """Size and standard deviation of each since then, given that these have changed and no others."""
+    d, V = e.since(since_us)
+    found = sizes(d, V + allowed, [e.parameters.index(alarm.parameter) for alarm in changed])
+    return [(float(size), float(sd)) for size, sd in zip(*found, strict=True)]
+
+
+def _stated(size: float, sd: float) -> dict[str, Any]:
+    """A size with the standard deviation that is reported."""
+    return {"size": size, "size_sd": hypot(sd, MODEL_ERROR * size)}
 
 
 def _reported(e: Evidence, causes: Causes) -> tuple[Cause, ...]:

@@ -1,10 +1,10 @@
-"""What the CUSUM tests of an axis report: crossings of h, recoveries, and the evidence to name a cause.
+"""What the CUSUM tests of an axis report: crossings of h, and evidence of what the parameters are since then.
 
-The kernel notes the estimates when there is a cause to be named, or a reading of the long-term trend is due;
-``EvidenceBuilder`` makes evidence and readings of the columns that it has noted.
+The kernel notes the estimates three memory lengths after a crossing, and every three memory lengths.
+``EvidenceBuilder`` makes evidence, and readings of the long-term trend, of the columns that it has noted.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,13 +13,10 @@ from monitor_core.detection.alarm import Direction
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.kernel.evidence import EvidenceColumns
+from monitor_core.kernel.evidence import KEPT, EvidenceColumns
 from monitor_core.kernel.state import UNSEEN
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
-
-SINCE = 12
-"""Quarters of a memory from the first crossing to the evidence."""
 
 INVALID = 100.0
 """Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
@@ -30,7 +27,7 @@ HELD = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """g of a parameter has crossed h.  Times in microseconds since 1970."""
+    """g of a parameter has crossed h.  Times in microseconds since 1970; the size is theta - theta_0 at that sample."""
 
     parameter: str
     direction: Direction
@@ -40,38 +37,54 @@ class Crossing:
     size_sd: float
 
 
-@dataclass(frozen=True, slots=True)
-class Recovered:
-    """The deviation of a parameter has stayed below nu for three memory lengths."""
-
-    parameter: str
-    time_us: int
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Deviations of all parameters at one time, with their covariance."""
+    """Deviations of all parameters up to one time."""
 
     time_us: int
     parameters: tuple[str, ...]
-    deviation: tuple[float, ...]
-    """theta - theta_0 now: for the sizes"""
-    covariance: tuple[tuple[float, ...], ...]
-    since: tuple[float, ...]
-    """The deviations that explain the samples of the last three memory lengths, all with equal weight: for the
-    isolation of causes.  The estimates forget, and may hold little information at this moment."""
-    since_covariance: tuple[tuple[float, ...], ...]
+    deviation: Floats
+    """theta - theta_0 (p,) at that time"""
+    covariance: Floats
+    """Its covariance (p, p)"""
+    allowed: Floats
+    """Covariance (p, p) of what healthy estimates are off by beside their scatter"""
     tolerance: float
     """Standard deviations by which the estimate of a healthy axis may be off"""
     excess: float
     """Running innovation variance over lambda_0"""
     held: tuple[int, ...]
     """-1, 1: the estimate is at its lower, upper bound; 0: at neither"""
-    past: Past | None = field(default=None, compare=False)
-    """Earlier deviations; None: not known, and no cause is named"""
+    past: Past
+    """Earlier deviations"""
+    stretches: int
+    """Of the past, in three memory lengths"""
+
+    def since(self, t_us: int) -> tuple[Floats, Floats]:
+        """The deviations (p,) that explain all samples since then with equal weight, and their covariance (p, p).
+
+        At least those of three memory lengths, and no more than are kept.  The estimates forget: where the axis has
+        moved little in the end, they hold little of what was learned.
+        """
+        stretches = max(self.stretches, int(np.sum(self.past.t_us >= t_us)))
+        return lately(self.past, stretches) or (self.deviation, self.covariance)
+
+    def earlier(self) -> "Evidence":
+        """The evidence as it was three memory lengths before."""
+        past, n = self.past, -self.stretches
+        return replace(self, past=past._replace(t_us=past.t_us[:n], d=past.d[:n], P=past.P[:n]))
+
+    def is_old(self, t_us: int) -> bool:
+        """Whether that time lies three memory lengths in the past, in samples that were learned."""
+        kept_us = self.past.t_us
+        return len(kept_us) >= self.stretches and bool(t_us <= kept_us[-self.stretches])
+
+    def is_forgotten(self, t_us: int) -> bool:
+        """Whether that time lies before all that is kept."""
+        return len(self.past.t_us) == KEPT and bool(t_us <= self.past.t_us[0])
 
 
-CusumEvent = Crossing | Recovered | Evidence
+CusumEvent = Crossing | Evidence
 BatchEvent = CusumEvent | Reading
 """Of an axis batch: readings for the long-term trend come with them."""
 
@@ -88,9 +101,9 @@ class EvidenceBuilder:
     ) -> None:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
         self._theta0, self._naming = model.theta0, settings.naming_samples
-        alpha1, _, allowance = settings.tests(len(self._names))
+        alpha1 = settings.tests(len(self._names))[0]
         self._tolerance = float(alpha1.max() * np.sqrt(settings.divisor))
-        self._allowed = np.diag((allowance * model.scale) ** 2)
+        self._allowed = np.diag((settings.size_errors(len(self._names)) * model.scale) ** 2)
         K = settings.gain(len(model.drive.states))
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
@@ -118,18 +131,17 @@ class EvidenceBuilder:
         lam = 1.0 if s.random_walk else s.lam**s.span
         walk = s.span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(p)
         past = past_of(noted.t[c], noted.before[c], p, lam, walk, s.lam0, self._lag_us)
-        since, since_V = lately(past, SINCE) or (d, V)
         return Evidence(
             time_us=int(noted.what[2, c]),
             parameters=self._names,
-            deviation=_numbers(d),
-            covariance=tuple(map(_numbers, V + self._allowed)),
-            since=_numbers(since),
-            since_covariance=tuple(map(_numbers, since_V + self._allowed)),
+            deviation=d.copy(),
+            covariance=V,
+            allowed=self._allowed,
             tolerance=self._tolerance,
             excess=running / s.lam0,
             held=tuple(map(int, self._held(theta, theta - d))),
             past=past,
+            stretches=max(1, self._naming // s.span),
         )
 
     def _column(self, noted: EvidenceColumns, c: int) -> tuple[float, Floats, Floats, Floats]:

@@ -312,8 +312,7 @@ class HypothesisBank:
         when = self._memory.when[:, k]
         best, earliest = int(when[ONSET]), int(when[FIRST_MARK + MARKS - 1]) - self._slowest_us // 2
         low = earliest if earliest > NEVER // 2 else None  # otherwise it lies before the first sample
-        best = best if low is None else max(best, low)
-        return Onset(best, low, max(int(when[LATE]), best))
+        return Onset.within(best, low, max(int(when[LATE]), best))
 
     def _lane_of(self, best: Share) -> int:
         """The hypothesis of a cause with the most evidence."""

@@ -10,11 +10,21 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import MIN_PROBABILITY, Alarm, Cause, DetectorName, Leading, direction_of
+from monitor_core.detection.alarm import (
+    MIN_PROBABILITY,
+    MODEL_ERROR,
+    Alarm,
+    Cause,
+    DetectorName,
+    Leading,
+    direction_of,
+    known,
+)
 from monitor_core.detection.multimodel.candidates import (
     Quantity,
     causes_of,
@@ -24,7 +34,7 @@ from monitor_core.detection.multimodel.candidates import (
 )
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event, Share
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.settings import Settings
@@ -126,6 +136,8 @@ class MultiModelDetector:
         if reason := reason_unavailable(model, settings):
             raise ValueError(reason)
         self._model, self._settings, self._limits = model, settings, limits
+        errors = settings.size_errors(len(model.monitored)) * model.scale
+        self._off = dict(zip(model.monitored, errors.tolist(), strict=True))
         self.causes = causes_of(model)
         """Every cause that it may name"""
         if unknown := {limit.cause for limit in limits.own} - set(self.causes):
@@ -156,7 +168,7 @@ class MultiModelDetector:
         elif isinstance(event, CauseIdentified):
             yield from self._name(event, open_alarms)
         else:  # an unnamed alarm ends with the cause, as nothing else has changed
-            ends = (a for a in open_alarms if a.raised_us == event.since_us or a.parameter == event.cause)
+            ends = (a for a in open_alarms if a.since_us == event.since_us or a.parameter == event.cause)
             yield from (a.ended(event.time_us) for a in ends)
 
     def _change(self, event: ChangeDetected, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
@@ -171,33 +183,41 @@ class MultiModelDetector:
         share = event.shares[0]
         if share.cause == HEALTHY:  # an open alarm is about to end
             return
-        size, size_sd = self.quantity(share.cause).change(share.size, share.size_sd)
-        causes = _reported(event)
-        unnamed = next((a for a in open_alarms if a.raised_us == event.since_us), None)
+        size, size_sd = self._size(share)
+        facts: dict[str, Any] = {"causes": _reported(event), "size": size, "size_sd": size_sd}
+        unnamed = next((a for a in open_alarms if a.since_us == event.since_us), None)
         same = _named_alarm(open_alarms, share.cause)
-        name = event.time_us, share.cause, size
+        name = event.time_us, share.cause, direction_of(share.size)
         if same is not None and (unnamed is None or same.key != unnamed.key):
             if unnamed is not None:
                 yield unnamed.ended(event.time_us)
-            yield same.named(*name, size_sd=size_sd, causes=causes)
+            yield same.named(*name, **facts)
         elif unnamed is not None:
-            yield unnamed.named(*name, size_sd=size_sd, causes=causes, **event.onset._asdict())
+            onset = event.onset if unnamed.reopened_us is None else unnamed.onset
+            yield unnamed.named(*name, **(facts | onset._asdict()))
         else:
             alarm = self._raised(event.since_us, event)
-            named = replace(alarm, stage="named", updated_us=event.time_us, causes=causes)
-            yield replace(named, direction=direction_of(size))
+            yield replace(alarm, stage="named", updated_us=event.time_us, **facts)
+
+    def _size(self, share: Share) -> tuple[float | None, float | None]:
+        """Size of a cause and its standard deviation; None: it has none, or is not known."""
+        size, size_sd = (
+            known(value) for value in self.quantity(share.cause).change(share.size, share.size_sd)
+        )
+        if size is None or size_sd is None:
+            return None, None
+        return size, math.hypot(size_sd, MODEL_ERROR * size, self._off.get(share.cause, 0.0))
 
     def _raised(self, since_us: int, event: ChangeDetected | CauseIdentified) -> Alarm:
         share = event.shares[0]
-        size, size_sd = self.quantity(share.cause).change(share.size, share.size_sd)
         return Alarm(
             parameter=share.cause,
             direction=direction_of(share.size),
             raised_us=since_us,
             updated_us=since_us,
             ended_us=None,
-            size=size,
-            size_sd=size_sd,
+            size=None,
+            size_sd=None,
             crossings=1,
             **event.onset._asdict(),
         )
@@ -207,8 +227,12 @@ class MultiModelDetector:
         opened = list(alarms)
         if _seen_by_bank(opened) == _seen_by_bank(previous):
             return
-        named = {a.parameter: self.quantity(a.parameter).size(a.size) for a in opened if a.stage == "named"}
-        unnamed = [a.raised_us for a in opened if a.stage == "changed"]
+        named = {
+            a.parameter: math.nan if a.size is None else self.quantity(a.parameter).size(a.size)
+            for a in opened
+            if a.stage == "named"
+        }
+        unnamed = [a.since_us for a in opened if a.stage == "changed"]
         known = self.bank.causes
         active = {cause: size for cause, size in named.items() if cause in known}
         self.bank.adopt(active, unnamed[0] if unnamed else None)
@@ -216,7 +240,7 @@ class MultiModelDetector:
 
 def _seen_by_bank(alarms: Iterable[Alarm]) -> list[tuple[object, ...]]:
     """The part of the alarms that must agree with the active faults of the bank."""
-    return sorted((a.raised_us, a.parameter, a.stage) for a in alarms)
+    return sorted((a.since_us, a.parameter, a.stage) for a in alarms)
 
 
 def _reported(event: CauseIdentified) -> tuple[Cause, ...]:

@@ -47,16 +47,18 @@ function namesOf(alarm) {
   return before.length === 0 ? [] : [el("span", { className: "quiet" }, ` at first ${before.join(", ")}`)];
 }
 
-/** Half the length of the interval in which the onset lies. */
+/** How far the ends of the interval in which the onset lies are from it, as far as they are known. */
 function withinOf(alarm) {
-  if (alarm.onset_low === null || alarm.onset_high === null) return [];
-  const seconds = (Date.parse(alarm.onset_high) - Date.parse(alarm.onset_low)) / 2000;
-  const title = `from ${moment(alarm.onset_low)} to ${moment(alarm.onset_high)} with a probability of 90 %`;
-  return [el("small", { className: "words", title }, `± ${span(seconds)}`)];
+  const away = (end) => span(Math.abs(Date.parse(end) - Date.parse(alarm.onset)) / 1000);
+  const ends = [["−", alarm.onset_low], ["+", alarm.onset_high]].filter(([, end]) => end !== null);
+  if (ends.length === 0) return [];
+  const [low, high] = [alarm.onset_low, alarm.onset_high].map((end) => (end === null ? "unknown" : moment(end)));
+  const title = `from ${low} to ${high} with a probability of 90 %`;
+  return [el("small", { className: "words", title }, ends.map(([sign, end]) => `${sign}${away(end)}`).join(" "))];
 }
 
 const shareOf = (alarm) => (alarm.nominal ? ` (${percent(alarm.size / Math.abs(alarm.nominal))})` : "");
-const sizeOf = (alarm) => `${withDeviation(alarm.size, alarm.size_sd, true)} ${unit(alarm.unit)}${shareOf(alarm)}`;
+const sizeOf = (alarm) => alarm.size === null ? (alarm.active ? "not known" : "–") : `${withDeviation(alarm.size, alarm.size_sd, true)} ${unit(alarm.unit)}${shareOf(alarm)}`;
 
 const time = (iso) => el("time", { dateTime: iso, title: iso, className: "nowrap" }, moment(iso));
 

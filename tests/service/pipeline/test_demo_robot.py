@@ -14,12 +14,13 @@ FAULT_S = 20.0
 
 
 def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Fault]) -> list[AxisAlarm]:
-    """The first change of every alarm."""
+    """The first change of every alarm, and the one that gave it its name."""
     config = demo(folder, axes)
     core = FramePipeline(config)
-    found: dict[tuple[str, str, str], AxisAlarm] = {}
+    found: dict[tuple[str, ...], AxisAlarm] = {}
     for change in live(core, blocks(config, seconds, seed, faults)):
-        found.setdefault((change.axis_id, change.alarm.parameter, change.alarm.direction), change)
+        alarm = change.alarm
+        found.setdefault((change.axis_id, alarm.parameter, alarm.direction, alarm.stage), change)
     assert all(sum(core.ingests["can0"].axes[axis.id].dropped.values()) == 0 for axis in config.axes)
     return list(found.values())
 
@@ -35,14 +36,16 @@ def test_a_fault_is_found_and_named(
     tmp_path: Path, seed: int, name: str, factor: float, direction: str
 ) -> None:
     fault = Fault("demo.axis2", {name: factor}, FAULT_S)
-    found = alarms(tmp_path, 2, FAULT_S + 10, seed, [fault])
+    found = alarms(tmp_path, 2, FAULT_S + 30, seed, [fault])
     first = found[0]
     assert (first.alarm.parameter, first.alarm.direction) == (name, direction)
     assert {change.axis_id for change in found} == {"demo.axis2"}
     assert first.alarm.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
     nominal = demo(tmp_path).axes[1].config.model.nominal
     change = (factor - 1) * (1 / nominal["Ja"] if name == "1/Ja" else nominal[name])
-    assert 0 < first.alarm.size / change < 1.5
+    named = [c.alarm for c in found if c.alarm.size is not None]
+    assert {a.parameter for a in named} == {name}
+    assert 0 < (named[-1].size or 0.0) / change < 1.5
 
 
 @pytest.mark.parametrize(

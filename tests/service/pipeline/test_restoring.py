@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Name, Recovered
+from monitor_core.detection import Alarm, Crossing, Evidence, Name
+from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AxisMonitor
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
@@ -78,16 +79,23 @@ def test_nothing_saved_is_no_message(tmp_path: Path, checkpoints: Checkpoints, j
 def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
     tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors.by_id[AXIS].batch.state.below_nu[:] = 10**6  # healthy for long when it was saved
     save(monitors, checkpoints)
     journal.record([Entry(AXIS, "N m s/rad", 0.06, OPEN)])
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.open == (AxisAlarm(AXIS, OPEN),)
     assert found.by_id[AXIS].open_alarms == (OPEN,)
     assert found.by_id["demo.axis2"].open_alarms == ()
-    assert list(found.by_id[AXIS].batch.state.below_nu[:, 0]) == [10**6, 10**6, 0]
-    ((_, ended),) = found.by_id[AXIS].apply([Recovered("fm", 99)])
+    ((_, ended),) = found.by_id[AXIS].apply([_healthy(99, found.by_id[AXIS].model.monitored)])
     assert (ended.raised_us, ended.ended_us) == (OPEN.raised_us, 99)
+
+
+def _healthy(time_us: int, names: tuple[str, ...]) -> Evidence:
+    """Evidence that nothing has deviated for long."""
+    p, t_us = len(names), time_us + np.arange(-20, 1, dtype=np.int64)
+    past = Past(t_us, np.zeros((21, p)), np.ones((21, p, p)), 0.9, np.zeros(p), 1.0, 0.0)
+    return Evidence(
+        time_us, names, np.zeros(p), 1e-6 * np.eye(p), np.zeros((p, p)), 4.0, 1.0, (0,) * p, past, 12
+    )
 
 
 NAMED = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))

@@ -1,6 +1,5 @@
 """The journal: what was acknowledged is there, whatever happens; a damaged file is quarantined and said so."""
 
-import math
 import random
 import sqlite3
 import subprocess
@@ -137,11 +136,25 @@ def test_a_batch_is_written_as_a_whole_or_not_at_all(journal: Journal) -> None:
     assert len(journal.record(entries[:1])) == 1
 
 
-def test_sizes_that_are_not_numbers_do_not_lose_the_alarm(journal: Journal) -> None:
-    alarm = journal.get(raised(journal, replace(episode(), size=math.inf, size_sd=math.nan)))
+def test_a_size_that_is_not_known_is_none(journal: Journal) -> None:
+    unknown = replace(episode(), size=None, size_sd=None)
+    alarm = journal.get(raised(journal, unknown))
     assert alarm is not None
-    assert alarm.size == math.inf
-    assert math.isnan(alarm.size_sd)
+    assert (alarm.size, alarm.size_sd) == (None, None)
+    assert journal.open_alarms("demo.axis1") == [unknown]
+
+
+def test_an_alarm_that_is_reopened_keeps_its_row(journal: Journal) -> None:
+    """It is not the alarm that was raised anew, long after."""
+    ended = replace(episode(), stage="named", ended_us=4_000_000)
+    first = raised(journal, ended)
+    again = replace(ended, ended_us=None, reopened_us=5_000_000, crossings=2)
+    assert raised(journal, again) == first
+    assert journal.open_alarms("demo.axis1") == [again]
+    assert raised(journal, replace(again, ended_us=8_000_000)) == first
+    ((alarm,), total) = journal.query()
+    assert (total, alarm.ended_us, alarm.reopened_us, alarm.crossings) == (1, 8_000_000, 5_000_000, 2)
+    assert raised(journal, episode(raised_us=9_000_000)) != first
 
 
 def test_query_filters_and_pages(journal: Journal) -> None:

@@ -205,7 +205,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
             "unit": "N m s/rad", "nominal": 0.06, "size": 0.01832, "size_sd": 0.0021, "crossings": 4,
             "onset": "2026-03-01T11:59:51.000000Z", "onset_low": "2026-03-01T11:59:50.400000Z",
             "onset_high": "2026-03-01T11:59:51.200000Z", "raised": "2026-03-01T11:59:53.000000Z",
-            "updated": "2026-03-01T11:59:59.500000Z", "ended": None, "past": [before],
+            "updated": "2026-03-01T11:59:59.500000Z", "ended": None, "reopened": None, "past": [before],
         }
     ]  # fmt: skip
     assert get(client, f"/api/v1/alarms/{number}") == body["alarms"][0]

@@ -1,26 +1,34 @@
-"""The alarms of an axis: raised, named, corrected, merged, doubted, ended; with evidence written by hand."""
+"""The alarms of an axis: raised, named, corrected, merged, doubted, ended, reopened; with evidence written by hand."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Direction, Evidence, Name, Recovered
+from monitor_core.detection import Alarm, Crossing, Direction, Evidence, Name
+from monitor_core.detection.alarm import MODEL_ERROR
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
 from monitor_core.detection.cusum.cusum_evidence import CusumEvent
 from monitor_core.detection.onset import Past
-from monitor_core.monitoring import AlarmTracker
+from monitor_core.monitoring import AlarmChange, AlarmTracker
 
 NAMES = ("kT", "1/Ja", "fm")
-NOTHING = Past(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3, 3)), 0.9, np.zeros(3), 1.0, 0.0)
 TOLERANCE = 4.2
+OLD_US, REOPEN_US = 11, 100
+"""Three memory lengths, after which a crossing is old, and the time in which an alarm is reopened."""
 
 
 class Book(AlarmTracker):
     """Open alarms, fed with events of the CUSUM tests."""
 
+    def __init__(self) -> None:
+        super().__init__(reopen_us=REOPEN_US)
+
+    def changes(self, event: CusumEvent) -> list[AlarmChange]:
+        return self.update([event], CusumDetector.interpret)
+
     def take(self, event: CusumEvent) -> list[Alarm]:
-        return [change.alarm for change in self.update([event], CusumDetector.interpret)]
+        return [change.alarm for change in self.changes(event)]
 
 
 def crossing(parameter: str, time_us: int, direction: Direction = "up") -> Crossing:
@@ -31,8 +39,12 @@ def evidence(
     time_us: int, *d: float, r: float = 0.0, excess: float = 1.0, held: tuple[int, int, int] = (0, 0, 0)
 ) -> Evidence:
     """Deviations in standard deviations; kT and fm are correlated by r."""
-    V = ((1.0, 0.0, r), (0.0, 1.0, 0.0), (r, 0.0, 1.0))
-    return Evidence(time_us, NAMES, d, V, d, V, TOLERANCE, excess, held, NOTHING)
+    V = np.array(((1.0, 0.0, r), (0.0, 1.0, 0.0), (r, 0.0, 1.0)))
+    t_us = time_us + np.arange(-OLD_US, 1, dtype=np.int64)
+    nothing_learned = Past(t_us, np.zeros((12, 3)), np.ones((12, 3, 3)), 0.9, np.zeros(3), 1.0, 0.0)
+    return Evidence(
+        time_us, NAMES, np.array(d), V, np.zeros((3, 3)), TOLERANCE, excess, held, nothing_learned, OLD_US + 1
+    )
 
 
 def names(book: Book) -> list[tuple[str, str, str]]:
@@ -62,20 +74,22 @@ def test_a_wrong_first_crossing_is_one_alarm_whose_name_is_corrected() -> None:
         ("fm", "up"),
     )
     assert e.past == (Name(20, "changed", "fm", "up"),)
-    assert [e.size, e.size_sd] == pytest.approx([-10, 1])
+    assert [e.size, e.size_sd] == pytest.approx([-10, np.hypot(1, 10 * MODEL_ERROR)])
     assert [cause.parameter for cause in e.causes] == ["kT"]
     assert e.doubt == ""
-    assert book.take(Recovered("fm", 30)) == []
-    (ended,) = book.take(Recovered("kT", 31))
+    (ended,) = book.take(evidence(31, -0.5, 0.5, 1.0))
     assert (ended.ended_us, ended.first, book.open) == (31, ("fm", "up"), ())
 
 
-def test_without_an_alarm_evidence_says_nothing_and_that_of_the_slow_course_never_names() -> None:
+def test_without_an_alarm_evidence_says_nothing() -> None:
+    assert Book().take(evidence(5, 10.0, 0.0, 0.0)) == []
+
+
+def test_no_size_is_given_before_the_name() -> None:
     book = Book()
-    assert book.take(evidence(5, 10.0, 0.0, 0.0)) == []
-    book.take(crossing("kT", 10))
-    assert book.take(replace(evidence(20, 10.0, 0.0, 0.0), past=None)) == []
-    assert names(book) == [("kT", "up", "changed")]
+    (raised,) = book.take(crossing("kT", 10))
+    (again,) = book.take(crossing("kT", 12))
+    assert {raised.size, raised.size_sd, again.size, again.size_sd} == {None}
 
 
 def test_what_does_not_stand_out_gets_no_name_yet() -> None:
@@ -87,12 +101,15 @@ def test_what_does_not_stand_out_gets_no_name_yet() -> None:
     assert names(book) == [("kT", "up", "named")]
 
 
-def test_causes_are_told_by_what_was_learned_since_and_sizes_by_what_is_known_now() -> None:
+def test_what_never_stands_out_ends_when_it_no_longer_crosses() -> None:
     book = Book()
     book.take(crossing("kT", 10))
-    (e,) = book.take(replace(evidence(20, 3.0, 4.0, 0.0), since=(0.0, 9.0, 0.0)))
-    assert e.parameter == "1/Ja"
-    assert e.size == pytest.approx(4)
+    book.take(evidence(20, 3.0, 0.0, 0.0))
+    book.take(crossing("kT", 25))
+    assert book.take(evidence(30, 3.0, 0.0, 0.0)) == []
+    assert book.take(evidence(40, 3.0, 0.0, 0.0)) == []  # a small change would look like that
+    (ended,) = book.take(evidence(50, 0.9, 0.0, 0.0))
+    assert (ended.ended_us, ended.stage) == (50, "changed")
 
 
 def test_ambiguity_is_told_as_probabilities() -> None:
@@ -112,9 +129,12 @@ def test_what_no_single_parameter_explains_is_said() -> None:
 
 def test_a_second_fault_is_named_given_the_first() -> None:
     book, _ = named(10.0, 0.0, 0.0)
-    (second,) = book.take(crossing("fm", 30))
-    assert (second.parameter, second.stage, second.raised_us) == ("fm", "changed", 30)
-    book.take(evidence(40, 10.0, 0.0, 8.0))
+    assert book.take(crossing("fm", 30)) == []
+    assert [(a.parameter, a.stage) for a in book.unreported] == [("fm", "changed")]
+    kinds = [
+        (c.kind, c.alarm.parameter, c.alarm.raised_us) for c in book.changes(evidence(40, 10.0, 0.0, 8.0))
+    ]
+    assert kinds == [("raised", "fm", 30), ("updated", "kT", 10)]
     assert names(book) == [("kT", "up", "named"), ("fm", "up", "named")]
     first, second = book.open
     assert [cause.parameter for cause in second.causes] == ["fm"]
@@ -130,10 +150,10 @@ def test_the_first_fault_may_be_off_by_anything_when_the_second_is_named() -> No
 
 def test_a_crossing_that_the_first_explains_ends_with_it() -> None:
     book, _ = named(10.0, 0.0, 0.0)
-    book.take(crossing("fm", 30))
-    ended, first = book.take(evidence(40, 10.0, 0.0, 1.0))
-    assert (ended.parameter, ended.ended_us) == ("fm", 40)
+    assert book.take(crossing("fm", 30)) == []
+    (first,) = book.take(evidence(40, 10.0, 0.0, 1.0))
     assert (first.parameter, first.ended_us, first.crossings) == ("kT", None, 2)
+    assert book.unreported == ()
     assert names(book) == [("kT", "up", "named")]
 
 
@@ -142,7 +162,7 @@ def test_two_alarms_that_one_other_parameter_explains_become_one() -> None:
     assert names(book) == [("kT", "up", "named")]
     book.take(crossing("fm", 30, "down"))
     changed = book.take(evidence(40, 0.0, 0.0, -4.0, r=0.99))
-    assert [(e.parameter, e.ended_us) for e in changed] == [("fm", 40), ("fm", None)]
+    assert [(e.parameter, e.ended_us) for e in changed] == [("fm", None)]
     assert names(book) == [("fm", "down", "named")]
     assert book.open[0].first == ("kT", "up")
     assert [name.stage for name in book.open[0].past] == ["changed", "named"]
@@ -160,10 +180,78 @@ def test_a_name_is_corrected_when_later_evidence_rules_it_out() -> None:
 def test_crossings_of_its_own_and_evidence_update_the_size() -> None:
     book, _ = named(10.0, 0.0, 0.0)
     (e,) = book.take(replace(crossing("kT", 25), size=11.0))
-    assert (e.size, e.crossings, e.stage) == (11.0, 2, "named")
+    assert (e.crossings, e.stage, e.updated_us) == (2, "named", 25)
+    assert e.size == pytest.approx(10.0)
     (e,) = book.take(evidence(40, 12.0, 0.0, 0.0))
     assert e.size == pytest.approx(12)
-    assert e.updated_us == 40
+
+
+def test_an_alarm_lasts_until_the_parameter_is_nearer_to_its_nominal_value_than_to_the_size() -> None:
+    """With a standard deviation of 1 the nominal value is 100 times as likely as 6 where (6^2 - 12 d) / 2 > log 100."""
+    book, _ = named(10.0, 0.0, 0.0)
+    for time_us, d in ((40, 6.0), (52, 2.9), (64, 2.3)):
+        (e,) = book.take(evidence(time_us, d, 0.0, 0.0))
+        assert e.ended_us is None
+        assert e.size == pytest.approx(6.0)  # nearer to nominal, it waits for the end
+    (e,) = book.take(evidence(76, 2.0, 0.0, 0.0))
+    assert e.ended_us == 76
+    assert e.size == pytest.approx(6.0)
+
+
+def test_an_alarm_does_not_end_while_its_tests_cross() -> None:
+    book, _ = named(10.0, 0.0, 0.0)
+    book.take(crossing("kT", 35))
+    (e,) = book.take(evidence(40, 0.0, 0.0, 0.0))
+    assert e.ended_us is None
+
+
+def ended_alarm() -> Book:
+    """kT was named at 20 and is back at 40."""
+    book, _ = named(10.0, 0.0, 0.0)
+    book.take(evidence(40, 0.0, 0.0, 0.0))
+    assert book.open == ()
+    return book
+
+
+def test_the_same_cause_soon_after_the_end_is_the_same_alarm() -> None:
+    book = ended_alarm()
+    assert book.take(crossing("fm", 60)) == []
+    (change,) = book.changes(evidence(70, 8.0, 0.0, 0.0))
+    e = change.alarm
+    assert (change.kind, e.parameter, e.key) == ("reopened", "kT", (10, "kT", "up"))
+    assert (e.onset_us, e.reopened_us, e.ended_us, e.crossings) == (5, 60, None, 2)
+    assert e.size == pytest.approx(8.0)
+    (e,) = book.take(evidence(90, 0.0, 0.0, 0.0))
+    assert (e.key, e.ended_us) == ((10, "kT", "up"), 90)
+
+
+@pytest.mark.parametrize(
+    ("time_us", "d"), [(60, (0.0, 0.0, 9.0)), (60, (-9.0, 0.0, 0.0)), (200, (9.0, 0.0, 0.0))]
+)
+def test_another_cause_or_direction_or_a_later_time_is_another_alarm(
+    time_us: int, d: tuple[float, float, float]
+) -> None:
+    book = ended_alarm()
+    book.take(crossing("kT", time_us, "up"))
+    changes = book.changes(evidence(time_us + 10, *d))
+    assert changes[-1].alarm.raised_us == time_us
+    assert changes[-1].kind == ("renamed" if time_us == 200 else "raised")
+    assert len(book.open) == 1
+
+
+def test_what_belongs_to_an_ended_alarm_and_gets_no_name_is_not_reported() -> None:
+    book = ended_alarm()
+    assert book.take(crossing("fm", 60)) == []
+    assert book.take(evidence(75, 0.0, 0.0, 1.0)) == []
+    assert (book.open, book.unreported) == ((), ())
+
+
+def test_a_saved_book_goes_on_as_before() -> None:
+    book = ended_alarm()
+    book.take(crossing("fm", 60))
+    again = AlarmTracker((*book.ended, *book.open), book.unreported, REOPEN_US)
+    found = evidence(70, 8.0, 0.0, 0.0)
+    assert again.update([found], CusumDetector.interpret) == book.changes(found)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,46 @@
+"""One change, one alarm: on an axis that the model does not match, where small changes hardly stand out."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor_core.detection.alarm import Onset
+from tests.core.lasting_changes import courses
+
+LASTING_S, REPAIRED_S = 240.0, 90.0
+times = st.integers(-(10**18), 10**18)
+ends = times | st.none()
+
+
+@given(times, ends, ends)
+def test_an_onset_lies_in_its_interval(best_us: int, low_us: int | None, high_us: int | None) -> None:
+    onset = Onset.within(best_us, low_us, high_us)
+    assert onset.onset_low_us is None or onset.onset_low_us <= onset.onset_us
+    assert onset.onset_high_us is None or onset.onset_us <= onset.onset_high_us
+    assert (onset.onset_low_us is None, onset.onset_high_us) == (low_us is None, high_us)
+
+
+@given(times, times, times)
+def test_an_onset_in_its_interval_stays(a: int, b: int, c: int) -> None:
+    low, best, high = sorted((a, b, c))
+    assert Onset.within(best, low, high) == Onset(best, low, high)
+
+
+def test_a_lasting_change_is_one_alarm_with_its_size(seed: int) -> None:
+    """Before, two of the six changes were two and three alarms."""
+    for course in courses(seed, LASTING_S, REPAIRED_S):
+        (alarm,) = course.alarms
+        assert (alarm.parameter, alarm.direction) == (course.parameter, "up" if course.size > 0 else "down")
+        assert alarm.reopened_us is None
+        assert alarm.ended_us is not None
+        assert alarm.ended_us > course.repaired_us
+        for _, form in course.changes:
+            assert (form.size is None) == (form.size_sd is None) == (form.stage == "changed")
+            low, high = form.onset_low_us, form.onset_high_us
+            assert low is None or low <= form.onset_us
+            assert high is None or form.onset_us <= high
+        sized = course.sized
+        assert sized is not None
+        assert sized.size is not None
+        assert sized.size_sd is not None
+        print(f"{course.parameter}: {sized.size:.4g} +- {sized.size_sd:.2g}, true {course.size:.4g}")
+        assert abs(sized.size - course.size) < 3 * sized.size_sd
