@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.structure import Output
@@ -52,7 +52,7 @@ class ConditionTracker:
         self._angle, self._gap_us = output == "angle", 1e6 * settings.max_gap_s
         self._samples = RMS_MEMORIES * settings.memory
         self._before = math.nan, math.nan  # time [us] and output of the last sample
-        self._state = np.zeros((2, 1))  # of the filters of the squares and of their weights
+        self._sums = [0.0, 0.0]  # of the squares and of their weights
         self._last = np.full(len(self.names), math.nan)
 
     def take(self, block: SampleBlock) -> Floats:
@@ -77,8 +77,11 @@ class ConditionTracker:
         """Running sum of values (n,) with the memory of the mean square; one of two, by row."""
         if not values.size:
             return values
-        out, self._state[row] = lfilter([1.0], [1.0, 1 / self._samples - 1], values, zi=self._state[row])
-        return np.asarray(out)
+        kept = 1 - 1 / self._samples
+        sums = accumulate(values.tolist(), lambda total, value: kept * total + value, initial=self._sums[row])
+        out = np.fromiter(sums, float)[1:]
+        self._sums[row] = float(out[-1])
+        return out
 
     def _speeds(self, block: SampleBlock) -> Floats:
         """Speed at each sample (N,), from an angle the mean since the sample before; NaN: unknown."""

@@ -5,6 +5,7 @@ from typing import Any
 
 from typer.testing import CliRunner, Result
 
+from service.commands.exit_codes import OK
 from service.commands.main import app
 
 
@@ -16,15 +17,15 @@ def axiswatch(*words: object) -> Result:
     return result
 
 
-def shown(*words: object) -> str:
-    """On standard output, of a command that ends well."""
+def shown(*words: object, code: int = OK) -> str:
+    """On standard output, of a command that ends well, or with this exit code."""
     result = axiswatch(*words)
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == code, result.output
     return result.stdout
 
 
-def as_json(*words: object) -> Any:
-    return json.loads(shown(*words))
+def as_json(*words: object, code: int = OK) -> Any:
+    return json.loads(shown(*words, code=code))
 
 
 def refused(*words: object, code: int = 2) -> str:

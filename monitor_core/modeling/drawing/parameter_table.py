@@ -83,7 +83,7 @@ def _parameter(
     positive = is_positive(name, uses, value)
     if positive and value is not None and value <= 0:
         raise ModelError(f"{subject} {value:g}: it must be greater than zero", first.origin)
-    nonnegative = is_nonnegative(name, uses)
+    nonnegative = not positive and is_nonnegative(name, uses)
     return FlatParameter(name, unit, meaning, value, positive, nonnegative, first.origin)
 
 

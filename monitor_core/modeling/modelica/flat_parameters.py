@@ -53,7 +53,7 @@ def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequen
     least = plain(symbol.min) if symbol is not None else None
     bound = least if isinstance(least, int | float) else -1
     positive = bound > 0 or is_positive(name, uses, value)
-    nonnegative = bound >= 0 or is_nonnegative(name, uses)
+    nonnegative = not positive and (bound >= 0 or is_nonnegative(name, uses))
     owner = values.places[name.rpartition(".")[0]] if symbol is None else Origin()
     place = values.place(name) if symbol is not None else replace(owner, component=name)
     return FlatParameter(name, unit, meaning, value, positive, nonnegative, place)

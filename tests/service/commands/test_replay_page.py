@@ -67,7 +67,7 @@ def test_the_page_needs_nothing_else_and_its_picture_shows_what_there_is(page: s
     assert len(page) < 1_000_000
     for words in (
         *("estimate", "± 2 standard deviations", "nominal ± ν", "g of an increase", "g of a decrease"),
-        *("onset", "alarm raised", "alarm open", "nothing learned", "pause, cut out"),
+        *("onset, with its interval", "alarm raised", "alarm open", "nothing learned", "pause, cut out"),
         *("no samples", "settling", "gated"),
     ):
         assert f">{words}</text>" in page, words

@@ -6,6 +6,7 @@ from typing import Any
 
 from service.can.bus_reader import ReaderStats
 from service.can.frames import Frame
+from service.commands.exit_codes import OK
 from service.config import AxisConfig, Config, load
 from service.ingest.encode import Encoded, FrameEncoder
 from service.pipeline.alarms import AxisAlarm
@@ -90,9 +91,9 @@ def cut(frames: Sequence[Frame], every: int) -> Iterator[list[Frame]]:
     return (list(frames[k : k + every]) for k in range(0, len(frames), every))
 
 
-def replayed(file: Path, *records: Path) -> dict[str, Any]:
+def replayed(file: Path, *records: Path, code: int = OK) -> dict[str, Any]:
     """The first axis of a replay."""
-    return dict(as_json("replay", "--config", file, *records, "--json", "-")["axes"][0])
+    return dict(as_json("replay", "--config", file, *records, "--json", "-", code=code)["axes"][0])
 
 
 class Waiting:

@@ -120,7 +120,7 @@ def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_
     expect(row).to_contain_text("something has changed, at first sight kT")
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     expect(row).to_contain_text("fm ▲ up at first kT")
-    expect(row.get_by_role("cell").nth(4)).to_contain_text("± 0.4 s")
+    expect(row.get_by_role("cell").nth(4)).to_contain_text("−0.6 s +0.2 s")
     expect(page.locator("#news")).to_have_text(
         "Alarm: demo.axis1: fm is 0.018 N m s/rad (31 %) above its nominal value"
     )
