@@ -12,6 +12,11 @@ from monitor_core.kernel.tables import GAINS
 NAMING_MEMORIES = 3
 """Memory lengths after which what a change did to all estimates is known."""
 
+TOGETHER, DOUBTFUL = 0.95, 0.2
+"""Of nominal values: the correlation from which two estimates go together; the standard deviation, beside the value,
+from which one of them is doubtful, as the change that the paper looks for is then within one.  ``identify`` holds one
+of such a pair; with both of them free the daemon would test nothing."""
+
 
 class Threshold(NamedTuple):
     """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size.

@@ -20,10 +20,8 @@ from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import RELATIVE
 from monitor_core.identification.problem import Problem, value_of
+from monitor_core.settings import DOUBTFUL, TOGETHER
 
-TOGETHER, DOUBTFUL = 0.95, 0.2
-"""Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is
-doubtful: the daemon would test nothing then (service.config.nominal_file)."""
 _AGREES = 3.0
 """Standard deviations of its estimate that a configured value may be away."""
 

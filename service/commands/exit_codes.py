@@ -14,8 +14,8 @@ OK, FAULT, MISTAKE, NO_BUS, UNAVAILABLE, NOT_TESTED = range(6)
 EXIT_CODES = """\
 Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, in the configuration or in a
 file, or a fit of identify that is too poor to be used; 3 a bus cannot be opened or written to; 4 the port is
-taken or the state directory cannot be used; 5 replay: a parameter was not tested in the records, so that no alarm
-says nothing of it."""
+taken or the state directory cannot be used; 5 replay: a parameter was not tested in the records, so the absence of
+an alarm says nothing of it."""
 
 
 class DaemonFailedError(Exception):

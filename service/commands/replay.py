@@ -36,7 +36,7 @@ def replay(config: ConfigPath, records: Records, json: JsonFile = None, report: 
     """Run records through the same decoding, estimation and detection as the daemon, and list the alarms.
 
     Several records are one after the other in the life of the robot; the estimates of one are the start of
-    the next. The exit code is 5 where a monitored parameter was not tested: no alarm says nothing of it.
+    the next. The exit code is 5 where a monitored parameter was not tested: the absence of an alarm says nothing of it.
     """
     from service.reports.replay_report import as_json, print_text
 

@@ -9,12 +9,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
+from monitor_core.settings import DOUBTFUL, TOGETHER
 from service.config.base_table import NotNegative, Positive, Real
 from service.config.found_file import FoundFile, FoundTable
-
-TOGETHER, DOUBTFUL = 0.95, 0.2
-"""Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is
-doubtful: the change that the paper looks for is then within one."""
 
 
 class DriveTable(FoundTable):

@@ -32,7 +32,8 @@ _GAUGES = {
         "parameter_p_diagonal": "P_ii of the recursion; the variance of the estimate is lambda_0 P_ii / (1 + lambda).",
         "parameter_observed": "Observability of the parameter in the last samples: 1 as at commissioning, 0.5 weak, "
         "0 not observed; then the estimate is the last that was observed.",
-        "parameter_tested": "1 while a change of the parameter would be found, else 0: no alarm then says nothing.",
+        "parameter_tested": "1 while a change of the parameter would be found, else 0: "
+        "the absence of an alarm then says nothing.",
         "cusum_threshold": f"Threshold h of both CUSUMs, {_SI} times samples.",
         "alarm_probability": "Probability that the parameter is the cause of a named open alarm, else 0.",
         "parameter_slope": f"Long-term drift, {_PER_SECOND}.",

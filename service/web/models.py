@@ -69,7 +69,7 @@ class Parameter(Body):
         "estimate is the last observed one and its CUSUM is frozen"
     )
     tested: bool = Field(
-        description="whether a change of it would be found now; false: no alarm says nothing of it"
+        description="whether a change of it would be found now; false: the absence of an alarm says nothing of it"
     )
     not_tested_reason: NotTested | None = Field(
         description="why it is not tested now; null: it is tested. no sample; settling: after a start or a gap; "

@@ -21,11 +21,10 @@ from monitor_core.identification import (
 )
 from monitor_core.identification.bode import bode_of
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.holding import DOUBTFUL, TOGETHER
 from monitor_core.identification.records import speed_scales
 from monitor_core.identification.verdict import Basis, Effect, Quality
 from monitor_core.modeling.simulated_axis import SimulatedAxis
-from service.config import nominal_file
+from monitor_core.settings import DOUBTFUL, TOGETHER
 from tests.real.drives import one_mass
 
 H = 0.005
@@ -120,10 +119,6 @@ def test_friction_at_one_speed_is_not_divided(seed: int) -> None:
     assert e.sd[k] < DOUBTFUL * e.theta[k]
     (row,) = (row for row in result.rows() if row.name == "fv")
     assert row.held.startswith("the records")
-
-
-def test_what_daemon_and_identify_call_together_is_the_same() -> None:
-    assert (TOGETHER, DOUBTFUL) == (nominal_file.TOGETHER, nominal_file.DOUBTFUL)
 
 
 def test_outlook(seed: int) -> None:
