@@ -1,10 +1,10 @@
 """Operating conditions of an axis: nominal values that follow measured signals, and gates.
 
-    theta_0i(s) = v_i + slope_1 (f_1(s_1) - reference_1) + ...
+    theta_0i(s) = v_i + slope_1 (f_1(s) - reference_1) + ...
 
-f is a signal itself or a named function of it.  Where the slopes are those of Ja and 1/Ja is monitored, or the reverse,
-theta_0i(s) is the reciprocal of that sum, exactly.  A gate is open while its signal has the right value; while a gate
-is closed, nothing is learned and no test runs.
+f is a term: a measured signal, a function of a sum of signals, or a product of these (signal_terms.py).  Where the
+slopes are those of Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is the reciprocal of that sum, exactly.  A
+gate is open while its signal has the right value; while a gate is closed, nothing is learned and no test runs.
 
 Every value of a sample depends on that sample alone (and, for the speed of an axis that measures its angle, on the
 sample before): blocks may be split anywhere.
@@ -13,10 +13,8 @@ sample before): blocks may be split anywhere.
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -24,50 +22,16 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import split_name
 
 Bools = NDArray[np.bool_]
-
-FUNCTIONS: Mapping[str, Callable[[float], float]] = MappingProxyType(
-    {"cos": math.cos, "sin": math.sin, "square": lambda value: value * value}
-)
-"""Of a signal: cos(angle2)."""
 
 MARGIN = 0.1
 """Of the width of the range in which a slope was found: so far beyond its ends the nominal value still follows."""
 
 _SAME = 1e-6
 """Relative: signals are scaled numbers."""
-_TERM = re.compile(r"(?:(?P<function>\w+)\s*\(\s*(?P<inner>[\w-]+)\s*\))|(?P<signal>[\w-]+)")
-
-
-class Term(NamedTuple):
-    """A signal, or a function of it; ``function`` is empty for the signal itself."""
-
-    function: str
-    signal: str
-
-    def __str__(self) -> str:
-        return f"{self.function}({self.signal})" if self.function else self.signal
-
-    @classmethod
-    def read(cls, text: str) -> Term:
-        """The term in a text such as ``temperature`` or ``cos(angle2)``; its function may be unknown.
-
-        Raises:
-            ValueError: the text is no term.
-        """
-        match = _TERM.fullmatch(text.strip())
-        if match is None:
-            functions = ", ".join(f"{name}(...)" for name in FUNCTIONS)
-            raise ValueError(f'"{text}" is neither a signal nor one of {functions} of a signal')
-        return cls(match["function"] or "", match["inner"] or match["signal"])
-
-    def value(self, values: Floats) -> Floats:
-        """The term at values of its signal (N,); NaN where they are not finite."""
-        # One by one: a vectorised cosine may depend on the place in the array in its last bit.
-        function = FUNCTIONS[self.function] if self.function else float
-        return np.array([function(v) if math.isfinite(v) else math.nan for v in values.tolist()], np.float64)
 
 
 class Follow(NamedTuple):
@@ -81,9 +45,8 @@ class Follow(NamedTuple):
     low: float = -math.inf
     high: float = math.inf
 
-    def change(self, values: Floats) -> Floats:
-        """Change of the parameter (N,), at values of the signal (N,); NaN where it is unknown."""
-        at = self.term.value(values)
+    def change(self, at: Floats) -> Floats:
+        """Change of the parameter (N,), at values of the term (N,); NaN where it is unknown."""
         reach = MARGIN * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
         known = (at >= self.low - reach) & (at <= self.high + reach)
         return np.where(known, self.slope * (at - self.reference), math.nan)
@@ -137,7 +100,9 @@ class Operating:
         self._followers = [
             _follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)
         ]
-        wanted = {f.term.signal for f in conditions.follows} | {g.signal for g in conditions.gates}
+        wanted = {name for f in conditions.follows for name in f.term.signals} | {
+            g.signal for g in conditions.gates
+        }
         if missing := wanted - self._column.keys():
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
         self._before: tuple[int, float] | None = None
@@ -213,7 +178,7 @@ class _Follower(NamedTuple):
         """theta_0i(s) - theta_0i (N,) at signals (N, S)."""
         change = np.zeros(len(s))
         for follow in self.follows:
-            change = change + follow.change(s[:, column[follow.term.signal]])
+            change = change + follow.change(_term(follow.term, s, column))
         if self.reciprocal:
             with np.errstate(divide="ignore"):
                 change = 1 / (self.value + change) - self.theta0
@@ -224,14 +189,19 @@ class _Follower(NamedTuple):
     def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
         """Why the shift at signals (1, S) is unknown."""
         for follow in self.follows:
-            value = s[:, column[follow.term.signal]]
+            value = _term(follow.term, s, column)
             if math.isnan(follow.change(value)[0]):
-                at = follow.term.value(value)[0]
+                at = value[0]
                 beyond = "" if math.isnan(at) else f", beyond {follow.low:g} to {follow.high:g}"
                 yield _at(str(follow.term), at) + beyond
                 return
         if math.isnan(self.shift(s, column)[0]):
             yield f"{self.name} would leave its bounds"
+
+
+def _term(term: Term, s: Floats, column: Mapping[str, int]) -> Floats:
+    """The term (N,) at signals (N, S)."""
+    return term.value({name: s[:, column[name]] for name in term.signals})
 
 
 def _at(name: str, value: float) -> str:
@@ -244,8 +214,8 @@ def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
     for entry in follows:
         if split_name(entry.name)[0] not in bases:
             raise ValueError(f"{entry.name} is to follow {entry.term}, but is not monitored")
-        if entry.term.function and entry.term.function not in FUNCTIONS:
-            raise ValueError(f"no function {entry.term.function} of signals; there is {', '.join(FUNCTIONS)}")
+        if unknown := [name for name in entry.term.functions if name not in FUNCTIONS]:
+            raise ValueError(f"no function {unknown[0]} of signals; there is {', '.join(FUNCTIONS)}")
     return sorted({bases.index(split_name(follow.name)[0]) for follow in follows})
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.operating_conditions import Term
+from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import Drive, split_name
 from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.records.record import Record
@@ -228,7 +228,8 @@ def _where(term: str, records: Sequence[Record]) -> tuple[float, float, float]:
 
 def _values(name: str, record: Record) -> Floats:
     term = Term.read(name)
-    values = record.signals.get(term.signal)
-    if values is None or not np.isfinite(values).any():
-        raise IdentificationError(f"{record.name}: the signal {term.signal} was never measured in it")
-    return term.value(values)
+    for signal in term.signals:
+        values = record.signals.get(signal)
+        if values is None or not np.isfinite(values).any():
+            raise IdentificationError(f"{record.name}: the signal {signal} was never measured in it")
+    return term.value(record.signals)

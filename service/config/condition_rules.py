@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from monitor_core.drive import AxisModel, Conditions, Follow, Operating, split_name
+from monitor_core.drive import AxisModel, Conditions, Follow, Operating, Term, split_name
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
@@ -19,13 +19,13 @@ from service.config.schema import AxisConfig, RobotConfig
 def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
     """A signal that is the motion of another axis: of this robot, on the same bus."""
     for k, axis in enumerate(robot.axis):
-        others = {other.name: other for other in robot.axis if other.name != axis.name}
+        others = {other.name: other for other in robot.axis}
         for n, s in enumerate(axis.signal):
             path: Keys = ("axis", k, "signal", n, "axis")
             if s.axis is None:
                 continue
             if s.axis not in others:
-                yield Finding(path, f"no other axis of that name: {did_you_mean(s.axis, others)}")
+                yield Finding(path, f"no axis of that name: {did_you_mean(s.axis, others)}")
                 continue
             other = others[s.axis]
             if other.angle is not None and other.angle.wrap_period is not None:
@@ -75,7 +75,7 @@ def _no_signal(name: str, axis: AxisConfig) -> str:
     """Why that is no signal of the axis; empty if it is one."""
     names = _names(axis)
     try:
-        return "must be a signal itself" if name not in names and term_of(name, names).function else ""
+        return "" if name in names or term_of(name, names).is_signal else "must be a signal itself"
     except ValueError as error:
         return str(error)
 
@@ -123,8 +123,8 @@ def values_at_ends(axis: AxisConfig) -> Iterator[Finding]:
 
 def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
     """Whether theta_0 is impossible at this value of the term."""
-    plain = follow._replace(term=follow.term._replace(function=""), low=end, high=end)
-    operating = Operating(model, Conditions((follow.term.signal,), (plain,)))
+    plain = follow._replace(term=Term.read("term"), low=end, high=end)
+    operating = Operating(model, Conditions(plain.term.signals, (plain,)))
     shift, _ = operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([[end]]))
     return bool(np.isnan(shift).any())
 
@@ -133,7 +133,9 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
     """The signals that a monitored axis needs are on its bus."""
     if axis.records_only:
         return
-    purposes = {_signal(v, axis): f"{v.parameter} follows it" for _, v in varying_of(axis)}
+    purposes = {
+        signal: f"{v.parameter} follows it" for _, v in varying_of(axis) for signal in _signals(v, axis)
+    }
     purposes |= {g.signal: "it is a gate" for g in axis.gate}
     for n, s in enumerate(axis.signal):
         if s.axis is None and s.message is None and s.name in purposes:
@@ -147,7 +149,7 @@ def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
         return
     moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
     for path, v in varying_of(axis):
-        if (other := moving.get(_signal(v, axis))) is not None:
+        for other in [moving[signal] for signal in _signals(v, axis) if signal in moving][:1]:
             message = f"but {v.parameter} follows the motion of {other}, by"
             yield Finding(("model", "conditions"), message, path)
 
@@ -156,9 +158,9 @@ def _names(axis: AxisConfig) -> list[str]:
     return [s.name for s in axis.signal]
 
 
-def _signal(v: Schedule, axis: AxisConfig) -> str:
+def _signals(v: Schedule, axis: AxisConfig) -> tuple[str, ...]:
     try:
-        return term_of(v.signal, _names(axis)).signal
+        return term_of(v.signal, _names(axis)).signals
     except ValueError:  # which another check reports
         raise Undecidable("signal") from None
 

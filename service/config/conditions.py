@@ -36,24 +36,26 @@ def follow_of(schedule: Schedule) -> Follow:
 
 
 def term_of(text: str, known: Iterable[str]) -> Term:
-    """A signal or a function of it, as the user writes it: temperature, cos(angle2).
+    """A term of signals, as the user writes it: temperature, cos(angle2 + angle3).
 
     Raises:
         ValueError: there is no such signal or function.
     """
     term, names = Term.read(text), list(known)
-    if term.function and term.function not in FUNCTIONS:
-        raise ValueError(f"no function {term.function} of signals: {did_you_mean(term.function, FUNCTIONS)}")
-    if not names:
-        raise ValueError(
-            f"no signal {term.signal}: the configuration names none; add [[robot.axis.signal]] with"
-            f' name = "{term.signal}" and its column'
-        )
-    if term.signal not in names:
-        raise ValueError(
-            f"no signal {term.signal}: {did_you_mean(term.signal, names)}; signals are [[robot.axis.signal]] of the"
-            " configuration"
-        )
+    for function in term.functions:
+        if function not in FUNCTIONS:
+            raise ValueError(f"no function {function} of signals: {did_you_mean(function, FUNCTIONS)}")
+    for signal in term.signals:
+        if not names:
+            raise ValueError(
+                f"no signal {signal}: the configuration names none; add [[robot.axis.signal]] with"
+                f' name = "{signal}" and its column'
+            )
+        if signal not in names:
+            raise ValueError(
+                f"no signal {signal}: {did_you_mean(signal, names)}; signals are [[robot.axis.signal]] of the"
+                " configuration"
+            )
     return term
 
 
@@ -69,9 +71,8 @@ def conditions_of(axis: NamedAxis) -> Conditions:
 
 def needed(axis: NamedAxis) -> tuple[Source, ...]:
     """The auxiliary signals that the monitoring of an axis needs, in the order of the configuration."""
-    names = {follow_of(v).term.signal for _, v in varying_of(axis.config)} | {
-        g.signal for g in axis.config.gate
-    }
+    names = {name for _, v in varying_of(axis.config) for name in follow_of(v).term.signals}
+    names |= {g.signal for g in axis.config.gate}
     return tuple(source for source in axis.sources if source.name in names)
 
 

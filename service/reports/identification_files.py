@@ -224,6 +224,7 @@ def _verdict(verdict: Verdict) -> Json:
         "explained": verdict.own.per_cent,
         "explained_validation": verdict.validation.per_cent,
         "validation": verdict.basis.value,
+        "compared": verdict.measure.value,
         "missing": [effect.value for effect in verdict.missing],
     }
 

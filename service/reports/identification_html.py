@@ -73,7 +73,7 @@ def _key_figures(report: IdentificationReport) -> Iterator[tuple[str, str]]:
     rows = [row for row in result.rows() if row.sd is not None]
     worst = max((row.relative_sd or 0.0 for row in rows if not row.is_about_zero), default=0.0)
     zero = ", ".join(row.name for row in rows if row.is_about_zero)
-    yield verdict.quality.value, "fit: how the simulation explains the motion"
+    yield verdict.quality.value, f"fit: how the drive explains the {verdict.measure.value}"
     yield f"{verdict.validation.per_cent:.0f} %", f"explained {content.BASIS[verdict.basis]}"
     yield f"{verdict.own.per_cent:.0f} %", "explained of the fitted records"
     yield percent(worst), f"largest standard deviation of a parameter{f'; about 0: {zero}' if zero else ''}"

@@ -17,6 +17,7 @@ from monitor_core.identification import (
     Effect,
     Growth,
     IdentificationResult,
+    Measure,
     Obstacle,
     ParameterRow,
     Rejection,
@@ -225,6 +226,10 @@ BASIS = {
     Basis.HALVES: "of each half of the records with values from the other",
     Basis.NONE: "of the fitted records, which cannot be divided",
 }
+_MEASURE = {
+    Measure.MOTION: ("the simulation", "motion"),
+    Measure.TORQUE: ("the drive, moved as measured,", "torque"),
+}
 _MISSING = {
     Effect.POSE: (
         "torque depends on the angle, as that of a weight does: add gravity to the drive (AxisWatch.Gravity, or"
@@ -244,16 +249,18 @@ _MISSING = {
     ),
     Effect.FOREIGN: (
         "what is missing depends neither on the angle nor on the speed of this axis: other axes that move, a load that"
-        " changes, contact; record this axis alone, or let parameters follow signals with --schedule"
+        " changes, contact; record this axis alone, or let parameters follow signals: where the arm behind the axis"
+        ' moves, --schedule "tau0: cos(angle2 + angle3)" with the angles of the axes as signals'
     ),
 }
 
 
 def verdict_words(verdict: Verdict) -> str:
     """The figure and what it is of: "the simulation explains 94 % of the motion ..."."""
+    what, of_what = _MEASURE[verdict.measure]
     figure = f"{verdict.validation.per_cent:.0f} %" if verdict.validation.per_cent > 0 else "nothing"
     own = f"{verdict.own.per_cent:.0f} %" if verdict.own.per_cent > 0 else "nothing"
-    words = f"the simulation explains {figure} of the motion {BASIS[verdict.basis]}"
+    words = f"{what} explains {figure} of the {of_what} {BASIS[verdict.basis]}"
     return words if verdict.basis is Basis.NONE else f"{words}, and {own} of that of the fitted ones"
 
 

@@ -215,15 +215,15 @@ class SimulatedConditions:
 
 def _swing(name: str, conditions: Conditions) -> tuple[float, float]:
     gates = [gate for gate in conditions.gates if gate.signal == name]
-    follows = [follow for follow in conditions.follows if follow.term.signal == name]
+    follows = [follow for follow in conditions.follows if name in follow.term.signals]
     if gates:
         candidates = list(_candidates(gates))
         fitting = (v for v in candidates if all(gate.open(np.array([v])).all() for gate in gates))
         return next(fitting, candidates[0]), 0.0
     first = follows[0]
-    if not first.term.function and math.isfinite(first.high - first.low):
+    if first.term.is_signal and math.isfinite(first.high - first.low):
         return (first.low + first.high) / 2, _SIGNAL_SWING * (first.high - first.low)
-    return _at_reference(first), 0.0
+    return _at_reference(first, name), 0.0
 
 
 def _candidates(gates: list[Gate]) -> Iterator[float]:
@@ -236,9 +236,13 @@ def _candidates(gates: list[Gate]) -> Iterator[float]:
     yield 0.0
 
 
-def _at_reference(follow: Follow) -> float:
-    back = _BACK.get(follow.term.function)
+def _at_reference(follow: Follow, name: str) -> float:
+    """The value of a signal with which the term is at its reference, the other signals in a sum being zero."""
+    factor = follow.term.factors[0]
+    if len(follow.term.factors) > 1 or factor.addends[0][1] != name:
+        return 0.0
+    sign, back = factor.addends[0][0], _BACK.get(factor.function)
     try:
-        return back(follow.reference) if back else follow.reference
+        return sign * back(follow.reference) if back else follow.reference
     except ValueError:  # a mean of a square, or what is no cosine at all
         return 0.0

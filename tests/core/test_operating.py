@@ -12,24 +12,23 @@ from hypothesis import strategies as st
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import (
-    FUNCTIONS,
     MARGIN,
     Conditions,
     Follow,
     Gate,
     Operating,
-    Term,
 )
+from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 
 MODEL = AxisModel(three_mass("angle"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
 TURNING = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-FRICTION = Follow("fm", Term("", "temperature"), -0.0005, 40.0, 20.0, 60.0)
+FRICTION = Follow("fm", Term.read("temperature"), -0.0005, 40.0, 20.0, 60.0)
 NAN = math.nan
 
 
 def follow(name: str, function: str = "") -> Follow:
-    return Follow(name, Term(function, "t"), 1.0, 0.0)
+    return Follow(name, Term.read(f"{function}(t)" if function else "t"), 1.0, 0.0)
 
 
 def taken(
@@ -41,45 +40,13 @@ def taken(
     return shift, gate, operating.reason
 
 
-@pytest.mark.parametrize(
-    ("text", "term"),
-    [
-        ("temperature", ("", "temperature")),
-        (" cos(angle2) ", ("cos", "angle2")),
-        ("square ( a-b )", ("square", "a-b")),
-        ("tan(x)", ("tan", "x")),
-    ],
-)
-def test_terms_are_read(text: str, term: tuple[str, str]) -> None:
-    assert Term.read(text) == term
-    assert Term.read(str(Term.read(text))) == term
-
-
-@pytest.mark.parametrize("text", ["", "cos()", "2 * x", "cos(x", "a + b", "cos(sin(x))"])
-def test_what_is_no_term_is_refused(text: str) -> None:
-    with pytest.raises(
-        ValueError, match=r"is neither a signal nor one of cos\(...\), sin\(...\), square\(...\)"
-    ):
-        Term.read(text)
-
-
-def test_functions_are_what_they_are_called() -> None:
-    x = np.array([0.3, -2.0, NAN, math.inf])
-    expected = {"cos": np.cos(x[:2]), "sin": np.sin(x[:2]), "square": x[:2] ** 2}
-    assert set(FUNCTIONS) == set(expected)
-    for name, values in expected.items():
-        found = Term(name, "x").value(x)
-        np.testing.assert_allclose(found[:2], values, rtol=1e-15)
-        assert np.isnan(found[2:]).all()
-
-
 def test_a_nominal_value_follows_its_signals_and_no_other() -> None:
     shift, gate, reason = taken(Conditions(("mode", "temperature"), (FRICTION,)), (7, 40), (7, 50), (7, 25))
     assert gate.all()
     assert reason == ""
     np.testing.assert_allclose(shift[:, 2], [0.0, -0.005, 0.0075], rtol=1e-12)
     assert (shift[:, :2] == 0).all()
-    more = Follow("fm", Term("square", "load"), 0.001, 1.0)
+    more = Follow("fm", Term.read("square(load)"), 0.001, 1.0)
     shift, _, _ = taken(Conditions(("temperature", "load"), (FRICTION, more)), (50, 3))
     assert shift[0, 2] == pytest.approx(-0.005 + 0.008)
 
@@ -94,7 +61,7 @@ def test_slopes_of_a_parameter_and_of_its_reciprocal_are_converted_exactly(
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", watched), relative=relative)
     ja = REFERENCE_VALUES["Ja"]
     base = ja if given == "Ja" else 1 / ja
-    follow = Follow(given, Term("", "s"), 0.3 * base, 0.0)
+    follow = Follow(given, Term.read("s"), 0.3 * base, 0.0)
     shift, _, _ = taken(Conditions(("s",), (follow,)), (0.0,), (1.0,), (-1.0,), model=model)
     value = base * np.array([1.0, 1.3, 0.7])
     expected = value if given == watched else 1 / value
@@ -132,7 +99,7 @@ def test_an_impossible_nominal_value_is_none(name: str, slope: float) -> None:
         name
     ]
     i = 1 if name == "fm" else 0
-    follow = Follow(name, Term("", "s"), slope * value, 0.0)
+    follow = Follow(name, Term.read("s"), slope * value, 0.0)
     shift, _, reason = taken(Conditions(("s",), (follow,)), (0.1,), (1.0,), model=model)
     assert np.isnan(shift[:, i]).tolist() == [False, True]
     assert reason == f"{model.monitored[i]} would leave its bounds"
@@ -189,7 +156,7 @@ def test_slow_is_gated(model: AxisModel, t_ms: list[int], y: list[float], expect
 @given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1))
 def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
-    inertia = Follow("Ja", Term("cos", "angle2"), 20.0, 0.1)
+    inertia = Follow("Ja", Term.read("cos(angle2)"), 20.0, 0.1)
     conditions = Conditions(
         ("temperature", "angle2", "mode"), (FRICTION, inertia), (Gate("mode", (1.0, 2.0)),), min_speed=1.0
     )

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Term
+from monitor_core.drive.operating_conditions import Conditions, Follow, Gate
+from monitor_core.drive.signal_terms import Term
 from service.config import AxisConfig, Config, ConfigErrors, conditions_of, load, needed
 from service.config.drives import axis_model, limits_of
 from tests.end_to_end.processes import demo_config, edit
@@ -105,8 +106,8 @@ def test_all_that_may_be_said_and_nothing(folder: Path) -> None:
     assert conditions_of(axis) == Conditions(
         ("temperature", "mode", "speed2"),
         (
-            Follow("fm", Term("", "temperature"), -0.0004, 40.0, 20.0, 60.0),
-            Follow("kT", Term("cos", "speed2"), 0.1, 1.0),
+            Follow("fm", Term.read("temperature"), -0.0004, 40.0, 20.0, 60.0),
+            Follow("kT", Term.read("cos(speed2)"), 0.1, 1.0),
         ),
         (Gate("mode", (3.0, 4.0)), Gate("temperature", above=5.0)),
         0.2,

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.drive.operating_conditions import Gate, Term
+from monitor_core.drive.operating_conditions import Gate
+from monitor_core.drive.signal_terms import Term
 from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of
 from service.config.schema import SpeedConfig
@@ -143,7 +144,7 @@ def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
 def test_what_has_no_range_is_at_its_reference(signal: str, reference: float, tmp_path: Path) -> None:
     one = SimulatedConditions(axis(tmp_path, [], [slope("fm", signal, reference)]))
     values = np.array(one.signals(12.3, {}))
-    assert Term.read(signal).value(values)[0] == pytest.approx(reference)
+    assert Term.read(signal).value({"s": values})[0] == pytest.approx(reference)
 
 
 def test_the_motion_of_another_axis_is_what_that_sends(tmp_path: Path) -> None:

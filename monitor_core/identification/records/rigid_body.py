@@ -20,9 +20,10 @@ from monitor_core.drive.structure import Output
 from monitor_core.identification.records.record import Record, segments
 from monitor_core.identification.records.uniform_grid import mean_torque
 
-Term = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag"]
+Term = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"]
 """What takes torque beside the inertia: friction, an offset; powers of the angle, for whatever depends on the pose;
-friction that falls with the speed, and that grows faster than it."""
+friction that falls with the speed, and that grows faster than it; a signal of the record, named SIGNAL."""
+SIGNAL = "torque of signals"
 USUAL: tuple[Term, ...] = ("viscous", "coulomb", "offset")
 
 _WINDOWS = 4
@@ -42,12 +43,13 @@ _GAP = 10.0
 
 
 class _Part(NamedTuple):
-    """A piece of a record on a regular grid: torque around each sample and motion (N,), interval in s."""
+    """A piece of a record on a regular grid: torque around each sample, motion and signal (N,), interval in s."""
 
     u: Floats
     y: Floats
     h: float
     quantity: Output
+    signal: Floats
 
 
 class Rigid(NamedTuple):
@@ -89,6 +91,34 @@ def rigid_fits(
         return [None] * len(models)
     best, window = max(fits, key=lambda pair: pair[0].explained)
     return [best, *(_fit(parts, window, speed_scale, terms) for terms in models[1:])]
+
+
+class Balance(NamedTuple):
+    """A torque balance with given values."""
+
+    inertia: float
+    """kg m^2"""
+    torques: Mapping[Term, float]
+    """N m per unit of each term"""
+
+
+def unexplained(
+    records: Sequence[Record], balance: Balance, speed_scale: float = 1.0
+) -> tuple[float, float] | None:
+    """Sum of squares of the windowed torque that a balance does not explain, and that of the torque about its mean.
+
+    The window is the one in which these terms, fitted, explain most.  None: the records are too short.
+    """
+    parts, terms = _parts(records), tuple(balance.torques)
+    ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
+    fits = [(fit.explained, window) for window in ladder if (fit := _fit(parts, window, speed_scale, terms))]
+    if not fits:
+        return None
+    _, window = max(fits)
+    equations = [_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window]
+    rows, torque = (np.concatenate(of_parts) for of_parts in zip(*equations, strict=True))
+    left = torque - rows @ np.array([balance.inertia, *balance.torques.values()])
+    return float(left @ left), float(((torque - torque.mean()) ** 2).sum())
 
 
 def speed_scales(records: Sequence[Record]) -> tuple[float, ...]:
@@ -147,7 +177,14 @@ def _part(segment: Record) -> _Part:
     y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
     u = mean_torque(segment, t)
     # Mean of the torques before and after each sample.
-    return _Part(np.convolve(u, (0.5, 0.5))[: len(u)], y, float(t[1] - t[0]), segment.quantity)
+    signal = segment.signals.get(SIGNAL, np.zeros(len(segment)))
+    return _Part(
+        np.convolve(u, (0.5, 0.5))[: len(u)],
+        y,
+        float(t[1] - t[0]),
+        segment.quantity,
+        np.interp(t, segment.t, signal),
+    )
 
 
 def _equations(part: _Part, window: int, speed_scale: float, terms: Sequence[Term]) -> tuple[Floats, Floats]:
@@ -166,7 +203,10 @@ def _equations(part: _Part, window: int, speed_scale: float, terms: Sequence[Ter
         speed, angle = _slope(y, window // 8, part.h), y - y[0]
         inertia, viscous = over(g2, angle), -over(g1, angle)
     columns = [
-        viscous if term == "viscous" else over(g, _torque(term, speed, angle, speed_scale)) for term in terms
+        viscous
+        if term == "viscous"
+        else over(g, part.signal if term == "signal" else _torque(term, speed, angle, speed_scale))
+        for term in terms
     ]
     return np.column_stack([inertia, *columns]), over(g, part.u)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.drive.operating_conditions import Follow, Term
+from monitor_core.drive.operating_conditions import Follow
+from monitor_core.drive.signal_terms import Term
 from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
@@ -157,7 +158,7 @@ def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path
     path.write_text(path.read_text(encoding="utf-8") + FOLLOWS, encoding="utf-8")
     edit(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
     (found,) = conditions_of(load(robot, {}).axes[0]).follows
-    assert found == Follow("fm", Term("", "temperature"), -0.0012, 32.5, 20.0, 45.0)
+    assert found == Follow("fm", Term.read("temperature"), -0.0012, 32.5, 20.0, 45.0)
     table = '[[robot.axis.model.schedule]]\nparameter = "kT"\nsignal = "temperature"\nslope = 0.1\nreference = 30.0\n'
     edit(robot, (ESTIMATOR, f"{table}{ESTIMATOR}"))
     assert [one.name for one in conditions_of(load(robot, {}).axes[0]).follows] == ["fm", "kT"]

@@ -1,0 +1,130 @@
+"""How much of the torque a drive with given values explains: what the measured motion takes, in smooth means.
+
+A weight is held by far more torque than friction and inertia take.  A simulation then runs away with the smallest error
+of that torque, and its speed says little of the values.  The other way round nothing is integrated:
+
+    u = J w' + f w + fc tanh(w / scale) - (tau0 + weight of the pose) / kT + ..
+
+with the values that the drive has while it moves slowly, as one rigid mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import split_name
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.rigid_body import SIGNAL, Balance, Term, unexplained
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+
+_SLOW = 0.05
+"""rad/s: what is so slow moves rigidly."""
+
+
+def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> float:
+    """Per cent of the torque, 100 (1 - |errors| / |torque - mean|), of records with the values of each problem.
+
+    Scheduled parameters follow their signals where they are a constant torque.  -inf: nothing, or the records are too
+    short.
+    """
+    left = spread = 0.0
+    for problem, records in problems:
+        found = unexplained(*_balanced(problem, records))
+        if found is None:
+            return -np.inf
+        left, spread = left + found[0], spread + found[1]
+    return 100 * (1 - float(np.sqrt(left / spread))) if spread > 0 else -np.inf
+
+
+def holds_weight(problem: Problem) -> bool:
+    """Whether a weight acts on the drive: gravity of its angle, or a constant torque that follows the pose."""
+    gravity = [kind in (COSINE, SINE) for kind in problem.drive.inputs]
+    acts = bool(problem.drive.matrix("B", problem.nominal)[:, gravity].any()) if any(gravity) else False
+    return acts or follows_pose(problem)
+
+
+def follows_pose(problem: Problem) -> bool:
+    """Whether a constant torque follows signals, such as the angles of other axes."""
+    return bool(_offsets(problem))
+
+
+def with_torque_of_pose(problem: Problem, records: Sequence[Record]) -> list[Record]:
+    """The records with the torque that gravity and signals take as their signal SIGNAL."""
+    return _balanced(problem, records)[0]
+
+
+def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record], Balance, float]:
+    """Records with the torque of pose and signals as a signal, the balance of all else, and its speed scale."""
+    drive, rigid = problem.drive, _Rigid(problem)
+    kinds, ratio = np.array(drive.inputs), drive.matrix("ratio", problem.nominal)[:, 0]
+    takes, scale = rigid.takes(problem.nominal), problem.speed_scale
+    torques: dict[Term, float] = {"viscous": rigid.viscous}
+    if (friction := np.flatnonzero(kinds == COULOMB)).size:
+        torques["coulomb"] = float(takes[friction[0]])
+        scale /= abs(float(ratio[friction[0]]))
+    if (kinds == ONE).any():
+        torques["offset"] = float(takes[kinds == ONE].sum())
+    torques["signal"] = 1.0
+    posed = list[Record]()
+    for record in records:
+        pose = np.zeros(len(record))
+        for name, slope, signal in _offsets(problem):
+            pose = pose + rigid.takes_per(name) * slope * record.signals[signal]
+        for k in np.flatnonzero((kinds == COSINE) | (kinds == SINE)).tolist():
+            turned = ratio[k] * record.y
+            pose = pose + takes[k] * (np.cos(turned) if kinds[k] == COSINE else np.sin(turned))
+        posed.append(replace(record, signals={SIGNAL: _without_gaps(record.t, pose)}))
+    return posed, Balance(rigid.inertia, torques), scale
+
+
+class _Rigid:
+    """A drive that moves so slowly that it is rigid: the torque that its motion and its inputs take."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        A, B, C = AxisModel(problem.drive, problem.nominal, ()).matrices()
+        s = 1j * _SLOW
+        self._left = np.linalg.solve((s * np.eye(len(A)) - A).T, C[0].astype(complex))
+        self._of_torque = (self._left @ B)[np.array(problem.drive.inputs) == TORQUE].sum()
+        # 1 / (angle over torque) = J s^2 + f s
+        impedance = (1 if problem.drive.output == "angle" else s) / self._of_torque
+        self.inertia, self.viscous = -float(impedance.real) / _SLOW**2, float(impedance.imag) / _SLOW
+
+    def takes(self, values: Mapping[str, float]) -> Floats:
+        """Torque that each input takes (m,), per unit of it."""
+        takes: Floats = -np.real(self._left @ self._problem.drive.matrix("B", values) / self._of_torque)
+        return takes
+
+    def takes_per(self, name: str) -> float:
+        """Torque that all inputs take, per unit of a parameter."""
+        nominal = self._problem.nominal
+        more = self.takes({**nominal, name: nominal[name] + 1.0}) - self.takes(nominal)
+        return float(more.sum())
+
+
+def _offsets(problem: Problem) -> list[tuple[str, float, str]]:
+    """Constant torques that follow signals: name, slope and signal."""
+    return [
+        (name, problem.slopes.get(f"{name} per {signal}", 0.0), signal)
+        for name, signals in problem.varying.items()
+        if not split_name(name)[1] and _enters(problem, name)
+        for signal in signals
+    ]
+
+
+def _enters(problem: Problem, name: str) -> bool:
+    """Whether the parameter is a factor of nothing but a constant input."""
+    drive = problem.drive
+    columns = {(t.matrix, t.col) for t in drive.terms if name in dict(t.powers)}
+    return bool(columns) and all(matrix == "B" and drive.inputs[col] == ONE for matrix, col in columns)
+
+
+def _without_gaps(t: Floats, values: Floats) -> Floats:
+    known = np.isfinite(values)
+    return np.interp(t, t[known], values[known]) if known.any() else np.zeros(len(t))

@@ -1,0 +1,71 @@
+"""Terms that nominal values follow: how they are read, and their values."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor_core.drive.signal_terms import FUNCTIONS, Factor, Term
+
+PLAIN = ((1, "temperature"),)
+
+
+@pytest.mark.parametrize(
+    ("text", "factors"),
+    [
+        ("temperature", [("", PLAIN)]),
+        (" cos(angle2) ", [("cos", ((1, "angle2"),))]),
+        ("square ( a-b )", [("square", ((1, "a-b"),))]),
+        ("tan(x)", [("tan", ((1, "x"),))]),
+        ("cos(a2+a3 - a-4)", [("cos", ((1, "a2"), (1, "a3"), (-1, "a-4")))]),
+        ("sin(-a -b)", [("sin", ((-1, "a"), (-1, "b")))]),
+        ("payload*cos(a + b)", [("", ((1, "payload"),)), ("cos", ((1, "a"), (1, "b")))]),
+    ],
+)
+def test_terms_are_read(text: str, factors: list[tuple[str, tuple[tuple[int, str], ...]]]) -> None:
+    assert Term.read(text).factors == tuple(factors)
+
+
+NAMES = st.from_regex(r"[a-z]\w{0,3}(-\w)?", fullmatch=True)
+FACTORS = st.builds(
+    Factor,
+    st.sampled_from(sorted(FUNCTIONS)),
+    st.lists(st.tuples(st.sampled_from((1, -1)), NAMES), min_size=1, max_size=3).map(tuple),
+) | NAMES.map(lambda name: Factor("", ((1, name),)))
+
+
+@given(st.lists(FACTORS, min_size=1, max_size=3).map(lambda factors: Term(tuple(factors))))
+def test_a_term_is_written_as_it_is_read(term: Term) -> None:
+    assert Term.read(str(term)) == term
+
+
+@pytest.mark.parametrize(
+    "text", ["", "cos()", "2 * x", "cos(x", "a + b", "cos(sin(x))", "a *", "-a", "cos(a- b)", "cos(a + )"]
+)
+def test_what_is_no_term_is_refused(text: str) -> None:
+    with pytest.raises(
+        ValueError, match=r"is neither a signal nor one of cos\(...\), sin\(...\), square\(...\)"
+    ):
+        Term.read(text)
+
+
+def test_functions_are_what_they_are_called() -> None:
+    x = np.array([0.3, -2.0, math.nan, math.inf])
+    expected = {"cos": np.cos(x[:2]), "sin": np.sin(x[:2]), "square": x[:2] ** 2}
+    assert set(FUNCTIONS) == set(expected)
+    for name, values in expected.items():
+        found = Term.read(f"{name}(x)").value({"x": x})
+        np.testing.assert_allclose(found[:2], values, rtol=1e-15)
+        assert np.isnan(found[2:]).all()
+
+
+def test_the_load_of_a_link_is_a_product_with_the_cosine_of_a_sum_of_angles() -> None:
+    signals = {"m": np.array([0.0, 2.0, 3.0]), "a": np.array([1.0, 1.0, math.nan]), "b": np.full(3, 0.5)}
+    term = Term.read("m * cos(a - b)")
+    assert term.signals == ("m", "a", "b")
+    assert term.functions == ("cos",)
+    np.testing.assert_allclose(term.value(signals), [0.0, 2 * math.cos(0.5), math.nan], rtol=1e-15)
