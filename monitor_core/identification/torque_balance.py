@@ -66,7 +66,7 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
     takes, scale = rigid.takes(problem.nominal), problem.speed_scale
     torques: dict[Term, float] = {"viscous": rigid.viscous}
     if (friction := np.flatnonzero(kinds == COULOMB)).size:
-        torques["coulomb"] = float(takes[friction[0]])
+        torques["coulomb"] = float(takes[friction].sum())
         scale /= abs(float(ratio[friction[0]]))
     if (kinds == ONE).any():
         torques["offset"] = float(takes[kinds == ONE].sum())

@@ -45,7 +45,7 @@ Varying = Annotated[
     typer.Option(
         "--schedule",
         metavar="NAME:SIGNALS",
-        help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "Ja: payload, cos(angle2)".'
+        help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "tau0: cos(angle2), cos(angle2 + angle3)".'
         " Of a signal there are cos, sin and square.",
     ),
 ]

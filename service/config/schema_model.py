@@ -16,7 +16,8 @@ class ScheduleConfig(Table):
     parameter: Text
     """a monitored parameter, such as "fm" or "Ja", or its reciprocal"""
     signal: Text
-    """a signal of [[robot.axis.signal]], or cos, sin or square of one: cos(angle2)"""
+    """a signal of [[robot.axis.signal]]; cos, sin or square of one or of a sum, cos(angle2 + angle3); a product,
+    payload * cos(angle2)"""
     slope: Real
     """change of the parameter for each unit of the signal, in its SI unit"""
     reference: Real

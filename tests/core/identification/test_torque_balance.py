@@ -1,0 +1,89 @@
+"""How much of the torque a drive explains: against torques that are written down for a motion that is given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight
+from tests.core.chains import chain, values
+
+INTERVAL_S, SCALE, SECONDS = 0.005, 0.3, 40.0
+T = np.arange(0.0, SECONDS, INTERVAL_S)
+VALUES = {**values(2), "fa": 0.0, "tau0": 0.3}
+R = VALUES["r"]
+SWINGS = ((0.7 / R, 0.11), (0.25 / R, 0.31))
+"""Amplitude at the motor [rad] and frequency [Hz]: far below the resonance, so that the drive is rigid."""
+OTHER = np.cos(0.9 * np.sin(2 * np.pi * 0.07 * T))
+LOAD = 0.8
+"""N m at the motor, of the arm that another axis moves."""
+
+
+def moved(**other_values: float) -> tuple[Record, Problem]:
+    """A record of the true drive, and the problem with other values of some parameters."""
+    v = VALUES
+    turns = [(a, 2 * np.pi * f) for a, f in SWINGS]
+    angle = np.sum([a * np.sin(w * T) for a, w in turns], axis=0)
+    speed = np.sum([a * w * np.cos(w * T) for a, w in turns], axis=0)
+    acceleration = np.sum([-a * w * w * np.sin(w * T) for a, w in turns], axis=0)
+    weight = R * (v["gc"] * np.cos(R * angle) + v["gs"] * np.sin(R * angle))
+    inertia = v["J1"] + R**2 * v["J2"]
+    taken = inertia * acceleration + v["f"] * speed + v["fc"] * np.tanh(speed / SCALE) + weight
+    u = (taken - v["tau0"] - LOAD * OTHER) / v["kT"]
+    held = np.append(u[:-1] + np.diff(u) / 2, u[-1])  # the mean over each interval
+    record = Record(T, held, angle, "angle", signals={"load": OTHER})
+    problem = Problem(
+        chain(2, "angle"),
+        {**v, **other_values},
+        ("fc", "tau0"),
+        speed_scale=SCALE,
+        varying={"tau0": ("load",)},
+        slopes={"tau0 per load": LOAD},
+    )
+    return record, problem
+
+
+def test_the_true_values_explain_all_of_it() -> None:
+    record, problem = moved()
+    assert explained_torque([(problem, [record])]) > 99.5
+
+
+@pytest.mark.parametrize(("name", "factor"), [("kT", 1.2), ("gc", 1.3), ("fc", 2.0), ("tau0", -1.0)])
+def test_another_value_leaves_what_it_is_off_by(name: str, factor: float) -> None:
+    """Everything takes part of the torque but what is off; both records count by their torque."""
+    record, problem = moved()
+    _, wrong = moved(**{name: factor * VALUES[name]})
+    alone = explained_torque([(wrong, [record])])
+    assert alone < 97
+    both = explained_torque([(wrong, [record]), (problem, [record])])
+    assert 100 - both == pytest.approx((100 - alone) / np.sqrt(2), rel=0.02)
+
+
+def test_a_constant_torque_follows_its_signal() -> None:
+    record, problem = moved()
+    assert follows_pose(problem)
+    without = replace(problem, varying={}, slopes={})
+    assert not follows_pose(without)
+    off = np.std(LOAD / VALUES["kT"] * (OTHER - OTHER.mean())) / np.std(record.u)
+    mean = replace(without, nominal={**VALUES, "tau0": VALUES["tau0"] + LOAD * OTHER.mean()})
+    assert 100 - explained_torque([(mean, [record])]) == pytest.approx(100 * off, rel=0.05)
+
+
+def test_a_weight_is_gravity_or_a_torque_that_follows_signals() -> None:
+    _, problem = moved(gc=0.0, gs=0.0)
+    assert holds_weight(problem)
+    assert not holds_weight(replace(problem, varying={}, slopes={}))
+    _, problem = moved()
+    assert holds_weight(replace(problem, varying={}, slopes={}))
+
+
+def test_a_record_that_is_too_short_explains_nothing() -> None:
+    record, problem = moved()
+    short = Record(
+        record.t[:20], record.u[:20], record.y[:20], "angle", signals={"load": record.signals["load"][:20]}
+    )
+    assert explained_torque([(problem, [short])]) == -np.inf
