@@ -19,7 +19,7 @@ from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.calibration.multimodel_healthy import multimodel_statistics
 from monitor_core.calibration.multimodel_thresholds import limits_for_budget
 from tests.core.calibration import healthy_axes, healthy_multimodel
-from tests.core.calibration.healthy_axes import Plant, plant, record
+from tests.core.calibration.healthy_axes import Plant, plant_with, record
 
 pytestmark = pytest.mark.soak
 
@@ -86,7 +86,7 @@ DETECTORS = {
 @pytest.mark.parametrize("name", DETECTORS)
 def test_the_interval_holds_the_true_rate(name: str, colour: float, seed: int) -> None:
     """Of so many calibrations as the promise says; 90 of 100 by design."""
-    of, detector = plant(colour), DETECTORS[name]
+    of, detector = plant_with(colour), DETECTORS[name]
     found = [detector.calibrated(of, seed + k) for k in range(CALIBRATIONS)]
     own = [one.own for budgets in found for one in budgets]
     alarms, samples = detector.counted(of, own, seed - 1, detector.hours * HOUR)

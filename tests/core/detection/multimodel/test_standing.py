@@ -9,15 +9,15 @@ from monitor_core.detection.multimodel.active_faults import REST, SECOND, Active
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.naming import Share
-from tests.core.calibration.healthy_axes import plant
+from tests.core.calibration.healthy_axes import plant_with
 
-OF = plant(0.0)
-HYPOTHESES = candidates(OF.model, OF.settings)
+PLANT = plant_with(0.0)
+HYPOTHESES = candidates(PLANT.model, PLANT.settings)
 
 
 @pytest.fixture
 def standing() -> ActiveFaults:
-    return ActiveFaults(OF.model, OF.settings, HYPOTHESES)
+    return ActiveFaults(PLANT.model, PLANT.settings, HYPOTHESES)
 
 
 def share(cause: str, size: float, size_sd: float = 0.01) -> Share:
@@ -80,7 +80,7 @@ def test_all_as_it_was_ends_all(standing: ActiveFaults) -> None:
 def test_it_goes_through_a_save(standing: ActiveFaults) -> None:
     join(standing, "kT", 0.2)
     join(standing, "fm", 0.5)
-    other = ActiveFaults(OF.model, OF.settings, HYPOTHESES)
+    other = ActiveFaults(PLANT.model, PLANT.settings, HYPOTHESES)
     other.from_array(standing.to_array())
     assert other.lanes() == standing.lanes()
 
