@@ -31,7 +31,7 @@ from tests.core.hypothesis_figures import (
     DAY,
     WITHIN_S,
     Delays,
-    One,
+    Reaction,
     bank_of,
     delays,
     false_alarms,
@@ -112,21 +112,21 @@ def paper_delays(
 
 def _outcomes(
     model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
-) -> list[One]:
+) -> list[Reaction]:
     t_us, u, y = records(model, seeds, fault)
     W = len(seeds)
     bank = AxisBatch([model] * W, [settings] * W)
     monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
-    found = [One() for _ in range(W)]
+    found = [Reaction() for _ in range(W)]
     for a, event in bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y):
         for _, e in monitors[a].apply([event]):
             delay = (e.raised_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
             if found[a].early or delay > WITHIN_S:
                 continue
             if delay <= 0:
-                found[a] = One(early=True)
+                found[a] = Reaction(early=True)
             elif not found[a].cause:
-                found[a] = One(alarm=delay, cause=e.parameter)
+                found[a] = Reaction(alarm=delay, cause=e.parameter)
             if e.stage == "named" and not found[a].name and not found[a].early:
                 when = (e.updated_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
                 found[a] = found[a]._replace(named=when, name=e.parameter)

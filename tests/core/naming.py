@@ -31,14 +31,14 @@ def histories(
     settings = replace(settings_of("speed", seed), joint_state=joint)
     bank = AxisBatch([MODEL] * W, [settings] * W)
     monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
-    said: list[list[Alarm]] = [[] for _ in monitors]
+    versions: list[list[Alarm]] = [[] for _ in monitors]
     for a, event in bank.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
-        said[a] += [change.alarm for change in monitors[a].apply([event])]
-    return said, monitors
+        versions[a] += [change.alarm for change in monitors[a].apply([event])]
+    return versions, monitors
 
 
-def first_named(said: Sequence[Alarm]) -> Alarm | None:
-    return next((e for e in said if e.stage == "named"), None)
+def first_named(versions: Sequence[Alarm]) -> Alarm | None:
+    return next((e for e in versions if e.stage == "named"), None)
 
 
 def alarm_versions(monitor: AxisMonitor, samples: SampleBlock) -> tuple[list[Alarm], Trace]:
@@ -75,8 +75,8 @@ class Outcomes(NamedTuple):
 def outcomes(name: str, factor: float, each: int, seed: int, joint: bool = False) -> Outcomes:
     """Of so many records of the reference experiment in which that parameter changes by the factor."""
     t_us, u, y = experiments(range(seed, seed + each), {name: factor}, samples=SAMPLES)
-    said, _ = histories(seed, t_us.tolist(), u, y, joint)
-    after = [[e for e in episodes if e.raised_us >= FAULT_AT * H_US] for episodes in said]
+    versions, _ = histories(seed, t_us.tolist(), u, y, joint)
+    after = [[e for e in episodes if e.raised_us >= FAULT_AT * H_US] for episodes in versions]
     named = [e for episodes in after if (e := first_named(episodes)) is not None]
     right = [e for e in named if e.parameter == name]
     size = (factor - 1) * MODEL.theta0[MODEL.monitored.index(name)]

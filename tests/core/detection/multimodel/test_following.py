@@ -121,18 +121,18 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shift, still = course(FM, -0.5), np.zeros((N, 3))
     limits = []
-    for moved, told in ((shift, shift), (shift, still), (still, still)):
+    for moved, known in ((shift, shift), (shift, still), (still, still)):
         u, y = axis(np.random.default_rng(seed), moved, {}, N)
-        one = SampleBlock(T, u, y, told, name="r")
-        limits.append(bank_limits(PLANT.model, PLANT.settings, [one], 12_000.0, rng, 100_000).own)
-        if moved is told is shift:
+        block = SampleBlock(T, u, y, known, name="r")
+        limits.append(bank_limits(PLANT.model, PLANT.settings, [block], 12_000.0, rng, 100_000).own)
+        if moved is known is shift:
             faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
-            caught, _ = run_trials(PLANT.model, PLANT.settings, one, faults, 6, 5.0, limits[0])
-    h = [float(np.median([one.h for one in own])) for own in limits]
-    allowed = [sum(one.allowance for one in own if one.cause == "fm") for own in limits]
+            caught, _ = run_trials(PLANT.model, PLANT.settings, block, faults, 6, 5.0, limits[0])
+    h = [float(np.median([limit.h for limit in own])) for own in limits]
+    allowed = [sum(limit.allowance for limit in own if limit.cause == "fm") for own in limits]
     for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):
         print(f"{what}: h {height:.1f}, allowance of fm {own:.2f}")
     assert h[0] < 1.5 * h[2]
     assert allowed[0] < 1.5 * allowed[2] + 0.05
     assert allowed[1] > allowed[0] + 0.2
-    assert all((one.delay_s < 5.0).all() for one in caught)
+    assert all((result.delay_s < 5.0).all() for result in caught)
