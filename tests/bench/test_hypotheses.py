@@ -72,7 +72,7 @@ def h_for_a_day(model: AxisModel, seed: int) -> tuple[float, str]:
 
 
 def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) -> tuple[Settings, str]:
-    """With the thresholds that most likely alarm once in so many samples of the healthy axis; and how that is known."""
+    """Settings with thresholds that most likely alarm once in so many samples of a healthy axis; how it is known."""
     rng = np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
     healthy = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]

@@ -87,7 +87,7 @@ def test_many_axes(seed: int, say: Say) -> None:
 
 
 def run_of_fleet(axes: int, samples: int, drives: int, seed: int) -> Callable[[], object]:
-    """A call that runs the next so many samples of a fleet: the reference axis, and others that monitor less of it.
+    """A function that runs the next ``samples`` of a fleet: the reference axis, and others that monitor less of it.
 
     Twenty times, then the records are at their end.
     """

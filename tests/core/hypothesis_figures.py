@@ -100,6 +100,8 @@ class Delays(NamedTuple):
 
 
 class Reaction(NamedTuple):
+    """The alarm in a record and its name: delays in seconds, infinite where there is none."""
+
     alarm: float = math.inf
     cause: str = ""
     named: float = math.inf
@@ -131,7 +133,7 @@ def summed_up(found: Sequence[Reaction], right: str) -> Delays:
 
 
 def share(flags: Sequence[bool]) -> float:
-    """NaN of nothing."""
+    """The share of flags that are set; NaN if there are none."""
     return float(np.mean(flags)) if flags else math.nan
 
 

@@ -1,4 +1,4 @@
-"""All that is said of a fault: every version of every alarm, and of the faults of the reference experiment."""
+"""All that is reported of faults: every version of every alarm, and outcomes over the reference experiment."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -26,7 +26,7 @@ Bools = NDArray[np.bool_]
 def histories(
     seed: int, t_us: Sequence[int], u: Floats, y: Floats, joint: bool = False
 ) -> tuple[list[list[Alarm]], list[AxisMonitor]]:
-    """Everything each axis, a column, said; and its monitor."""
+    """Every version of every alarm of each axis, a column of ``u`` and ``y``; and its monitor."""
     W = u.shape[1]
     settings = replace(settings_of("speed", seed), joint_state=joint)
     bank = AxisBatch([MODEL] * W, [settings] * W)
@@ -52,7 +52,7 @@ def alarm_versions(monitor: AxisMonitor, samples: SampleBlock) -> tuple[list[Ala
 
 
 class Outcomes(NamedTuple):
-    """What was said of faults: an array over all of them, over those named, or over those named right."""
+    """What was reported of faults: an array over all of them, over those named, or over those named right."""
 
     found: Bools
     named: Bools
@@ -73,7 +73,7 @@ class Outcomes(NamedTuple):
 
 
 def outcomes(name: str, factor: float, each: int, seed: int, joint: bool = False) -> Outcomes:
-    """Of so many records of the reference experiment in which that parameter changes by the factor."""
+    """Outcomes of ``each`` records of the reference experiment in which the parameter changes by the factor."""
     t_us, u, y = experiments(range(seed, seed + each), {name: factor}, samples=SAMPLES)
     versions, _ = histories(seed, t_us.tolist(), u, y, joint)
     after = [[e for e in episodes if e.raised_us >= FAULT_AT * H_US] for episodes in versions]

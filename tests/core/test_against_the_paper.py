@@ -164,7 +164,7 @@ SITUATIONS: dict[str, Callable[[int], Situation]] = {
 
 @pytest.fixture(scope="module", params=SITUATIONS)
 def situation(request: pytest.FixtureRequest, seed: int) -> tuple[Situation, Paper]:
-    """With what the transcription, which is slow, makes of it."""
+    """A situation and the result of the transcription, which is slow and so runs once."""
     chosen = SITUATIONS[request.param](seed)
     model, settings = chosen.case.model, chosen.settings
     start = None if settings.P0 else AxisBatch([model], [settings]).state.P[:, :, 0]
@@ -182,7 +182,7 @@ def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[f
 
 
 def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
-    """Of a bank of one axis; all of P and the running lambda_0 are those at the end."""
+    """Differences of each quantity in a bank of one axis; all of P and the running lambda_0 are those at the end."""
     ours, log = Trace(*(field[..., 0] for field in trace)), paper.log
     moved = ~np.isnan(np.array(log.psi)[:, 0])
     return {

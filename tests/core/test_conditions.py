@@ -113,7 +113,7 @@ FOLLOWS = Follow("Ja", Term("cos", "angle2"), float(SLOPE), 0.0, -0.99, 0.99)
 
 
 def posed(seed_range: Sequence[int], fault: Mapping[str, float]) -> Experiment:
-    """As ``experiments``, the drive's own matrices at every sample."""
+    """As ``experiments``, but with the drive's own matrices at every sample."""
     t_us, u, quiet = experiments(seed_range, noise=0.0)
     noise = experiments(seed_range, noise=NOISE["speed"]).y - quiet
     x, y = np.zeros((len(MODEL.drive.states), len(seed_range))), np.empty_like(u)

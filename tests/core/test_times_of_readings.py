@@ -89,9 +89,8 @@ def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, s
     _, trace = AxisMonitor(model, settings).update_traced(block)
     assert np.nanmax(np.abs(trace.eps)) < 1e-9 * np.abs(y).max()
     _, since_last = AxisMonitor(model, replace(settings, interval_s=0.5)).update_traced(block)
-    assert (
-        np.nanmax(np.abs(since_last.eps)) > 0.01 * np.abs(y).max()
-    )  # it is not the mean since the last sample
+    # it is not the mean since the last sample
+    assert np.nanmax(np.abs(since_last.eps)) > 0.01 * np.abs(y).max()
 
 
 def test_it_is_that_of_a_speed() -> None:

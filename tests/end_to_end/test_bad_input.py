@@ -74,7 +74,7 @@ def stops_in_order_with_an_open_connection(d: Daemon) -> None:
 
 
 def daemon_messages(d: Daemon) -> list[str]:
-    """What the daemon has to say, but for that the kernel is not ready yet."""
+    """The messages of the daemon, except that the kernel is not ready yet."""
     messages: list[str] = d.get("api/v1/service")["messages"]
     return [message for message in messages if "kernel is being compiled" not in message]
 

@@ -162,7 +162,7 @@ def samples(config: Config, found: Calibration, text: str) -> SampleBlock:
 
 
 def faulty(found: Calibration, block: SampleBlock, change: Mapping[str, float], start: int) -> SampleBlock:
-    """From sample ``start`` on these parameters are off by such parts: the force that the same motion needed."""
+    """The record if these parameters change by such parts at sample ``start``: the force that the same motion needs."""
     nominal = found.result.model.nominal
     values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
     load = equivalent_load(found.result.model, values)
@@ -175,7 +175,7 @@ def faulty(found: Calibration, block: SampleBlock, change: Mapping[str, float], 
 
 
 def alarms_and_peak(found: Calibration, block: SampleBlock) -> tuple[list[Alarm], float]:
-    """All that the monitor reports of it, and the largest g over its threshold, of any test."""
+    """All alarms that the monitor reports, and the largest g over its threshold, of any test."""
     monitor = AxisMonitor(found.result.model, found.result.settings)
     alarms, trace = alarm_versions(monitor, block)
     return alarms, float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))

@@ -127,7 +127,7 @@ def samples(course: Course, a: int, b: int) -> dict[str, SampleBlock]:
 
 
 def test_saved_and_put_back_within_a_gap(course: Course, tmp_path: Path) -> None:
-    """The whole angle goes on from where the saved predictor was."""
+    """The unwrapped angle goes on from where the saved predictor was."""
     axes = load(config(tmp_path / "a", "wrap_period = 0.5"), {}).axes
     cut = far(course)
     uninterrupted, first, second = AxisMonitors(axes), AxisMonitors(axes), AxisMonitors(axes)

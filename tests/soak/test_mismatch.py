@@ -120,7 +120,7 @@ def _write(path: Path, block: Block) -> None:
 
 
 def _identified(folder: Path, values: dict[str, float], records: list[str], *words: str) -> dict[str, float]:
-    """What ``identify`` finds from these values; they themselves where it refuses, or says that it cannot tell it."""
+    """What ``identify`` finds from these values; these values where it refuses, or says that it cannot tell them."""
     config, found = folder / "identify.toml", folder / "nominal.toml"
     text = ", ".join(f"{name} = {value}" for name, value in values.items())
     config.write_text(AXIS % f"nominal = {{ {text} }}", encoding="utf-8")

@@ -23,7 +23,7 @@ _PIECE = 250
 
 
 def excursions_of(g: Floats, place: Ints, origin: Ints, pieces: int = 1) -> ExcursionPeaks:
-    """Of a course g (N, H), cut into pieces, with the blocks of its motion and of its innovations (N,)."""
+    """Excursions of a course g (N, H), cut into pieces, with the blocks of its motion and of its innovations (N,)."""
     peaks = ExcursionPeaks(g.shape[1])
     course = peaks.course()
     for rows in np.array_split(np.arange(len(g)), pieces):

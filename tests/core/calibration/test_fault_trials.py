@@ -23,7 +23,7 @@ FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0
 
 @pytest.fixture(scope="module")
 def healthy(seed: int) -> SampleBlock:
-    """With thresholds as low as these now and then one holds a false alarm: not this one."""
+    """A record without a false alarm: with thresholds as low as these some have one."""
     records = (record(PLANT, seed + k, 6000) for k in range(20))
     return next(candidate for candidate in records if not AxisMonitor(MODEL, SETTINGS).update(candidate))
 

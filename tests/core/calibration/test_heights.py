@@ -12,7 +12,7 @@ PLACES = 500
 
 
 def watched(g: Floats, pieces: int = 1) -> ExcursionPeaks:
-    """Of a course g (N, H), cut into pieces, all over so many places."""
+    """The excursions of a course g (N, H), cut into pieces, which goes over all places."""
     place = np.arange(len(g)) * PLACES // len(g)
     return excursions_of(g, place, PLACES - place, pieces)
 

@@ -18,7 +18,7 @@ def scales(scale: float, n: int) -> tuple[Floats, Floats]:
 
 
 def moments(e: float, tau: Floats) -> Floats:
-    """Of one number: likelihood, and with it the first and second moment, for each tau (3, T), over zeta."""
+    """Likelihood of a single number, and with it the first and second moment, for each tau (3, T), over zeta."""
     zeta, weight = scales(1.0, 600)
     v = np.outer(tau, zeta) ** 2
     a = v / (1 + v)

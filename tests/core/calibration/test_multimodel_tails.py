@@ -98,7 +98,7 @@ def test_excursions_by_themselves_scatter_as_is_said(seed: int) -> None:
 
 
 def test_how_the_shape_goes_on_is_not_known_better_than_by_a_fifth(seed: int) -> None:
-    """It makes far rates less certain where there is a shape, and of an exponential tail it says next to nothing."""
+    """It makes far rates less certain where there is a shape, and changes next to nothing for an exponential tail."""
     rng, h, even = np.random.default_rng(seed), np.full(MANY, 60.0), np.ones((1, MANY))
     spread = {}
     for shape in (0.0, 0.2):

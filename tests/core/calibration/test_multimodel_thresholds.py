@@ -29,7 +29,7 @@ BLOCK = 500
 
 
 def false_alarms(bank: HypothesisBank, plant: Plant, seed: int) -> int:
-    """Of healthy axes; after each alarm the bank restarts."""
+    """The number of false alarms of a healthy axis; after each alarm the bank restarts."""
     axes, alarms = Axes(plant, np.random.default_rng(seed), 1), 0
     bank.reset()
     for _ in range(WATCHED // 4000):
@@ -71,7 +71,7 @@ def test_the_budget_is_kept(colour: float, seed: int) -> None:
 
 
 def test_what_is_known_of_each_is_stated(seed: int) -> None:
-    """Of an offset less than of a delay; also of what looks at the power of the noise alone."""
+    """Less is known of an offset than of a delay; hypotheses of nothing but the power of the noise are also known."""
     plant = plant_with(0.0)
     records = [record(plant, seed, RECORD)]
     found = watched.multimodel_statistics(

@@ -17,7 +17,7 @@ STEPS = 6_000_000
 
 @entry
 def alarms_and_excursions(seed: int, steps: int, lam: float, k: Floats, h: Floats) -> tuple[Floats, Floats]:
-    """Alarms of each test, after which it restarts; and excursions from zero beyond h of one that does not."""
+    """Alarms of each test, after which it restarts; and excursions from zero beyond h where it does not restart."""
     np.random.seed(seed)
     d, g, level, top = 0.0, np.zeros(k.size), np.zeros(k.size), np.zeros(k.size)
     alarms, single = np.zeros(k.size), np.zeros(k.size)

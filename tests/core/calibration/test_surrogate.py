@@ -12,7 +12,7 @@ FM = 2
 
 @pytest.mark.parametrize(("colour", "bias"), [(0.0, 0.04), (0.9, -0.325)])
 def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> None:
-    """Of fm, over sigma, as 400 h of such axes have it; the copies say how far they are off themselves."""
+    """The bias of fm, over sigma, as 400 h of such axes have it; the copies state how far they are off themselves."""
     plant = plant_with(colour)
     healthy = record(plant, seed, MINUTES_5)
     found = simulate_excursions(

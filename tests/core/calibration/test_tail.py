@@ -87,7 +87,7 @@ def test_where_nothing_happened_though_it_was_expected_it_happens_less() -> None
 def remembered(
     seed: int, steps: int, lam: Floats, share: Floats, k: float, h: Floats, alarms: Floats, tops: Floats
 ) -> int:
-    """Of noise that is partly remembered longer: alarms at each h, heights of excursions; how many of them."""
+    """Alarms at each h and heights of excursions, for noise that is partly remembered longer; how many excursions."""
     np.random.seed(seed)
     parts, g, found, top, level = np.zeros(lam.size), np.zeros(h.size), 0, 0.0, 0.0
     for _ in range(steps):

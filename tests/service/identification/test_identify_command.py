@@ -122,7 +122,7 @@ def test_times_in_other_units_are_refused(directory: Path, factor: float, words:
 
 
 def times(directory: Path, record: str, t: float = 1.0, torque: float = 1.0) -> str:
-    """The record with its columns times these."""
+    """Name of a copy of the record whose columns are multiplied by these factors."""
     table = np.loadtxt(directory / record, delimiter=",", skiprows=1) * [t, torque, 1.0]
     np.savetxt(directory / "other.csv", table, delimiter=",", header="t,torque,angle", comments="")
     return "other.csv"

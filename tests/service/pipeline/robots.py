@@ -28,7 +28,7 @@ def demo(folder: Path, axes: int = 2, **service: float) -> Config:
 
 
 def changed(config: Config, only: str = "", **parts: Any) -> Config:
-    """Each axis, or the one of that name, with other values; of a table those that a mapping names."""
+    """Each axis, or only the one of that name, with other values; a mapping changes those keys of a table."""
 
     def with_parts(axis: AxisConfig) -> AxisConfig:
         new = {

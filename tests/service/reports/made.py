@@ -37,7 +37,7 @@ def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
 
 
 def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:
-    """The same with Jm = J1 + n^2 J2, as two rigidly joined inertias give it, under this name."""
+    """The same drive with Jm = J1 + n^2 J2, as two rigidly joined inertias give it, under this name."""
     symbol = Laurent.symbol
     rotor = FlatParameter("J1", "kg m^2", "rotor", 0.005, True)
     brake = FlatParameter("J2", "kg m^2", "brake", 0.001, True)
@@ -77,7 +77,7 @@ OWN = (
 
 @cache
 def by_hand() -> Calibration:
-    """Of the demo's first axis; nothing was tried of fm."""
+    """A calibration of the demo's first axis, without trials of faults in fm."""
     axis = load(ROOT / "config" / "demo.toml", {}).axes[0]
     model = axis_model(axis.config)
     thresholds = tuple(Threshold(2.0 + i, 3.0 + i, 0.0) for i in range(3))

@@ -218,7 +218,7 @@ def test_an_outlier_may_be_the_first_sample(seed: int) -> None:
 
 
 def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> None:
-    """A gain of its own that is none for this axis: it restarts again and again, and does not alarm."""
+    """It has a gain of its own that does not fit this axis: it restarts again and again, and does not alarm."""
     case = BY_NAME["speed-skew"]
     s, other = case.settings(), Hypothesis("other", factors={"Jm": 1.3})
     wild = Hypothesis("wild", K=tuple(-30.0 * np.array(s.gain(len(case.model.drive.states)))))
