@@ -1,4 +1,7 @@
-"""The layers hold: the engine stays pure, each outside library has one home, no machine's name leaks."""
+"""The layers hold: the engine stays pure, each outside library has one home, no machine's name leaks.
+
+And no identifier is a word that does not say what it names.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +50,12 @@ _REGISTRIES = ["pypi" + ".org", "python" + "hosted", "registry.npm" + "js", "deb
 LEAK = re.compile(r"(?<![\w.~$})-])/(?:" + _HOMES_OF_USERS + ")/|" + "|".join(map(re.escape, _REGISTRIES)))
 
 
+# --- names: these words do not say what a thing is -------------------------------------------------------
+
+VAGUE = {"of", "one", "said", "told", "whole", "here"}
+VAGUE_STILL_IN = {"tests/core/mismatch.py", "tests/real/test_ur10e.py"}
+
+
 # --- one direction: each package imports only from those above it in its list ---------------------------
 
 LAYERS = re.findall(
@@ -84,6 +93,20 @@ def imports(source: str, package: str) -> Iterator[tuple[int, str]]:
 
 def imports_of(path: Path) -> Iterator[tuple[int, str]]:
     return imports(path.read_text(encoding="utf-8"), relative(path.parent).replace("/", "."))
+
+
+def definitions(source: str) -> Iterator[tuple[int, str]]:
+    """Line and name of each variable, argument, attribute, function, class and alias where it gets its name."""
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
+                yield node.lineno, name
+            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+                yield node.lineno, node.name
+            case ast.arg(arg=name) | ast.alias(asname=str(name)) | ast.ExceptHandler(name=str(name)):
+                yield node.lineno, name
+            case ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)):
+                yield node.lineno, name
 
 
 def impurities(source: str, package: str) -> Iterator[str]:
@@ -165,6 +188,46 @@ def test_the_service_uses_the_faces_of_the_core() -> None:
 )
 def test_the_purity_test_sees(source: str, package: str, impure: bool) -> None:
     assert bool(list(impurities(source, package))) == impure
+
+
+def test_names_say_what_a_thing_is() -> None:
+    vague = [
+        f"{relative(path)}:{line}: {name}"
+        for folder in ("monitor_core", "service", "tests", "docs")
+        for path in python_files(folder)
+        if relative(path) not in VAGUE_STILL_IN
+        for line, name in definitions(path.read_text(encoding="utf-8"))
+        if name in VAGUE
+    ]
+    assert vague == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "one, *rest = 1, 2",
+        "self.one = 1",
+        "for one in (): pass",
+        "[one for one in ()]",
+        "(one := 1)",
+        "with open('x') as one: pass",
+        "lambda one: 1",
+        "def f(*one): pass",
+        "def one(): pass",
+        "async def one(): pass",
+        "class one: pass",
+        "import numpy as one",
+        "try: pass\nexcept OSError as one: pass",
+        "match 1:\n    case one: pass",
+        "match 1:\n    case [*one]: pass",
+    ],
+)
+def test_the_test_of_names_sees(source: str) -> None:
+    assert (source.count("\n") + 1, "one") in definitions(source)
+
+
+def test_the_test_of_names_lets_words_and_uses_pass() -> None:
+    assert list(definitions('f(one.whole, "told")  # said of it')) == []
 
 
 def test_no_file_names_a_machine_or_a_registry(need: Callable[[str], str]) -> None:

@@ -19,15 +19,15 @@ def found() -> Reference:
     return reference()
 
 
-def close(one: Any, other: Any) -> bool:
+def close(value: Any, expected: Any) -> bool:
     """Equal but for rounding: other processors sum in another order."""
-    if isinstance(one, dict):
-        return one.keys() == other.keys() and all(close(one[k], other[k]) for k in one)
-    if isinstance(one, list):
-        return len(one) == len(other) and all(map(close, one, other))
-    if isinstance(one, float):
-        return bool(one == pytest.approx(other, rel=1e-4, abs=1e-4))
-    return bool(one == other)
+    if isinstance(value, dict):
+        return value.keys() == expected.keys() and all(close(value[k], expected[k]) for k in value)
+    if isinstance(value, list):
+        return len(value) == len(expected) and all(map(close, value, expected))
+    if isinstance(value, float):
+        return bool(value == pytest.approx(expected, rel=1e-4, abs=1e-4))
+    return bool(value == expected)
 
 
 def test_the_numbers_in_docs_are_the_programs(found: Reference) -> None:

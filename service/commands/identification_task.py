@@ -209,7 +209,8 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
         parameter, colon, terms = (part.strip() for part in text.partition(":"))
         if not (parameter and colon and terms):
             raise IdentificationError(
-                f'--schedule "{text}": write PARAMETER: SIGNAL, as "fm: temperature" or "tau0: cos(angle2), cos(angle2 + angle3)"'
+                f'--schedule "{text}": write PARAMETER: SIGNAL, as "fm: temperature" or'
+                ' "tau0: cos(angle2), cos(angle2 + angle3)"'
             )
         for term in terms.split(","):
             try:

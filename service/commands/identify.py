@@ -45,8 +45,8 @@ Varying = Annotated[
     typer.Option(
         "--schedule",
         metavar="NAME:SIGNALS",
-        help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "tau0: cos(angle2), cos(angle2 + angle3)".'
-        " Of a signal there are cos, sin and square.",
+        help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "tau0: cos(angle2),'
+        ' cos(angle2 + angle3)". Of a signal or a sum there are cos, sin and square; * multiplies.',
     ),
 ]
 Validate = Annotated[

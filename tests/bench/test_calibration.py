@@ -27,14 +27,14 @@ def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
     record = write_record(tmp_path / "healthy.csv", config, SECONDS, seed)
     ends: dict[str, tuple[float, float]] = {}
 
-    def told(part: str, _: float, __: float) -> None:
+    def note_time(part: str, _: float, __: float) -> None:
         ends[part] = process_time(), perf_counter()
 
     def run(text: str, wishes: CalibrationOptions) -> None:
         ends.clear()
-        told("start", 0.0, 0.0)
-        calibrate_axis(config, config.axes[0], [text], wishes, Provenance("", "", ""), told)
-        told("the rest", 0.0, 0.0)
+        note_time("start", 0.0, 0.0)
+        calibrate_axis(config, config.axes[0], [text], wishes, Provenance("", "", ""), note_time)
+        note_time("the rest", 0.0, 0.0)
 
     run(
         f"{record}@0:60", CalibrationOptions(600.0, None, (0.2,), 4, copies=100_000, bank_copies=25_000)
@@ -44,8 +44,8 @@ def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
         (part, f"{cpu1 - cpu0:.1f}", f"{wall1 - wall0:.1f}")
         for (_, (cpu0, wall0)), (part, (cpu1, wall1)) in pairwise(ends.items())
     ]
-    whole, wall = (end - start for start, end in zip(ends["start"], ends["the rest"], strict=True))
-    rows.append(("all", f"{whole:.1f}", f"{wall:.1f}"))
+    cpu, wall = (end - start for start, end in zip(ends["start"], ends["the rest"], strict=True))
+    rows.append(("all", f"{cpu:.1f}", f"{wall:.1f}"))
     say(
         f"Calibrating on {SECONDS / 60:.0f} minutes at 200 Hz: 3 parameters, {len(SIZES)} sizes up and down, {ONSETS}"
         " onsets each",

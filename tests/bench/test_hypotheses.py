@@ -31,7 +31,7 @@ from tests.core.hypothesis_figures import (
     DAY,
     WITHIN_S,
     Delays,
-    One,
+    Reaction,
     bank_of,
     delays,
     false_alarms,
@@ -72,11 +72,13 @@ def h_for_a_day(model: AxisModel, seed: int) -> tuple[float, str]:
 
 
 def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) -> tuple[Settings, str]:
-    """With the thresholds that most likely alarm once in so many samples of the healthy axis; and how that is known."""
+    """Settings with thresholds that most likely alarm once in so many samples of a healthy axis; how it is known."""
     rng = np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
-    one = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]
-    known = healthy_statistics(model, settings, one, deviations(model, settings, one), between, WITHIN, rng)
+    healthy = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]
+    known = healthy_statistics(
+        model, settings, healthy, deviations(model, settings, healthy), between, WITHIN, rng
+    )
     asked = between
     for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely
         same = np.random.default_rng(seed)
@@ -101,30 +103,30 @@ def paper_delays(
     """The first alarm, its first name, and the one that it gets three memory lengths later."""
     (right,) = fault
     found = [
-        one
+        outcome
         for k in range(0, len(seeds), AT_ONCE)
-        for one in _outcomes(model, settings, fault, seeds[k : k + AT_ONCE])
+        for outcome in _outcomes(model, settings, fault, seeds[k : k + AT_ONCE])
     ]
     return summed_up(found, right)
 
 
 def _outcomes(
     model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
-) -> list[One]:
+) -> list[Reaction]:
     t_us, u, y = records(model, seeds, fault)
     W = len(seeds)
     bank = AxisBatch([model] * W, [settings] * W)
     monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
-    found = [One() for _ in range(W)]
+    found = [Reaction() for _ in range(W)]
     for a, event in bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y):
         for _, e in monitors[a].apply([event]):
             delay = (e.raised_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
             if found[a].early or delay > WITHIN_S:
                 continue
             if delay <= 0:
-                found[a] = One(early=True)
+                found[a] = Reaction(early=True)
             elif not found[a].cause:
-                found[a] = One(alarm=delay, cause=e.parameter)
+                found[a] = Reaction(alarm=delay, cause=e.parameter)
             if e.stage == "named" and not found[a].name and not found[a].early:
                 when = (e.updated_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
                 found[a] = found[a]._replace(named=when, name=e.parameter)
@@ -187,9 +189,9 @@ def test_where_others_are_monitored(
 def test_what_a_sample_costs(seed: int, say: Say) -> None:
     model, s, samples = reference_model(), settings_of("speed", seed), 20_000
     t_us, u, y = experiment(seed, samples=samples)
-    whole, rows = bank_of("speed", math.inf, seed), []
+    full_bank, rows = bank_of("speed", math.inf, seed), []
     for lanes in (8, 24, 48, 96):
-        bank = HypothesisBank(model, s, (whole.hypotheses * 2)[: lanes - 2], h=math.inf)
+        bank = HypothesisBank(model, s, (full_bank.hypotheses * 2)[: lanes - 2], h=math.inf)
         times = {"regular": t_us, "irregular": t_us + np.arange(samples) * 7}
         found = in_turns({name: _run(bank, t, u, y) for name, t in times.items()}, 7)
         rows.append((lanes, *(f"{1e6 * time / samples:.2f}" for time in found.values())))

@@ -87,14 +87,14 @@ def test_many_axes(seed: int, say: Say) -> None:
 
 
 def run_of_fleet(axes: int, samples: int, drives: int, seed: int) -> Callable[[], object]:
-    """A call that runs the next so many samples of a fleet: the reference axis, and others that monitor less of it.
+    """A function that runs the next ``samples`` of a fleet: the reference axis, and others that monitor less of it.
 
     Twenty times, then the records are at their end.
     """
     model = reference_model("speed")
     models = [replace(model, monitored=model.monitored[: 3 - a % drives]) for a in range(axes)]
-    one = replace(reference_settings("speed", seed), settle_s=0.0)
-    fleet = Fleet(models, [replace(one, P0=one.P0[: len(m.monitored)]) for m in models])
+    settings = replace(reference_settings("speed", seed), settle_s=0.0)
+    fleet = Fleet(models, [replace(settings, P0=settings.P0[: len(m.monitored)]) for m in models])
     rec = experiments(range(seed, seed + 10), samples=2 * BLOCKS * samples)
     at = 0
 
@@ -129,8 +129,10 @@ def test_few_axes_one_by_one_or_in_lanes(samples: int, rounds: int, seed: int, s
     for axes in FEW:
         row: list[object] = [axes]
         for o in OUTPUTS:
-            one, lanes = (medians[o, axes, shape] / samples / axes * 1e6 for shape in (ONE_BY_ONE, LANES))
-            row += [one, lanes, one / lanes]
+            one_by_one, lanes = (
+                medians[o, axes, shape] / samples / axes * 1e6 for shape in (ONE_BY_ONE, LANES)
+            )
+            row += [one_by_one, lanes, one_by_one / lanes]
         rows.append(row)
     say(
         f"FEWEST_LANES (now {FEWEST_LANES}), blocks of {samples} samples: us per sample and axis",

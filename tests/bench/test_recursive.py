@@ -111,7 +111,7 @@ class Ours:
     """The recursion on the records, axes side by side or one alone."""
 
     def __init__(
-        self, task: Task, of: Records, *, joint: bool, drift: bool = False, P: Floats | None = None
+        self, task: Task, rec: Records, *, joint: bool, drift: bool = False, P: Floats | None = None
     ) -> None:
         """``P`` (p,): the variances of the logarithms that parameters have, which drift."""
         self.model = AxisModel(three_mass("speed"), task.values, task.watched)
@@ -119,11 +119,11 @@ class Ours:
         start = tuple((1e-4 if P is None else P) * self.model.scale**2 / lam0)
         own = Settings.paper(H, lam0=lam0, K=tuple(K), P0=start, settle_s=0.2, alpha2=1e9)
         self.settings = replace(own, joint_state=joint, random_walk=drift)
-        self.of = of
+        self.rec = rec
 
     def run(self, axes: int) -> tuple[Floats, Floats]:
         """log(theta / theta0) (axes, N, p), and the mean steady variance of the logarithms (p,) before the faults."""
-        u, y = (field[:axes].T for field in self.of)
+        u, y = (field[:axes].T for field in self.rec)
         t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis] * round(H * 1e6), axes, axis=1)
         bank = AxisBatch([self.model] * axes, [self.settings] * axes)
         _, trace = bank.run_traced(t, np.ascontiguousarray(u), np.ascontiguousarray(y))
@@ -135,7 +135,7 @@ class Ours:
         """A call that runs the first record."""
         bank = AxisBatch([self.model], [self.settings])
         start, t = bank.column(0), round(H * 1e6) * np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis]
-        u, y = (field[0][:, np.newaxis] for field in self.of)
+        u, y = (field[0][:, np.newaxis] for field in self.rec)
 
         def run() -> object:
             bank.restore(0, *start)
@@ -179,7 +179,7 @@ def environment() -> Path | str:
     return python
 
 
-def theirs(task: Task, of: Records, P: Floats, tmp_path: Path) -> tuple[Outcome, float] | str:
+def theirs(task: Task, rec: Records, P: Floats, tmp_path: Path) -> tuple[Outcome, float] | str:
     """The peer's filter, and us per sample; or why there is none."""
     python = environment()
     if isinstance(python, str):
@@ -192,7 +192,9 @@ def theirs(task: Task, of: Records, P: Floats, tmp_path: Path) -> tuple[Outcome,
     Q[5:, 5:] = np.diag((1 - LAM) * P)
     theta0, watched = np.array([task.values[n] for n in NAMES]), [NAMES.index(n) for n in task.watched]
     file, out = tmp_path / "records.npz", tmp_path / "found.npz"
-    np.savez(file, u=of.u, y=of.y, h=H, theta0=theta0, watched=watched, P0=start, Q=Q, R=task.output_noise**2)
+    np.savez(
+        file, u=rec.u, y=rec.y, h=H, theta0=theta0, watched=watched, P0=start, Q=Q, R=task.output_noise**2
+    )
     done = subprocess.run(
         [python, recursive_peers.__file__, file, out],
         capture_output=True, text=True, timeout=PATIENCE_S, check=False,
@@ -205,16 +207,16 @@ def theirs(task: Task, of: Records, P: Floats, tmp_path: Path) -> tuple[Outcome,
 @pytest.mark.parametrize("name", TASKS)
 def test_a_joint_filter_of_others(name: str, seed: int, say: Say, tmp_path: Path) -> None:
     task = TASKS[name]
-    of = records(task, seed)
-    ours = {"axiswatch": Ours(task, of, joint=False), "axiswatch, joint_state": Ours(task, of, joint=True)}
-    P = ours["axiswatch"].run(len(of.u))[1]
-    ours["axiswatch, joint_state, random_walk"] = Ours(task, of, joint=True, drift=True, P=P)
+    rec = records(task, seed)
+    ours = {"axiswatch": Ours(task, rec, joint=False), "axiswatch, joint_state": Ours(task, rec, joint=True)}
+    P = ours["axiswatch"].run(len(rec.u))[1]
+    ours["axiswatch, joint_state, random_walk"] = Ours(task, rec, joint=True, drift=True, P=P)
     times = in_turns({who: it.alone() for who, it in ours.items()}, 9)
     rows: list[tuple[object, ...]] = []
     for who, it in ours.items():
-        theta, _ = it.run(len(of.u))
+        theta, _ = it.run(len(rec.u))
         rows.append((who, times[who] / SAMPLES * 1e6, *words(outcome(theta, task))))
-    found = theirs(task, of, P, tmp_path)
+    found = theirs(task, rec, P, tmp_path)
     cells = (found, *[""] * len(task.watched)) if isinstance(found, str) else (found[1], *words(found[0]))
     rows.append(("EKF of dynamax", *cells))
     say(

@@ -135,8 +135,8 @@ class Table(NamedTuple):
 
 def figure_6(seed: int, seeds: int) -> Table:
     settings = settings_of("speed", seed, run_on=True)
-    of = range(seed + 10_000, seed + 10_000 + seeds)
-    rows = {parameter: outcome(of, parameter, settings) for parameter in (*MONITORED, None)}
+    own_seeds = range(seed + 10_000, seed + 10_000 + seeds)
+    rows = {parameter: outcome(own_seeds, parameter, settings) for parameter in (*MONITORED, None)}
     for parameter, row in rows.items():
         print(f"fault in {parameter}: {row}")
     return Table(seeds, rows)

@@ -99,7 +99,9 @@ class Delays(NamedTuple):
         return f"alarm {median:.2f} ({most:.2f}) s, named {named:.2f} s, {shares}, early {self.early}"
 
 
-class One(NamedTuple):
+class Reaction(NamedTuple):
+    """The alarm in a record and its name: delays in seconds, infinite where there is none."""
+
     alarm: float = math.inf
     cause: str = ""
     named: float = math.inf
@@ -111,44 +113,44 @@ class One(NamedTuple):
 def delays(bank: HypothesisBank, fault: Mapping[str, float], seeds: Sequence[int]) -> Delays:
     """Of those that alarm and are named, before the record's end, which share has the right cause."""
     (right,) = fault
-    found: list[One] = []
+    found: list[Reaction] = []
     for k in range(0, len(seeds), AT_ONCE):
         t_us, u, y = records(bank.model, seeds[k : k + AT_ONCE], fault)
         found += [_run(bank, Experiment(t_us, u[:, a], y[:, a])) for a in range(u.shape[1])]
     return summed_up(found, right)
 
 
-def summed_up(found: Sequence[One], right: str) -> Delays:
+def summed_up(found: Sequence[Reaction], right: str) -> Delays:
     """One row, of faults in that parameter."""
     return Delays(
-        np.array([one.alarm for one in found]),
-        np.array([one.named for one in found]),
-        share([one.cause == right for one in found if one.cause]),
-        share([one.name == right for one in found if one.name]),
-        sum(one.early for one in found),
-        sum(not one.certain for one in found),
+        np.array([reaction.alarm for reaction in found]),
+        np.array([reaction.named for reaction in found]),
+        share([reaction.cause == right for reaction in found if reaction.cause]),
+        share([reaction.name == right for reaction in found if reaction.name]),
+        sum(reaction.early for reaction in found),
+        sum(not reaction.certain for reaction in found),
     )
 
 
-def share(of: Sequence[bool]) -> float:
-    """NaN of nothing."""
-    return float(np.mean(of)) if of else math.nan
+def share(flags: Sequence[bool]) -> float:
+    """The share of flags that are set; NaN if there are none."""
+    return float(np.mean(flags)) if flags else math.nan
 
 
-def _run(bank: HypothesisBank, rec: Experiment) -> One:
+def _run(bank: HypothesisBank, rec: Experiment) -> Reaction:
     bank.reset()
-    one = One()
+    reaction = Reaction()
     for at in range(0, len(rec.u), BLOCK):
         block = slice(at, at + BLOCK)
         for event in bank.run(rec.t_us[block], rec.u[block], rec.y[block]):
             delay = (event.time_us - rec.t_us[FAULT_AT]) * 1e-6 + INTERVAL_S
             if isinstance(event, ChangeDetected) and not 0 < delay <= WITHIN_S:
-                return one._replace(early=delay <= 0)
+                return reaction._replace(early=delay <= 0)
             if isinstance(event, ChangeDetected):
-                one = one._replace(alarm=delay, cause=event.shares[0].cause)
+                reaction = reaction._replace(alarm=delay, cause=event.shares[0].cause)
             elif isinstance(event, CauseIdentified):
-                return one._replace(named=delay, name=event.shares[0].cause, certain=event.certain)
-    return one
+                return reaction._replace(named=delay, name=event.shares[0].cause, certain=event.certain)
+    return reaction
 
 
 def false_alarms(bank: HypothesisBank, seed: int, samples: int) -> tuple[int, int]:
@@ -185,8 +187,8 @@ def limit_s(
     fault: Mapping[str, float], seeds: Sequence[int], samples_between: float, model: AxisModel | None = None
 ) -> float:
     """The limit for a fault of the reference experiment, over the records of these seeds."""
-    of = model or reference_model()
+    axis_model = model or reference_model()
     healthy, broken = (
-        records(of, seeds, which, samples=SAMPLES, noise=0.0).y[FAULT_AT:] for which in (None, fault)
+        records(axis_model, seeds, which, samples=SAMPLES, noise=0.0).y[FAULT_AT:] for which in (None, fault)
     )
     return least_delay(healthy, broken, NOISE["speed"] ** 2, samples_between) * INTERVAL_S

@@ -1,4 +1,4 @@
-"""All that is said of a fault: every version of every alarm, and of the faults of the reference experiment."""
+"""All that is reported of faults: every version of every alarm, and outcomes over the reference experiment."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -26,19 +26,19 @@ Bools = NDArray[np.bool_]
 def histories(
     seed: int, t_us: Sequence[int], u: Floats, y: Floats, joint: bool = False
 ) -> tuple[list[list[Alarm]], list[AxisMonitor]]:
-    """Everything each axis, a column, said; and its monitor."""
+    """Every version of every alarm of each axis, a column of ``u`` and ``y``; and its monitor."""
     W = u.shape[1]
     settings = replace(settings_of("speed", seed), joint_state=joint)
     bank = AxisBatch([MODEL] * W, [settings] * W)
     monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
-    said: list[list[Alarm]] = [[] for _ in monitors]
+    versions: list[list[Alarm]] = [[] for _ in monitors]
     for a, event in bank.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
-        said[a] += [change.alarm for change in monitors[a].apply([event])]
-    return said, monitors
+        versions[a] += [change.alarm for change in monitors[a].apply([event])]
+    return versions, monitors
 
 
-def first_named(said: Sequence[Alarm]) -> Alarm | None:
-    return next((e for e in said if e.stage == "named"), None)
+def first_named(versions: Sequence[Alarm]) -> Alarm | None:
+    return next((e for e in versions if e.stage == "named"), None)
 
 
 def alarm_versions(monitor: AxisMonitor, samples: SampleBlock) -> tuple[list[Alarm], Trace]:
@@ -52,7 +52,7 @@ def alarm_versions(monitor: AxisMonitor, samples: SampleBlock) -> tuple[list[Ala
 
 
 class Outcomes(NamedTuple):
-    """What was said of faults: an array over all of them, over those named, or over those named right."""
+    """What was reported of faults: an array over all of them, over those named, or over those named right."""
 
     found: Bools
     named: Bools
@@ -73,10 +73,10 @@ class Outcomes(NamedTuple):
 
 
 def outcomes(name: str, factor: float, each: int, seed: int, joint: bool = False) -> Outcomes:
-    """Of so many records of the reference experiment in which that parameter changes by the factor."""
+    """Outcomes of ``each`` records of the reference experiment in which the parameter changes by the factor."""
     t_us, u, y = experiments(range(seed, seed + each), {name: factor}, samples=SAMPLES)
-    said, _ = histories(seed, t_us.tolist(), u, y, joint)
-    after = [[e for e in episodes if e.raised_us >= FAULT_AT * H_US] for episodes in said]
+    versions, _ = histories(seed, t_us.tolist(), u, y, joint)
+    after = [[e for e in episodes if e.raised_us >= FAULT_AT * H_US] for episodes in versions]
     named = [e for episodes in after if (e := first_named(episodes)) is not None]
     right = [e for e in named if e.parameter == name]
     size = (factor - 1) * MODEL.theta0[MODEL.monitored.index(name)]

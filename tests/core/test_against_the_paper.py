@@ -164,13 +164,13 @@ SITUATIONS: dict[str, Callable[[int], Situation]] = {
 
 @pytest.fixture(scope="module", params=SITUATIONS)
 def situation(request: pytest.FixtureRequest, seed: int) -> tuple[Situation, Paper]:
-    """With what the transcription, which is slow, makes of it."""
-    one = SITUATIONS[request.param](seed)
-    model, settings = one.case.model, one.settings
+    """A situation and the result of the transcription, which is slow and so runs once."""
+    chosen = SITUATIONS[request.param](seed)
+    model, settings = chosen.case.model, chosen.settings
     start = None if settings.P0 else AxisBatch([model], [settings]).state.P[:, :, 0]
     paper = Paper(model, settings, start)
-    paper.run(*one.rec)
-    return one, paper
+    paper.run(*chosen.rec)
+    return chosen, paper
 
 
 def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[float]) -> float:
@@ -182,15 +182,15 @@ def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[f
 
 
 def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
-    """Of a bank of one axis; all of P and the running lambda_0 are those at the end."""
-    one, log = Trace(*(field[..., 0] for field in trace)), paper.log
+    """Differences of each quantity in a bank of one axis; all of P and the running lambda_0 are those at the end."""
+    ours, log = Trace(*(field[..., 0] for field in trace)), paper.log
     moved = ~np.isnan(np.array(log.psi)[:, 0])
     return {
-        "eps": apart(one.eps, log.eps),
-        "psi": apart(one.psi[moved], list(np.array(log.psi)[moved])),
-        "theta": apart(one.theta, log.theta),
-        "P": apart(one.P, [np.diag(P) for P in log.P]),
-        "g": apart(one.g, log.g),
+        "eps": apart(ours.eps, log.eps),
+        "psi": apart(ours.psi[moved], list(np.array(log.psi)[moved])),
+        "theta": apart(ours.theta, log.theta),
+        "P": apart(ours.P, [np.diag(P) for P in log.P]),
+        "g": apart(ours.g, log.g),
         "all of P": float(np.abs(bank.state.P[:, :, 0] / paper.P - 1).max()),
         "lambda_0": abs(float(bank.state.lam0_running[0]) / paper.running - 1),
     }
@@ -213,16 +213,16 @@ def test_kernel_equals_the_transcription(
     fewest_lanes: int, situation: tuple[Situation, Paper], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bank_module, "FEWEST_LANES", fewest_lanes)
-    one, paper = situation
-    assert one.happened(paper)
-    bank = AxisBatch([one.case.model], [one.settings])
-    events, trace = bank.run_traced(*as_columns(one.rec))
-    differences, tolerance = between(bank, trace, paper), one.tolerance
+    chosen, paper = situation
+    assert chosen.happened(paper)
+    bank = AxisBatch([chosen.case.model], [chosen.settings])
+    events, trace = bank.run_traced(*as_columns(chosen.rec))
+    differences, tolerance = between(bank, trace, paper), chosen.tolerance
     if max(differences.values()) > tolerance:  # one record in hundreds is that sensitive
-        tolerance = max(tolerance, 10 * by_rounding(one.case.model, paper, one.rec))
-    assert max(differences.values()) < tolerance, (one.case.name, differences)
+        tolerance = max(tolerance, 10 * by_rounding(chosen.case.model, paper, chosen.rec))
+    assert max(differences.values()) < tolerance, (chosen.case.name, differences)
     found = [
-        (DIRECTIONS.index(e.direction), one.case.monitored.index(e.parameter), e.time_us, e.onset_us)
+        (DIRECTIONS.index(e.direction), chosen.case.monitored.index(e.parameter), e.time_us, e.onset_us)
         for _, e in events
         if isinstance(e, Crossing)
     ]

@@ -37,13 +37,13 @@ def test_another_nominal_value_from_the_start_is_another_model(seed: int) -> Non
         values[name.removeprefix("1/")] = 1 / value if name.startswith("1/") else value
     moved = replace(PAPER.model, nominal=values)
     rec = record(seed, PAPER, SAMPLES)
-    here, there = AxisMonitor(PAPER.model, lively(PAPER)), AxisMonitor(moved, lively(PAPER))
-    _, found = here.update_traced(SampleBlock(*rec, shift=np.tile(shift, (SAMPLES, 1))))
-    _, expected = there.update_traced(SampleBlock(*rec))
+    by_shift, by_model = AxisMonitor(PAPER.model, lively(PAPER)), AxisMonitor(moved, lively(PAPER))
+    _, found = by_shift.update_traced(SampleBlock(*rec, shift=np.tile(shift, (SAMPLES, 1))))
+    _, expected = by_model.update_traced(SampleBlock(*rec))
     np.testing.assert_allclose(found.theta[1:], expected.theta[1:], rtol=1e-9)
     np.testing.assert_allclose(found.P[1:], expected.P[1:], rtol=1e-8)
-    status = zip(here.status().parameters, there.status().parameters, strict=True)
-    assert all(one.nominal == pytest.approx(other.nominal, rel=1e-12) for one, other in status)
+    status = zip(by_shift.status().parameters, by_model.status().parameters, strict=True)
+    assert all(p.nominal == pytest.approx(q.nominal, rel=1e-12) for p, q in status)
     assert np.abs(expected.theta - moved.theta0).max() > 0, "nothing was learned"
 
 
@@ -76,9 +76,9 @@ def test_behind_a_closed_gate_nothing_is_learned(seed: int, case: Case, start: i
         closed = np.flatnonzero(~gate)
         closed = closed[closed > 0]
         np.testing.assert_array_equal(values[closed], values[closed - 1])
-    here, there = fates(monitor), fates(open_)
-    assert here.get("gated", 0) + np.count_nonzero(learned) == there["used"]
-    assert sum(n for f, n in here.items() if f != "projected") == SAMPLES
+    gated, ungated = fates(monitor), fates(open_)
+    assert gated.get("gated", 0) + np.count_nonzero(learned) == ungated["used"]
+    assert sum(n for f, n in gated.items() if f != "projected") == SAMPLES
 
 
 @law
@@ -89,11 +89,11 @@ def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, le
     unknown[start : start + length] = np.nan
     held = shift.copy()
     held[start : start + length] = shift[start - 1]
-    one, other = (AxisMonitor(case.model, lively(case)) for _ in range(2))
-    assert one.update(SampleBlock(*rec, shift=unknown)) == other.update(
+    uninformed, gated = (AxisMonitor(case.model, lively(case)) for _ in range(2))
+    assert uninformed.update(SampleBlock(*rec, shift=unknown)) == gated.update(
         SampleBlock(*rec, shift=held, gate=gate)
     )
-    assert state(one) == state(other)
+    assert state(uninformed) == state(gated)
 
 
 SEEDS = 100
@@ -113,12 +113,12 @@ SLOPE = REFERENCE_VALUES["Ja"] * CHANGE / 2 / np.cos(ANGLE2).max()
 FOLLOWS = Follow("Ja", Term.read("cos(angle2)"), float(SLOPE), 0.0, -0.99, 0.99)
 
 
-def posed(of: Sequence[int], fault: Mapping[str, float]) -> Experiment:
-    """As ``experiments``, the drive's own matrices at every sample."""
-    t_us, u, quiet = experiments(of, noise=0.0)
-    noise = experiments(of, noise=NOISE["speed"]).y - quiet
-    x, y = np.zeros((len(MODEL.drive.states), len(of))), np.empty_like(u)
-    torque = np.zeros((len(MODEL.drive.inputs), len(of)))
+def posed(seed_range: Sequence[int], fault: Mapping[str, float]) -> Experiment:
+    """As ``experiments``, but with the drive's own matrices at every sample."""
+    t_us, u, quiet = experiments(seed_range, noise=0.0)
+    noise = experiments(seed_range, noise=NOISE["speed"]).y - quiet
+    x, y = np.zeros((len(MODEL.drive.states), len(seed_range))), np.empty_like(u)
+    torque = np.zeros((len(MODEL.drive.inputs), len(seed_range)))
     for k in range(RECORD):
         y[k] = MODEL.drive.matrix("C", REFERENCE_VALUES)[0] @ x
         broken = faulty({**REFERENCE_VALUES, "Ja": INERTIA[k]}, fault if k >= FAULT_AT else {})
@@ -175,10 +175,10 @@ def test_no_alarm_with_nominal_values_that_follow(seed: int, settings: Settings)
 def test_the_same_fault_is_found_as_fast(
     parameter: str, factor: float, seed: int, settings: Settings
 ) -> None:
-    of, fault = range(seed, seed + SEEDS), {parameter: factor}
-    rec = posed(of, fault)
+    seed_range, fault = range(seed, seed + SEEDS), {parameter: factor}
+    rec = posed(seed_range, fault)
     moving = watched(rec, settings, parameter, shift_of(rec))
-    rest = watched(experiments(of, fault), settings, parameter, None)
+    rest = watched(experiments(seed_range, fault), settings, parameter, None)
     ratio = float(np.median(moving.delay_s) / np.median(rest.delay_s))
     right = float(np.mean(moving.first == MODEL.monitored.index(parameter)))
     print(

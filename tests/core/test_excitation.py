@@ -250,16 +250,18 @@ def test_an_offset_is_borne_so_that_nothing_drifts(seed: int) -> None:
 def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: Limits, seed: int) -> None:
     """Against another simulation, with 20 % more and less of it; a controller, or a linear drive, needs no words."""
     x = planned(seed, task(limits, two_masses(fc=0.3)))
-    said = [words for words in warnings(x) if "Coulomb friction" in words]
+    messages = [words for words in warnings(x) if "Coulomb friction" in words]
     motions = [
         replayed(replace(x.task.plant, values=two_masses(fc=fc)), x.motion.torque) for fc in (0.24, 0.36)
     ]
     away, speed = (max(abs(m[i][-1]) for m in motions) for i in range(2))
     largest = max(np.abs(angle).max() for angle, _ in motions)
-    assert len(said) == 1
-    (numbers,) = re.findall(r"ends up to (\S+) rad away, at up to (\S+) rad/s", said[0])
+    assert len(messages) == 1
+    (numbers,) = re.findall(r"ends up to (\S+) rad away, at up to (\S+) rad/s", messages[0])
     assert [float(n) for n in numbers] == pytest.approx([away, speed], rel=0.06)
-    assert (f"{100 * largest / limits.angle:.0f} % of the angle limit" in said[0]) == (largest > limits.angle)
+    assert (f"{100 * largest / limits.angle:.0f} % of the angle limit" in messages[0]) == (
+        largest > limits.angle
+    )
     for other in (task(limits, two_masses(fc=0.3), command="angle"), task(limits)):
         assert not [words for words in warnings(planned(seed, other)) if "Coulomb friction" in words]
 
@@ -426,10 +428,10 @@ def test_a_spectrum_for_a_parameter_tells_more_of_it_than_a_flat_one(seed: int) 
 
 def test_words_on_what_is_poorly_told(seed: int) -> None:
     asked = task(Limits(0.05), band_hz=(0.5, 3.0))
-    said = warnings(planned(seed, asked))
-    (of_k,) = [words for words in said if words.startswith(("k ", "Ja and k", "k and"))][:1]
+    messages = warnings(planned(seed, asked))
+    (of_k,) = [words for words in messages if words.startswith(("k ", "Ja and k", "k and"))][:1]
     assert "cannot" in of_k
-    assert any("excite up to" in words and "times as long" in words for words in said)
+    assert any("excite up to" in words and "times as long" in words for words in messages)
     assert warnings(planned(seed, task(Limits(20.0)))) == ()
 
 

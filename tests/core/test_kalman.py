@@ -38,7 +38,7 @@ DRIVES = {
 }
 
 
-def of(name: str) -> AxisModel:
+def axis_model(name: str) -> AxisModel:
     known = {**REFERENCE_VALUES, "delay": 0.0}
     return AxisModel(DRIVES[name], {p.name: known[p.name] for p in DRIVES[name].parameters}, MONITORED)
 
@@ -63,10 +63,10 @@ class Recursion(NamedTuple):
         Ad, b = exp[:n, :n], exp[:n, n:]
         if model.drive.mean_state >= 0:
             Ad[:, model.drive.mean_state] = 0.0
-        here = cls(Ad, b @ b.T * q**2, c, r, b @ b.T * q**2)
+        recursion = cls(Ad, b @ b.T * q**2, c, r, b @ b.T * q**2)
         for _ in range(steps):
-            here = here.later(here.P - np.outer(here.gain, here.gain) * here.S)
-        return here
+            recursion = recursion.later(recursion.P - np.outer(recursion.gain, recursion.gain) * recursion.S)
+        return recursion
 
     def later(self, P: Floats) -> Recursion:
         P = self.Ad @ P @ self.Ad.T + self.Q
@@ -88,7 +88,7 @@ def test_gains_are_those_of_the_covariance_recursion(name: str, torque_noise: fl
 
     These are 0, 2, 3 .. intervals, the one after one being the gain itself.
     """
-    model, noise = of(name), NOISE[DRIVES[name].output]
+    model, noise = axis_model(name), NOISE[DRIVES[name].output]
     at = Recursion.run(model, torque_noise, noise, 6000)
     K, lam0 = filter_gain(model, H, torque_noise, noise)
     kept = np.arange(len(K)) != model.drive.mean_state
@@ -113,7 +113,7 @@ def test_gains_are_those_of_the_covariance_recursion(name: str, torque_noise: fl
 def test_innovations_are_white_and_of_variance_lambda_0(name: str, seed: int) -> None:
     """A plant with torque noise, filtered by the monitor with its theta pinned."""
     rng = np.random.default_rng(seed)
-    model, torque_noise, N = of(name), 0.3, 20_000
+    model, torque_noise, N = axis_model(name), 0.3, 20_000
     noise = NOISE[model.drive.output] * (0.2 if name == "mean speed" else 1.0)
     K, lam0 = filter_gain(model, H, torque_noise, noise)
     u = rng.standard_normal((N, 1))

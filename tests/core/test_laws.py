@@ -44,7 +44,7 @@ def test_blocks_may_end_anywhere_and_states_be_saved(
     seed: int, case: Case, way: Way, cuts: list[int]
 ) -> None:
     block, s = conditioned(seed, case, with_pause(seed, case)), lively(case, way)
-    whole, going, saved = (AxisMonitor(case.model, s) for _ in range(3))
+    at_once, going, saved = (AxisMonitor(case.model, s) for _ in range(3))
     changes = list[AlarmChange]()
     for start, stop in pairwise([0, *sorted(cuts), SAMPLES]):
         piece = block.select(slice(start, stop))
@@ -52,8 +52,8 @@ def test_blocks_may_end_anywhere_and_states_be_saved(
         assert saved.update(piece) == found
         assert saved.open_alarms == going.open_alarms
         saved, changes = restored(saved), changes + found
-    assert _latest(changes) == _latest(whole.update(block))
-    assert state(saved) == state(going) == state(whole)
+    assert _latest(changes) == _latest(at_once.update(block))
+    assert state(saved) == state(going) == state(at_once)
 
 
 def _latest(changes: Iterable[AlarmChange]) -> dict[AlarmKey, Alarm]:
@@ -101,10 +101,10 @@ def test_unusable_samples_are_counted_and_change_nothing(seed: int, case: Case, 
 @given(seed=seeds, case=cases, shift=st.integers(-(2**60), 2**60))
 def test_only_differences_of_time_count(seed: int, case: Case, shift: int) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    here, there = (AxisMonitor(case.model, lively(case)) for _ in range(2))
-    expected = here.update(SampleBlock(*rec))
-    found = there.update(SampleBlock(*rec._replace(t_us=rec.t_us + shift)))
-    assert state(there)[0] == state(here)[0]
+    original, shifted = (AxisMonitor(case.model, lively(case)) for _ in range(2))
+    expected = original.update(SampleBlock(*rec))
+    found = shifted.update(SampleBlock(*rec._replace(t_us=rec.t_us + shift)))
+    assert state(shifted)[0] == state(original)[0]
     assert [change.alarm.raised_us - shift for change in found] == [c.alarm.raised_us for c in expected]
 
 
@@ -126,10 +126,10 @@ def test_the_laws_see_something_happen(case: Case, seed: int) -> None:
 def test_the_ways_differ(way: Way, seed: int) -> None:
     """Else the laws would hold of one way only."""
     ends = []
-    for of in ({}, way):
+    for options in ({}, way):
         total = 0.0
         for k, case in enumerate(CASES):
-            monitor = AxisMonitor(case.model, lively(case, of))
+            monitor = AxisMonitor(case.model, lively(case, options))
             monitor.update(SampleBlock(*with_pause(seed + k, case)))
             total += float((monitor.batch.state.theta[:, 0] / case.model.scale).sum())
         ends.append(total)
@@ -153,8 +153,8 @@ def different(case: Case, rng: np.random.Generator) -> tuple[AxisModel, Settings
     return replace(case.model, nominal=values, bounds={}), replace(s, run_on=bool(rng.integers(2)))
 
 
-def fleet_of(of: list[Case], rng: np.random.Generator) -> Fleet:
-    models, settings = zip(*(different(case, rng) for case in of), strict=True)
+def fleet_of(chosen: list[Case], rng: np.random.Generator) -> Fleet:
+    models, settings = zip(*(different(case, rng) for case in chosen), strict=True)
     return Fleet(models, settings)
 
 
@@ -183,8 +183,8 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
             pieces.append([*p[:2], p[2]._replace(shift=None) if rng.integers(2) else p[2]])
         for turn in range(3):
             # Who has no samples in this turn may be left out.
-            here = {a: p[turn] for a, p in enumerate(pieces) if p[turn].size or rng.integers(2)}
-            for a, update in fleet.update(here).items():
+            present = {a: p[turn] for a, p in enumerate(pieces) if p[turn].size or rng.integers(2)}
+            for a, update in fleet.update(present).items():
                 found[a] += update.changes
     for monitor, changes, blocks in zip(fleet.monitors, found, pieces, strict=True):
         alone = AxisMonitor(monitor.model, monitor.settings)
@@ -193,8 +193,8 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
 
 
 def test_axes_of_equal_drive_and_parameters_share_a_bank() -> None:
-    one, other = CASES[0], next(case for case in CASES if case.monitored != CASES[0].monitored)
-    cases = [one, other, one, one]
+    first, other = CASES[0], next(case for case in CASES if case.monitored != CASES[0].monitored)
+    cases = [first, other, first, first]
     fleet = Fleet([case.model for case in cases], [lively(case) for case in cases])
     assert fleet.batch_sizes == [3, 1]
     assert [m.model for m in fleet.monitors] == [case.model for case in cases]

@@ -73,13 +73,13 @@ def watch(*follows: Follow) -> Watch:
 
 def test_the_plant_is_what_it_says(seed: int) -> None:
     plant = MismatchPlant(NOMINAL, np.random.default_rng(seed))
-    one = plant.take(120.0)
-    assert one.u.std() == pytest.approx(TORQUE_RMS, rel=0.15)
-    np.testing.assert_allclose(one.y / STEP, np.round(one.y / STEP), atol=1e-6)
+    early = plant.take(120.0)
+    assert early.u.std() == pytest.approx(TORQUE_RMS, rel=0.15)
+    np.testing.assert_allclose(early.y / STEP, np.round(early.y / STEP), atol=1e-6)
     later = [plant.take(600.0) for _ in range(10)][-1]
-    assert one.temperature[0] == COLD
+    assert early.temperature[0] == COLD
     assert later.temperature[-1] == pytest.approx(COLD + WARMER, abs=0.2)
-    assert later.t_us[0] - one.t_us[-1] == pytest.approx(9 * 600e6, abs=1e4)
+    assert later.t_us[0] - early.t_us[-1] == pytest.approx(9 * 600e6, abs=1e4)
 
 
 def test_half_an_hour_from_cold_is_quiet_and_faults_are_named(seed: int) -> None:

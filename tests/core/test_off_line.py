@@ -171,8 +171,8 @@ def test_with_the_state_that_moves_it_is_the_joint_filter(
     )
     late, (theta, variance) = slice(500, None), expected
     apart = []
-    for one in (s, replace(s, joint_state=joint, random_walk=drift)):
-        _, trace = AxisMonitor(MODEL, one).update_traced(SampleBlock(*rec))
+    for variant in (s, replace(s, joint_state=joint, random_walk=drift)):
+        _, trace = AxisMonitor(MODEL, variant).update_traced(SampleBlock(*rec))
         off = ((trace.theta - theta)[late] ** 2).mean(axis=0) / variance[late].mean(axis=0)
         apart.append(float(np.sqrt(off.mean())))
     print(f"apart by {apart[0]:.3f} of a standard deviation, with one of the two alone {apart[1]:.3f}")

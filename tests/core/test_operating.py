@@ -120,8 +120,8 @@ def test_gates(gate: Gate, is_open: dict[float, bool]) -> None:
     for value, expected in is_open.items():
         _, opened, reason = taken(Conditions(("mode",), (), (gate,)), (value,))
         assert opened.tolist() == [expected]
-        said = "mode is not known" if math.isnan(value) else f"mode = {value:g}"
-        assert reason == ("" if expected else said)
+        closed = "mode is not known" if math.isnan(value) else f"mode = {value:g}"
+        assert reason == ("" if expected else closed)
 
 
 def test_all_gates_must_be_open() -> None:
@@ -165,13 +165,13 @@ def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
         [rng.choice([NAN, 30.0, 45.0, 90.0], 60), rng.normal(0, 3, 60), rng.integers(0, 3, 60)]
     )
     y[rng.random(60) < 0.05] = NAN
-    whole, parts = Operating(MODEL, conditions), Operating(MODEL, conditions)
-    shift, gate = whole.take(t_us, y, signals)
+    at_once, parts = Operating(MODEL, conditions), Operating(MODEL, conditions)
+    shift, gate = at_once.take(t_us, y, signals)
     ends = [0, *sorted(cuts), 60]
     found = [parts.take(t_us[a:b], y[a:b], signals[a:b]) for a, b in pairwise(ends)]
     np.testing.assert_array_equal(np.concatenate([s for s, _ in found]), shift)
     np.testing.assert_array_equal(np.concatenate([g for _, g in found]), gate)
-    assert parts.reason == whole.reason
+    assert parts.reason == at_once.reason
 
 
 @pytest.mark.parametrize(

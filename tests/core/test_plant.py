@@ -75,10 +75,10 @@ def test_a_run_can_be_continued(seed: int) -> None:
     """Wherever the cut: the blocks of steps then lie elsewhere, and rounding differs."""
     u = np.random.default_rng(seed).standard_normal((160, 2))
     drive = three_mass("speed")
-    whole, end = simulate_linear(drive, REFERENCE_VALUES, u, H)
+    at_once, end = simulate_linear(drive, REFERENCE_VALUES, u, H)
     first, x = simulate_linear(drive, REFERENCE_VALUES, u[:25], H)
     second, last = simulate_linear(drive, REFERENCE_VALUES, u[25:], H, x)
-    assert np.concatenate([first, second]) == pytest.approx(whole, rel=1e-9, abs=1e-12)
+    assert np.concatenate([first, second]) == pytest.approx(at_once, rel=1e-9, abs=1e-12)
     assert last == pytest.approx(end, rel=1e-9, abs=1e-15)
 
 

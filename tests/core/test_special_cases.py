@@ -205,14 +205,14 @@ def test_errors_far_beyond_the_model_are_invalid(seed: int) -> None:
 
 def test_nominal_values_that_a_record_could_not_tell_apart_are_not_tested(seed: int) -> None:
     settings = Settings.paper(0.005, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0)
-    told = AxisMonitor(reference_model("speed"), settings)
-    untold = AxisMonitor(reference_model("speed"), replace(settings, unidentifiable=(("fm", "fc"),)))
+    identifiable = AxisMonitor(reference_model("speed"), settings)
+    unidentifiable = AxisMonitor(reference_model("speed"), replace(settings, unidentifiable=(("fm", "fc"),)))
     rec = experiment(seed, {"kT": 1.3}, samples=3000)
-    assert told.update(SampleBlock(*rec))
-    assert untold.update(SampleBlock(*rec)) == []
-    assert not untold.batch.state.g.any()
-    np.testing.assert_array_equal(untold.batch.state.theta, told.batch.state.theta)
-    assert untold.status().confounded == (
+    assert identifiable.update(SampleBlock(*rec))
+    assert unidentifiable.update(SampleBlock(*rec)) == []
+    assert not unidentifiable.batch.state.g.any()
+    np.testing.assert_array_equal(unidentifiable.batch.state.theta, identifiable.batch.state.theta)
+    assert unidentifiable.status().confounded == (
         "fm and fc cannot be distinguished by the record of their nominal values: nothing is tested. Identify the axis"
         " with a record of several speeds and accelerations, or with `axiswatch identify --fix fc`, which holds it at"
         " its value in the configuration",
@@ -229,12 +229,18 @@ def test_numbers_of_a_parameter(own: tuple[Threshold, ...], seed: int) -> None:
     monitor.update(SampleBlock(*record(seed, case, 400)))
     st = monitor.batch.state
     for i, p in enumerate(monitor.status().parameters):
-        P_ii, size, of = float(st.P[i, i, 0]), case.model.scale[i], own[i] if own else Threshold(0.7, 0.9)
+        P_ii, size, threshold = (
+            float(st.P[i, i, 0]),
+            case.model.scale[i],
+            own[i] if own else Threshold(0.7, 0.9),
+        )
         assert (p.name, p.nominal, p.estimate) == (case.monitored[i], case.model.theta0[i], st.theta[i, 0])
         assert p.p_diagonal == P_ii
         assert p.standard_deviation == pytest.approx(math.sqrt(settings.lam0 * P_ii / 1.97))
-        assert p.nu == pytest.approx(of.alpha1 * math.sqrt(settings.lam0 * P_ii) + of.allowance * size)
-        assert p.h == pytest.approx(of.alpha2 * size)
+        assert p.nu == pytest.approx(
+            threshold.alpha1 * math.sqrt(settings.lam0 * P_ii) + threshold.allowance * size
+        )
+        assert p.h == pytest.approx(threshold.alpha2 * size)
         assert (p.g_up, p.g_down) == tuple(st.g[:, i, 0])
     assert monitor.status().time_us == 399 * 5000
 

@@ -16,7 +16,7 @@ def each(x: Floats, out: Floats) -> None:
         out[a] = tanh(x[a])
 
 
-def of(x: Floats) -> Floats:
+def tanh_all(x: Floats) -> Floats:
     out = np.empty_like(x)
     each(x, out)
     return out
@@ -26,18 +26,18 @@ def test_within_three_units_of_the_last_place(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = np.concatenate([size * rng.standard_normal(20_000) for size in SIZES] + [EDGES])
     right = np.tanh(x.astype(np.longdouble))
-    assert (np.abs(of(x) - right) <= 3 * np.spacing(np.abs(right).astype(float))).all()
-    assert (np.abs(of(x)) <= 1).all()
+    assert (np.abs(tanh_all(x) - right) <= 3 * np.spacing(np.abs(right).astype(float))).all()
+    assert (np.abs(tanh_all(x)) <= 1).all()
 
 
 def test_odd_and_never_a_number_of_none(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = np.concatenate([3 * rng.standard_normal(1000), EDGES])
-    assert of(-x).tobytes() == (-of(x)).tobytes()
-    assert np.isnan(of(np.array([np.nan]))).all()
+    assert tanh_all(-x).tobytes() == (-tanh_all(x)).tobytes()
+    assert np.isnan(tanh_all(np.array([np.nan]))).all()
 
 
 def test_alone_as_beside_others(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = 3 * rng.standard_normal(101)
-    assert np.concatenate([of(x[a : a + 1]) for a in range(x.size)]).tobytes() == of(x).tobytes()
+    assert np.concatenate([tanh_all(x[a : a + 1]) for a in range(x.size)]).tobytes() == tanh_all(x).tobytes()

@@ -88,8 +88,9 @@ def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, s
     block = SampleBlock(T_US[:2000][kept], u[kept], y[kept])
     _, trace = AxisMonitor(model, settings).update_traced(block)
     assert np.nanmax(np.abs(trace.eps)) < 1e-9 * np.abs(y).max()
-    _, whole = AxisMonitor(model, replace(settings, interval_s=0.5)).update_traced(block)
-    assert np.nanmax(np.abs(whole.eps)) > 0.01 * np.abs(y).max()  # it is not the mean since the last sample
+    _, since_last = AxisMonitor(model, replace(settings, interval_s=0.5)).update_traced(block)
+    # it is not the mean since the last sample
+    assert np.nanmax(np.abs(since_last.eps)) > 0.01 * np.abs(y).max()
 
 
 def test_it_is_that_of_a_speed() -> None:
@@ -100,10 +101,16 @@ def test_it_is_that_of_a_speed() -> None:
 
 
 def test_disturbance_and_mean_go_together() -> None:
-    one, other = AVERAGED.with_disturbance(), three_mass("speed").with_disturbance().with_mean_speed()
-    assert (one.mean_state, other.mean_state) == (5, 6)
+    mean_first, disturbance_first = (
+        AVERAGED.with_disturbance(),
+        three_mass("speed").with_disturbance().with_mean_speed(),
+    )
+    assert (mean_first.mean_state, disturbance_first.mean_state) == (5, 6)
     values = {**REFERENCE_VALUES, "Td": 0.1}
-    lam0 = [filter_gain(AxisModel(d, values, ("kT",)), H, 0.1, 1.0, 0.2)[1] for d in (one, other)]
+    lam0 = [
+        filter_gain(AxisModel(d, values, ("kT",)), H, 0.1, 1.0, 0.2)[1]
+        for d in (mean_first, disturbance_first)
+    ]
     assert lam0[0] == pytest.approx(lam0[1], rel=1e-9)
 
 

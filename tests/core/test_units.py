@@ -38,7 +38,7 @@ class Units(NamedTuple):
     time: float
     relative: bool = False
 
-    def of(self, unit: str) -> float:
+    def factor(self, unit: str) -> float:
         factors = {
             "kg m^2": self.time**2 / self.angle,
             "N m/rad": 1 / self.angle,
@@ -52,7 +52,7 @@ class Units(NamedTuple):
         return factors[unit]
 
     def model(self, model: AxisModel) -> AxisModel:
-        own = {p.name: self.of(p.unit) for p in model.drive.parameters} | {"kT": 1 / self.torque}
+        own = {p.name: self.factor(p.unit) for p in model.drive.parameters} | {"kT": 1 / self.torque}
         theta = {
             n: own[base] ** (-1 if inverse else 1)
             for n in model.monitored
@@ -67,8 +67,8 @@ class Units(NamedTuple):
         )
 
     def settings(self, s: Settings, model: AxisModel) -> Settings:
-        output = self.of("rad" if model.drive.output == "angle" else "rad/s")
-        states = [self.of(one.unit) for one in model.drive.states]
+        output = self.factor("rad" if model.drive.output == "angle" else "rad/s")
+        states = [self.factor(state.unit) for state in model.drive.states]
         ratio = self.model(model).scale / model.scale
         times = ("interval_s", "delay_s", "max_gap_s", "settle_s", "lost_s")
         return replace(
@@ -76,7 +76,7 @@ class Units(NamedTuple):
             **{name: getattr(s, name) * self.time for name in times},
             lam0=s.lam0 * output**2,
             K=tuple(k * x / output for k, x in zip(s.K, states, strict=False)),
-            speed_scale=s.speed_scale * self.of("rad/s"),
+            speed_scale=s.speed_scale * self.factor("rad/s"),
             P0=tuple(float(v) for v in np.array(s.P0) * (ratio / output) ** 2),
         )
 
@@ -102,17 +102,17 @@ def test_units_scale_results_and_nothing_else(
         units = units._replace(angle=1.0)
     rec, s, model = with_pause(seed, case), replace(gentle(case), **way), case.model  # type: ignore[arg-type]
     other = units.model(model)
-    output = units.of("rad" if case.output == "angle" else "rad/s")
+    output = units.factor("rad" if case.output == "angle" else "rad/s")
     t = rec.t_us * round(units.time)
-    _, here = AxisMonitor(model, s).update_traced(SampleBlock(*rec))
-    _, there = AxisMonitor(other, units.settings(s, model)).update_traced(
+    _, original = AxisMonitor(model, s).update_traced(SampleBlock(*rec))
+    _, converted = AxisMonitor(other, units.settings(s, model)).update_traced(
         SampleBlock(t, rec.u * units.torque, rec.y * output)
     )
     size, new = model.scale, other.scale
-    assert close(there.theta / new, here.theta / size)
-    assert close(there.g / new, here.g / size)
-    assert close(there.P * output**2 / new**2, here.P / size**2)
-    assert close(there.eps / output, here.eps)
+    assert close(converted.theta / new, original.theta / size)
+    assert close(converted.g / new, original.g / size)
+    assert close(converted.P * output**2 / new**2, original.P / size**2)
+    assert close(converted.eps / output, original.eps)
 
 
 def test_in_units_of_nominal_a_healthy_parameter_is_one_and_an_offset_of_scale_zero() -> None:

@@ -73,8 +73,8 @@ def stops_in_order_with_an_open_connection(d: Daemon) -> None:
     assert d.events()[-1]["event"] == "stopped"
 
 
-def said(d: Daemon) -> list[str]:
-    """What the daemon has to say, but for that the kernel is not ready yet."""
+def daemon_messages(d: Daemon) -> list[str]:
+    """The messages of the daemon, except that the kernel is not ready yet."""
     messages: list[str] = d.get("api/v1/service")["messages"]
     return [message for message in messages if "kernel is being compiled" not in message]
 
@@ -91,7 +91,7 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
 
     (state / "alarms.sqlite").write_bytes(b"no database" * 1000)
     with daemon(config) as d:  # the checkpoint still knows the alarm
-        (message,) = said(d)
+        (message,) = daemon_messages(d)
         assert "alarms.sqlite is damaged" in message
         assert [a["raised"] for a in d.get("api/v1/alarms")["alarms"]] == [raised]
         assert d.axis()["parameters"][2]["status"] == "alarm"
@@ -100,7 +100,7 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
 
     (state / "checkpoints.sqlite").write_bytes(b"no database" * 1000)
     with daemon(config) as d:  # the journal still knows the alarm
-        (message,) = said(d)
+        (message,) = daemon_messages(d)
         assert "checkpoints.sqlite is damaged" in message
         axis = d.axis()
         assert (axis["samples"], axis["parameters"][2]["status"]) == (0, "alarm")

@@ -157,27 +157,27 @@ def calibrated(config: Config, half: str, budget_s: float) -> Calibration:
 
 def samples(config: Config, found: Calibration, text: str) -> SampleBlock:
     """The record, or a part of it, through the pipeline of the daemon."""
-    (one,), _ = read([text], config, config.axes[0], found.result.model)
-    return one
+    (block,), _ = read([text], config, config.axes[0], found.result.model)
+    return block
 
 
-def faulty(found: Calibration, one: SampleBlock, change: Mapping[str, float], start: int) -> SampleBlock:
-    """From sample ``start`` on these parameters are off by such parts: the force that the same motion needed."""
+def faulty(found: Calibration, block: SampleBlock, change: Mapping[str, float], start: int) -> SampleBlock:
+    """The record if these parameters change by such parts at sample ``start``: the force that the same motion needs."""
     nominal = found.result.model.nominal
     values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
     load = equivalent_load(found.result.model, values)
     assert load is not None  # exact
     assembly = Assembly(found.result.model.drive, found.result.model.monitored)
     u_scale = assembly.model_constants(found.result.model, found.result.settings.speed_scale)["u_scale"]
-    u = one.u.copy()
-    u[start:] = faulty_torque(found.result.model, found.result.settings, one, load, u_scale)[start:]
-    return one._replace(u=u)
+    u = block.u.copy()
+    u[start:] = faulty_torque(found.result.model, found.result.settings, block, load, u_scale)[start:]
+    return block._replace(u=u)
 
 
-def said(found: Calibration, one: SampleBlock) -> tuple[list[Alarm], float]:
-    """All that the monitor reports of it, and the largest g over its threshold, of any test."""
+def alarms_and_peak(found: Calibration, block: SampleBlock) -> tuple[list[Alarm], float]:
+    """All alarms that the monitor reports, and the largest g over its threshold, of any test."""
     monitor = AxisMonitor(found.result.model, found.result.settings)
-    alarms, trace = alarm_versions(monitor, one)
+    alarms, trace = alarm_versions(monitor, block)
     return alarms, float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))
 
 
@@ -229,7 +229,7 @@ def with_thresholds(learned: Learned, budget_s: float) -> Halves:
 
 
 def test_the_other_half_is_quiet(half: Halves) -> None:
-    episodes, peak = said(half.found, half.other)
+    episodes, peak = alarms_and_peak(half.found, half.other)
     print(f"EMPS: largest g {peak:.2f} of its threshold")
     assert episodes == []
     assert peak < 0.5
@@ -238,7 +238,7 @@ def test_the_other_half_is_quiet(half: Halves) -> None:
 def watch(half: Halves, change: Mapping[str, float], begins_s: float) -> tuple[float, Alarm]:
     """Delay and last state of the only alarm."""
     start = round(begins_s / half.found.result.settings.interval_s)
-    episodes, _ = said(half.found, faulty(half.found, half.other, change, start))
+    episodes, _ = alarms_and_peak(half.found, faulty(half.found, half.other, change, start))
     assert len({(e.raised_us, e.first) for e in episodes}) == 1
     delay_s = (episodes[0].raised_us - int(half.other.t_us[start])) * 1e-6
     e = episodes[-1]

@@ -90,9 +90,9 @@ def test_a_fault_in_the_second_half_is_named(irb_record: SampleBlock, fault: Fau
     assert abs(first.onset_us - start_us) < 1_000_000
     others = [i for i, name in enumerate(monitor.model.monitored) if name != fault.alarm[0]]
     assert g[:, others].max() < 10
-    of = monitor.status().parameters[monitor.model.monitored.index(fault.alarm[0])]
-    size = fault.torque_constant if fault.viscous == 0 else of.nominal + fault.viscous
-    assert of.estimate == pytest.approx(size, abs=3 * of.standard_deviation)
+    parameter = monitor.status().parameters[monitor.model.monitored.index(fault.alarm[0])]
+    size = fault.torque_constant if fault.viscous == 0 else parameter.nominal + fault.viscous
+    assert parameter.estimate == pytest.approx(size, abs=3 * parameter.standard_deviation)
 
 
 def raised(episodes: Sequence[Alarm]) -> set[tuple[str, str]]:

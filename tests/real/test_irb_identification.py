@@ -75,8 +75,8 @@ def test_simulation(simulation: Estimate) -> None:
     assert simulation.fit_simulation[0] >= SIMULATES
     assert any(word.startswith("fm and fc cannot both be determined") for word in simulation.words)
     i = simulation.names.index("fm")
-    said = simulation.accuracy.standard_deviations[i]
-    assert said == pytest.approx(simulation.sd[i] / simulation.theta[i], rel=0.2)
+    deviation = simulation.accuracy.standard_deviations[i]
+    assert deviation == pytest.approx(simulation.sd[i] / simulation.theta[i], rel=0.2)
 
 
 def test_one_step_ahead(record: Record, simulation: Estimate) -> None:
@@ -118,9 +118,9 @@ def test_friction_of_half_a_record(half: Estimate) -> None:
     print(f"irb: fm = {value[i]:.4f} +- {sd[i]:.2g}, fc = {value[j]:.3f} +- {sd[j]:.2g}, correlation {r:.3f}")
     assert r == pytest.approx(-0.98, abs=0.01)
     assert sd[j] > 0.3 * abs(value[j])
-    told = re.search(r"fm and fc correlate by (-0\.\d\d)\.", " ".join(half.words))
-    assert told, half.words
-    assert float(told[1]) == pytest.approx(r, abs=0.01)
+    match = re.search(r"fm and fc correlate by (-0\.\d\d)\.", " ".join(half.words))
+    assert match, half.words
+    assert float(match[1]) == pytest.approx(r, abs=0.01)
 
 
 def correlation(found: Estimate) -> float:

@@ -49,8 +49,8 @@ def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_no_traceback(tmp_path: Path) -> None:
-    said = refused("check", "--config", tmp_path / "none.toml")
-    assert said.endswith(
+    message = refused("check", "--config", tmp_path / "none.toml")
+    assert message.endswith(
         "cannot read the configuration: No such file or directory 1 problem in the configuration"
     )
 
@@ -86,10 +86,10 @@ def test_a_memory_that_is_short_is_noted(memory_s: float, noted: bool, tmp_path:
 
 
 def test_where_it_is_short_the_state_moves_with_the_estimates_unless_told_otherwise(tmp_path: Path) -> None:
-    def joint(memory_s: float, said: str = "") -> bool:
+    def joint(memory_s: float, line: str = "") -> bool:
         file = with_memory(tmp_path, memory_s)
         text = file.read_text(encoding="utf-8")
-        file.write_text(text.replace("[robot.axis.estimator]", f"[robot.axis.estimator]\n{said}", 1))
+        file.write_text(text.replace("[robot.axis.estimator]", f"[robot.axis.estimator]\n{line}", 1))
         axis = load(file).axes[0]
         return axis_settings(axis, axis_model(axis.config)).joint_state
 
@@ -106,7 +106,7 @@ NOISES = "estimator = { torque_noise = 0.05, output_noise = 1e-4 }\n"
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "axis.toml").write_text(TABLES, encoding="utf-8")
     return tmp_path
@@ -117,12 +117,12 @@ def call(command: str) -> Result:
     return axiswatch(name, "--config", "axis.toml", *words)
 
 
-def test_columns_are_enough(here: Path) -> None:
-    (axis,) = load(here / "axis.toml", {}).axes
+def test_columns_are_enough(directory: Path) -> None:
+    (axis,) = load(directory / "axis.toml", {}).axes
     assert (axis.config.records_only, axis.config.torque.column) == (True, "torque")
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("directory")
 @pytest.mark.parametrize("command", ["run", "check", "listen", "simulate", "play r.csv", "replay r.csv"])
 def test_what_needs_a_bus_says_so(command: str) -> None:
     result = call(command)
@@ -131,14 +131,14 @@ def test_what_needs_a_bus_says_so(command: str) -> None:
     assert len(result.stderr.splitlines()) == 1
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("directory")
 def test_the_model_needs_no_bus() -> None:
     result = call("model")
     assert (result.exit_code, result.stderr) == (0, "")
     assert "Hold kT and r known" in " ".join(result.stdout.split())
 
 
-def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(here: Path) -> None:
+def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(directory: Path) -> None:
     words = "excite --torque-limit 2 -o m.csv --seconds 2"
     result = call(words)
     assert result.exit_code == 2
@@ -147,11 +147,11 @@ def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(here: Path) 
         in (result.stderr)
     )
     known = TABLES.replace("kT = 1,", f"kT = 1, {VALUES},").replace("model =", f"{NOISES}model =")
-    (here / "axis.toml").write_text(known.replace("torque_noise = 0.05, ", ""), encoding="utf-8")
+    (directory / "axis.toml").write_text(known.replace("torque_noise = 0.05, ", ""), encoding="utf-8")
     assert "has no torque_noise: give" in call(words).stderr
-    (here / "axis.toml").write_text(known, encoding="utf-8")
+    (directory / "axis.toml").write_text(known, encoding="utf-8")
     assert call(words).exit_code == 0
-    assert (here / "m.csv").read_text(encoding="utf-8").startswith("t_s,torque_Nm")
+    assert (directory / "m.csv").read_text(encoding="utf-8").startswith("t_s,torque_Nm")
 
 
 @pytest.mark.parametrize(
@@ -165,15 +165,15 @@ def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(here: Path) 
     ],
 )
 def test_an_identification_needs_values_of_what_it_does_not_find(
-    here: Path, words: str, expected: str
+    directory: Path, words: str, expected: str
 ) -> None:
-    (here / "r.csv").write_text("torque,angle\n0,0\n1,1\n", encoding="utf-8")
+    (directory / "r.csv").write_text("torque,angle\n0,0\n1,1\n", encoding="utf-8")
     result = call(f"identify r.csv {words}")
     assert (result.exit_code, expected in result.stderr) == (2, True), result.stderr
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_a_can_log_cannot_be_read_without_a_bus(here: Path) -> None:
-    (here / "r.log").write_text("(0.0) can0 123#00\n", encoding="utf-8")
+def test_a_can_log_cannot_be_read_without_a_bus(directory: Path) -> None:
+    (directory / "r.log").write_text("(0.0) can0 123#00\n", encoding="utf-8")
     result = call("identify r.log")
     assert (result.exit_code, "no [[bus]]" in result.stderr) == (2, True), result.stderr

@@ -23,7 +23,7 @@ OWN = [
 
 
 def hypotheses(entries: list[dict[str, object]]) -> str:
-    rows = [f"{key} = {json.dumps(value)}" for one in entries for key, value in (("", ""), *one.items())]
+    rows = [f"{key} = {json.dumps(value)}" for entry in entries for key, value in (("", ""), *entry.items())]
     return "\n" + "\n".join("[[hypothesis]]" if row == ' = ""' else row for row in rows) + "\n"
 
 
@@ -56,31 +56,31 @@ def checked(path: Path) -> str:
 
 
 def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None:
-    one = found(robot)
-    assert one.alarm_source == "cusum"
-    assert one.multimodel is not None
+    detectors = found(robot)
+    assert detectors.alarm_source == "cusum"
+    assert detectors.multimodel is not None
     assert "alarms: cusum (multimodel in shadow mode)" in checked(robot)
     assert found(detector(robot, "shadow = false")) == Detectors("cusum", None, "")
     assert "multimodel" not in checked(robot)
 
 
 def test_the_bank_without_a_record_is_said_to_go_by_the_guarantee(robot: Path) -> None:
-    one = found(detector(robot, 'alarm_source = "multimodel"', "budget_s = 3600.0"))
-    assert one.alarm_source == "multimodel"
-    said = checked(robot)
-    assert "at most one false alarm in an hour if the model is exact" in said
-    assert "axiswatch calibrate" in said
+    detectors = found(detector(robot, 'alarm_source = "multimodel"', "budget_s = 3600.0"))
+    assert detectors.alarm_source == "multimodel"
+    output = checked(robot)
+    assert "at most one false alarm in an hour if the model is exact" in output
+    assert "axiswatch calibrate" in output
 
 
 def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
-    one = found(calibrated(robot, OWN))
-    assert one.alarm_source == "multimodel"
-    assert one.multimodel is not None
-    assert one.multimodel.bank.causes == ("kT", "torque sign")
-    assert one.multimodel.bank.hypotheses[0].alike == ("torque scale",)
-    said = checked(robot)
-    assert "alarms: multimodel (h from its records)" in said
-    assert "guarantee" not in said
+    detectors = found(calibrated(robot, OWN))
+    assert detectors.alarm_source == "multimodel"
+    assert detectors.multimodel is not None
+    assert detectors.multimodel.bank.causes == ("kT", "torque sign")
+    assert detectors.multimodel.bank.hypotheses[0].alike == ("torque scale",)
+    output = checked(robot)
+    assert "alarms: multimodel (h from its records)" in output
+    assert "guarantee" not in output
     assert found(detector(robot, 'alarm_source = "cusum"')).alarm_source == "cusum"
 
 
@@ -110,9 +110,9 @@ def test_where_nominal_values_vary_the_bank_looks_on_unless_it_is_asked_for(robo
     """Also with thresholds of its own."""
     calibrated(robot, [{"cause": "fm", "size": 0.2, "h": 9.0}])
     read_from_files(VARYING, robot)
-    one = found(robot)
-    assert one.alarm_source == "cusum"
-    assert one.multimodel is not None
+    detectors = found(robot)
+    assert detectors.alarm_source == "cusum"
+    assert detectors.multimodel is not None
     assert found(detector(robot, 'alarm_source = "multimodel"')).alarm_source == "multimodel"
 
 
@@ -166,6 +166,6 @@ def test_of_another_monitor_it_is_refused(
 
 def test_what_is_said_twice_may_be_the_same(thresholded: Path) -> None:
     text = thresholded.read_text(encoding="utf-8")
-    said = text.replace("[robot.axis.detector]\n", "[robot.axis.detector]\nalpha_1 = 1.5\n")
-    thresholded.write_text(said, encoding="utf-8")
+    repeated = text.replace("[robot.axis.detector]\n", "[robot.axis.detector]\nalpha_1 = 1.5\n")
+    thresholded.write_text(repeated, encoding="utf-8")
     assert settings(load(thresholded, {}))

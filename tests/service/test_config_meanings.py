@@ -38,7 +38,7 @@ def read(folder: Path, model: str, head: str = HEAD) -> Config:
     return loaded(folder, head + model)
 
 
-def told(folder: Path, model: str, head: str = HEAD) -> list[str]:
+def problems_of(folder: Path, model: str, head: str = HEAD) -> list[str]:
     """Line, key and message of every problem; lines count from [robot.axis.model]."""
     with pytest.raises(ConfigErrors) as caught:
         read(folder, model, head)
@@ -70,7 +70,7 @@ def test_components_are_a_drive(folder: Path) -> None:
 def test_which_model_of_a_file(folder: Path) -> None:
     second = RIGID.replace("Rigid", "Stiff").replace("= 2 ", "= 4 ")
     (folder / "rigid.mo").write_text(RIGID + second, encoding="utf-8")
-    (problem,) = told(folder, FILE)
+    (problem,) = problems_of(folder, FILE)
     assert all(word in problem for word in ("1 model.drive: ", "Rigid", "Stiff"))
     stiff = axis_model(read(folder, FILE + 'drive_model = "Stiff"').axes[0].config)
     assert stiff.drive.name == "Stiff"
@@ -79,18 +79,18 @@ def test_which_model_of_a_file(folder: Path) -> None:
 
 def test_a_mistake_in_a_file_has_the_line_of_the_file_too(folder: Path) -> None:
     (folder / "rigid.mo").write_text(RIGID.replace("J = Jl", "J = Jx"), encoding="utf-8")
-    (problem,) = told(folder, FILE)
+    (problem,) = problems_of(folder, FILE)
     assert re.search(r"^1 model\.drive: \S*rigid\.mo:12: load", problem)
     (folder / "rigid.mo").write_text(
         RIGID.replace("Jm(unit", "Jm(unit").replace("0.001", "-0.001"), encoding="utf-8"
     )
-    (problem,) = told(folder, FILE)
+    (problem,) = problems_of(folder, FILE)
     assert re.search(r"model\.drive: .*rigid\.mo:\d+: .*greater than zero", problem)
 
 
 def test_every_axis_is_checked_at_once(folder: Path) -> None:
     axis = HEAD[HEAD.index("[[robot.axis]]") :].replace('"a"', '"b"').replace("Axis1", "Axis2")
-    found = told(folder, FILE.replace('"f"', '"F"') + axis + DRAWN.replace('["f"]', '["g"]'))
+    found = problems_of(folder, FILE.replace('"f"', '"F"') + axis + DRAWN.replace('["f"]', '["g"]'))
     assert len(found) == 2
 
 
@@ -154,9 +154,9 @@ torque = { column = "v" }
 angle = { column = "z", factor = 2.0 }
 model = { drive = "three-mass", monitor = ["fm"] }
 """
-    one, _ = loaded(folder, content).axes
-    assert [(s.column, s.factor, s.message) for s in one.sources] == [("warm", 1.0, None), ("z", 2.0, None)]
-    assert conditions_of(one).follows[0].high == math.inf
+    axis, _ = loaded(folder, content).axes
+    assert [(s.column, s.factor, s.message) for s in axis.sources] == [("warm", 1.0, None), ("z", 2.0, None)]
+    assert conditions_of(axis).follows[0].high == math.inf
 
 
 def check(folder: Path, content: str) -> str:
@@ -167,10 +167,10 @@ def check(folder: Path, content: str) -> str:
 
 
 def test_check_tells_the_conditions_and_what_is_taken_for_granted(folder: Path) -> None:
-    said = check(folder, with_conditions())
+    output = check(folder, with_conditions())
     for words in ("fm follows temperature", "kT follows cos(speed2)", "only while mode is 3 or 4", "above 5"):
-        assert words in said
-    assert "demo: second: monitored as if the other axes stood still" in said
+        assert words in output
+    assert "demo: second: monitored as if the other axes stood still" in output
 
 
 @pytest.mark.parametrize(

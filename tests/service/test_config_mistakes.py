@@ -33,8 +33,8 @@ def report(text: str, changes: list[str], folder: Path) -> str:
     (folder / "a.toml").write_text(text, encoding="utf-8")
     for change in changes:
         place, _, rest = change.partition(": ")
-        name, here = (place, rest) if place.endswith(".toml") else ("a.toml", change)
-        old, _, new = here.replace("\\n", "\n").partition(" =>")
+        name, edit = (place, rest) if place.endswith(".toml") else ("a.toml", change)
+        old, _, new = edit.replace("\\n", "\n").partition(" =>")
         content = (folder / name).read_text(encoding="utf-8")
         assert content.count(old) == 1, change
         (folder / name).write_text(content.replace(old, new.removeprefix(" ")), encoding="utf-8")

@@ -64,9 +64,9 @@ def _kinds(table: type[Table]) -> set[type[Table]]:
 
 def test_what_the_example_calls_a_default_is_one(everything: Config) -> None:
     defaults = load(CONFIG / "axiswatch.toml", {})
-    told = [path for path in _told_defaults() if _at(defaults, path) is not None]
-    assert len(told) > 20
-    for path in told:
+    stated = [path for path in _told_defaults() if _at(defaults, path) is not None]
+    assert len(stated) > 20
+    for path in stated:
         assert (path, _at(everything, path)) == (path, pytest.approx(_at(defaults, path)))
 
 

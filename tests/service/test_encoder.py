@@ -111,9 +111,9 @@ def test_records_one_after_the_other_and_parts_of_one(course: Course, tmp_path: 
     cut = far(course)
     (tmp_path / "b.csv").write_text("\n".join([head, *rows[:cut]]))
     (tmp_path / "c.csv").write_text("\n".join([head, *rows[cut:]]))
-    whole, parts = found(file, record), found(file, tmp_path / "b.csv", tmp_path / "c.csv")
-    assert whole["parameters"] == parts["parameters"]
-    assert whole["alarms"] == parts["alarms"]
+    at_once, parts = found(file, record), found(file, tmp_path / "b.csv", tmp_path / "c.csv")
+    assert at_once["parameters"] == parts["parameters"]
+    assert at_once["alarms"] == parts["alarms"]
 
 
 def far(course: Course) -> int:
@@ -127,17 +127,17 @@ def samples(course: Course, a: int, b: int) -> dict[str, SampleBlock]:
 
 
 def test_saved_and_put_back_within_a_gap(course: Course, tmp_path: Path) -> None:
-    """The whole angle goes on from where the saved predictor was."""
+    """The unwrapped angle goes on from where the saved predictor was."""
     axes = load(config(tmp_path / "a", "wrap_period = 0.5"), {}).axes
     cut = far(course)
-    one, first, second = AxisMonitors(axes), AxisMonitors(axes), AxisMonitors(axes)
-    one.update(samples(course, 0, cut))
-    one.update(samples(course, cut, N))
+    uninterrupted, first, second = AxisMonitors(axes), AxisMonitors(axes), AxisMonitors(axes)
+    uninterrupted.update(samples(course, 0, cut))
+    uninterrupted.update(samples(course, cut, N))
     first.update(samples(course, 0, cut))
     second.update({})
     second.by_id["demo.axis1"].from_arrays(first.by_id["demo.axis1"].to_arrays())
     second.update(samples(course, cut, N))
-    a, b = (m.by_id["demo.axis1"].to_arrays()["floats"] for m in (one, second))
+    a, b = (m.by_id["demo.axis1"].to_arrays()["floats"] for m in (uninterrupted, second))
     np.testing.assert_array_equal(a, b)
 
 

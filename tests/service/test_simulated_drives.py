@@ -110,8 +110,8 @@ def test_a_part_of_a_merged_parameter_may_break(tmp_path: Path) -> None:
     robots = [ControlledAxis(axis, np.random.default_rng(1)) for _ in range(3)]
     robots[1].break_down({"Jl": 1.5})
     robots[2].break_down({"Jm + Jl*r^2": (0.001 + 1.5 * 0.02**2 * 2) / (0.001 + 0.02**2 * 2)})
-    healthy, part, whole = ([robot.sample(k).motion for k in range(50)] for robot in robots)
-    assert part == pytest.approx(whole, abs=1e-12)
+    healthy, part, merged = ([robot.sample(k).motion for k in range(50)] for robot in robots)
+    assert part == pytest.approx(merged, abs=1e-12)
     assert np.abs(np.subtract(part, healthy)).max() > 1e-3
     robots[1].break_down({"f": 2.0})
     with pytest.raises(KeyError):

@@ -36,16 +36,16 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
     estimator, changes = KINDS[kind]
-    (one,) = changed(demo(tmp_path, 1), estimator={"initial_p": {}, **estimator}, **changes).axes
-    robot = ControlledAxis(one, np.random.default_rng(seed))
+    (simulated,) = changed(demo(tmp_path, 1), estimator={"initial_p": {}, **estimator}, **changes).axes
+    robot = ControlledAxis(simulated, np.random.default_rng(seed))
     n = round(40 / robot.interval_s)
     readings = [robot.sample(k) for k in range(n)]
     times = np.arange(n) * round(robot.interval_s * 1e6)
     u, y = (np.array([getattr(r, name) for r in readings]) for name in ("torque", "motion"))
     assert 0.5 < u.std() < 2.0
-    monitors = AxisMonitors([one])
-    assert monitors.update({one.id: SampleBlock(times, u, y)}) == []
-    for p in monitors.by_id[one.id].status().parameters:
+    monitors = AxisMonitors([simulated])
+    assert monitors.update({simulated.id: SampleBlock(times, u, y)}) == []
+    for p in monitors.by_id[simulated.id].status().parameters:
         assert abs(p.estimate - p.nominal) < 0.15 * p.nominal, p.name
 
 
@@ -106,9 +106,9 @@ SIGNAL = {"message": "Other", "signal": "Something"}
 def axis(
     folder: Path, gates: list[dict[str, Any]], varying: list[dict[str, Any]], **signal: Any
 ) -> NamedAxis:
-    one = axis1(signal=[{"name": "s", **(signal or SIGNAL)}], gate=gates)
-    one["model"] = {"monitor": ["fm", "1/Ja"], "nominal": NOMINAL, "schedule": varying}
-    return make_config(folder, one, axis2()).axes[0]
+    first = axis1(signal=[{"name": "s", **(signal or SIGNAL)}], gate=gates)
+    first["model"] = {"monitor": ["fm", "1/Ja"], "nominal": NOMINAL, "schedule": varying}
+    return make_config(folder, first, axis2()).axes[0]
 
 
 @pytest.mark.parametrize(
@@ -133,8 +133,8 @@ def slope(parameter: str, signal: str, reference: float, **more: Any) -> dict[st
 
 
 def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
-    one = SimulatedConditions(axis(tmp_path, [], [slope("fm", "s", 30.0, range=[20.0, 60.0])]))
-    course = [one.signals(t, {})[0] for t in np.linspace(0, SIGNAL_PERIOD_S, 200)]
+    conditions = SimulatedConditions(axis(tmp_path, [], [slope("fm", "s", 30.0, range=[20.0, 60.0])]))
+    course = [conditions.signals(t, {})[0] for t in np.linspace(0, SIGNAL_PERIOD_S, 200)]
     assert (min(course), max(course)) == pytest.approx((22.0, 58.0), abs=0.1)
 
 
@@ -142,24 +142,24 @@ def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
     ("signal", "reference"), [("s", 7.0), ("cos(s)", 0.3), ("sin(s)", -0.2), ("square(s)", 4.0)]
 )
 def test_what_has_no_range_is_at_its_reference(signal: str, reference: float, tmp_path: Path) -> None:
-    one = SimulatedConditions(axis(tmp_path, [], [slope("fm", signal, reference)]))
-    values = np.array(one.signals(12.3, {}))
+    conditions = SimulatedConditions(axis(tmp_path, [], [slope("fm", signal, reference)]))
+    values = np.array(conditions.signals(12.3, {}))
     assert Term.read(signal).value({"s": values})[0] == pytest.approx(reference)
 
 
 def test_the_motion_of_another_axis_is_what_that_sends(tmp_path: Path) -> None:
     named = axis(tmp_path, [], [slope("fm", "s", 0.0)], axis="two", factor=2.0, offset=1.0)
-    one = SimulatedConditions(named)
-    assert one.signals(0.0, {"two": 3.0}) == (7.0,)
-    assert math.isnan(one.signals(0.0, {})[0])
+    conditions = SimulatedConditions(named)
+    assert conditions.signals(0.0, {"two": 3.0}) == (7.0,)
+    assert math.isnan(conditions.signals(0.0, {})[0])
 
 
 def test_a_drive_follows(tmp_path: Path) -> None:
     slopes = [slope("fm", "s", 1.0), {**slope("Ja", "s", 1.0), "slope": 10.0}]
-    one = SimulatedConditions(axis(tmp_path, [], slopes))
-    found = dict(one.followed((3.0,), NOMINAL))
+    conditions = SimulatedConditions(axis(tmp_path, [], slopes))
+    found = dict(conditions.followed((3.0,), NOMINAL))
     assert found == pytest.approx({"fm": 0.062, "Ja": 116.0})
-    broken = dict(one.followed((3.0,), {**NOMINAL, "fm": 0.1}))
+    broken = dict(conditions.followed((3.0,), {**NOMINAL, "fm": 0.1}))
     assert broken["fm"] == pytest.approx(0.102)
-    assert dict(one.followed((1.0,), NOMINAL)) == {}
-    assert dict(one.followed((math.nan,), NOMINAL)) == {}
+    assert dict(conditions.followed((1.0,), NOMINAL)) == {}
+    assert dict(conditions.followed((math.nan,), NOMINAL)) == {}

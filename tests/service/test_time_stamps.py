@@ -47,8 +47,10 @@ def as_received(received_us: Times) -> tuple[Times, Times]:
 
 def as_fitted(received_us: Times) -> tuple[Times, Times]:
     clock = CyclicClock[int](INTERVAL_S)
-    told = [one for k, t_us in enumerate(received_us.tolist()) for one in clock.read(t_us, k)] + clock.flush()
-    timed = [(k, time) for k, time in told if isinstance(time, int)]
+    readings = [
+        reading for k, t_us in enumerate(received_us.tolist()) for reading in clock.read(t_us, k)
+    ] + clock.flush()
+    timed = [(k, time) for k, time in readings if isinstance(time, int)]
     kept, times = zip(*timed, strict=True)
     return np.array(kept), np.array(times)
 
@@ -144,9 +146,9 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
 def test_what_the_stamps_say_is_said(tmp_path: Path, seed: int) -> None:
     file, config = configured(tmp_path / "receipt", "receipt")
     log = write(tmp_path / "a.log", frames_of(config, np.random.default_rng(seed), 4.0, JITTER_US))
-    said = shown("replay", "--config", file, log, code=NOT_TESTED)  # four seconds only
-    assert "demo.axis1: stamps scatter by" in said
-    assert 'set clock = "cyclic" in [robot.axis.time]' in said
+    output = shown("replay", "--config", file, log, code=NOT_TESTED)  # four seconds only
+    assert "demo.axis1: stamps scatter by" in output
+    assert 'set clock = "cyclic" in [robot.axis.time]' in output
 
 
 # --- each fault has its counter -----------------------------------------------------------------------------

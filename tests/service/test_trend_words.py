@@ -71,9 +71,9 @@ def test_courses_and_their_shares_where_they_are_not_sure() -> None:
 def test_an_alarm_about_a_limit() -> None:
     found = Alarm("fm", "up", NOW_US, NOW_US, NOW_US, None, 0.02, 0.001, 1, "named")
     forecast = replace(found, kind="forecast", reaches=(reach("ahead", 12.2, 19.8),))
-    said = episode_words(forecast, 0.06, UNIT)
+    words = episode_words(forecast, 0.06, UNIT)
     assert (
-        said
+        words
         == "fm reaches 0.09 N m s/rad in 12 to 20 days; now fm is 0.02 N m s/rad (33 %) above its nominal value"
     )
 

@@ -19,7 +19,7 @@ from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.calibration.multimodel_healthy import multimodel_statistics
 from monitor_core.calibration.multimodel_thresholds import limits_for_budget
 from tests.core.calibration import healthy_axes, healthy_multimodel
-from tests.core.calibration.healthy_axes import Plant, plant, record
+from tests.core.calibration.healthy_axes import Plant, plant_with, record
 
 pytestmark = pytest.mark.soak
 
@@ -42,12 +42,12 @@ class Found(NamedTuple):
     upper: float
 
 
-def of_tests(of: Plant, seed: int) -> list[Found]:
+def of_tests(plant: Plant, seed: int) -> list[Found]:
     """Thresholds for each budget, from one fresh record."""
-    rng, one = np.random.default_rng([seed, 1]), record(of, seed, SAMPLES)
-    watched = deviations(of.model, of.settings, [one])
+    rng, healthy = np.random.default_rng([seed, 1]), record(plant, seed, SAMPLES)
+    watched = deviations(plant.model, plant.settings, [healthy])
     # The copies take the time, and do for both budgets: nu is that of the longer one.
-    known = healthy_statistics(of.model, of.settings, [one], watched, BUDGETS[-1], WITHIN, rng)
+    known = healthy_statistics(plant.model, plant.settings, [healthy], watched, BUDGETS[-1], WITHIN, rng)
     found = []
     for budget in BUDGETS:
         own = thresholds(known.scatter, known.tails, known.allowance, budget, rng)
@@ -56,11 +56,11 @@ def of_tests(of: Plant, seed: int) -> list[Found]:
     return found
 
 
-def of_banks(of: Plant, seed: int) -> list[Found]:
+def of_banks(plant: Plant, seed: int) -> list[Found]:
     rng = np.random.default_rng([seed, 1])
-    known = multimodel_statistics(of.model, of.settings, [record(of, seed, SAMPLES)], rng)
+    known = multimodel_statistics(plant.model, plant.settings, [record(plant, seed, SAMPLES)], rng)
     limits = [limits_for_budget(known, budget, rng) for budget in BUDGETS]
-    return [Found(one.own, one.total, one.lower, one.upper) for one in limits]
+    return [Found(limit.own, limit.total, limit.lower, limit.upper) for limit in limits]
 
 
 class Detector(NamedTuple):
@@ -86,13 +86,18 @@ DETECTORS = {
 @pytest.mark.parametrize("name", DETECTORS)
 def test_the_interval_holds_the_true_rate(name: str, colour: float, seed: int) -> None:
     """Of so many calibrations as the promise says; 90 of 100 by design."""
-    of, detector = plant(colour), DETECTORS[name]
-    found = [detector.calibrated(of, seed + k) for k in range(CALIBRATIONS)]
-    own = [one.own for budgets in found for one in budgets]
-    alarms, samples = detector.counted(of, own, seed - 1, detector.hours * HOUR)
+    plant, detector = plant_with(colour), DETECTORS[name]
+    found = [detector.calibrated(plant, seed + k) for k in range(CALIBRATIONS)]
+    own = [entry.own for budgets in found for entry in budgets]
+    alarms, samples = detector.counted(plant, own, seed - 1, detector.hours * HOUR)
     true = alarms / samples
     good = [
-        kept(f"{name}, colour {colour}", budget, [one[b] for one in found], true[b :: len(BUDGETS)])
+        kept(
+            f"{name}, colour {colour}",
+            budget,
+            [calibration[b] for calibration in found],
+            true[b :: len(BUDGETS)],
+        )
         for b, budget in enumerate(BUDGETS)
     ]
     assert all(good)

@@ -120,7 +120,7 @@ def _write(path: Path, block: Block) -> None:
 
 
 def _identified(folder: Path, values: dict[str, float], records: list[str], *words: str) -> dict[str, float]:
-    """What ``identify`` finds from these values; they themselves where it refuses, or says that it cannot tell it."""
+    """What ``identify`` finds from these values; these values where it refuses, or says that it cannot tell them."""
     config, found = folder / "identify.toml", folder / "nominal.toml"
     text = ", ".join(f"{name} = {value}" for name, value in values.items())
     config.write_text(AXIS % f"nominal = {{ {text} }}", encoding="utf-8")
@@ -129,12 +129,12 @@ def _identified(folder: Path, values: dict[str, float], records: list[str], *wor
     if result.exit_code:
         print(f"identify {' '.join(records)}: {result.output.splitlines()[-1]}")
         return values
-    told = tomllib.loads(found.read_text(encoding="utf-8"))
-    deviations = told["standard_deviations"]
-    if vague := [name for name in MASSES if deviations.get(name, 0.0) > told["values"][name]]:
+    content = tomllib.loads(found.read_text(encoding="utf-8"))
+    deviations = content["standard_deviations"]
+    if vague := [name for name in MASSES if deviations.get(name, 0.0) > content["values"][name]]:
         print(f"identify {' '.join(records)}: cannot tell {', '.join(vague)}")
         return values
-    return dict(told["values"])
+    return dict(content["values"])
 
 
 def _run(folder: Path, command: str, records: list[str], config: Path, output: str, *words: str) -> Result:
@@ -188,10 +188,10 @@ def watched(number: int, seed: int, folder: Path, hours: float = HOURS) -> Watch
     return Watched(number, list(false.values()), found, d.mean(axis=0), d.std(axis=0))
 
 
-def printed(one: Watched) -> None:
-    means = ", ".join(map("{} {:+.3f} +/- {:.3f}".format, PARAMETERS, one.mean, one.sd))
-    print(f"\nplant {one.plant}: theta {means}; {len(one.false)} false {one.false[:5]}")
-    for name, alarm in one.found:
+def printed(result: Watched) -> None:
+    means = ", ".join(map("{} {:+.3f} +/- {:.3f}".format, PARAMETERS, result.mean, result.sd))
+    print(f"\nplant {result.plant}: theta {means}; {len(result.false)} false {result.false[:5]}")
+    for name, alarm in result.found:
         print(f"   {name}: {alarm}{'' if right(name, alarm) else '   WRONG'}", flush=True)
 
 
@@ -206,19 +206,23 @@ def test_twenty_plants(seed: int, tmp_path: Path) -> None:
             print(f"\nplant {number}: {error}", flush=True)
         else:
             printed(plants[-1])
-    noisy = [one for one in plants if one.false]
+    noisy = [plant for plant in plants if plant.false]
     print(
-        f"\n{sum(len(one.false) for one in noisy)} false alarms in {len(plants) * HOURS:.0f} h, in {len(noisy)} of"
+        f"\n{sum(len(plant.false) for plant in noisy)} false alarms in {len(plants) * HOURS:.0f} h, in {len(noisy)} of"
         f" {len(plants)} plants; refused {refused}"
     )
-    told = {name: [a for one in plants for of, a in one.found if of == name] for name in FAULTS}
-    share = {name: float(np.mean([right(name, a) for a in alarms])) for name, alarms in told.items()}
+    alarms_by_fault = {
+        name: [a for plant in plants for fault, a in plant.found if fault == name] for name in FAULTS
+    }
+    share = {
+        name: float(np.mean([right(name, a) for a in alarms])) for name, alarms in alarms_by_fault.items()
+    }
     for name, (factor, seconds) in FAULTS.items():
-        good = [a for a in told[name] if a is not None and right(name, a)]
-        delay, size = (np.median([getattr(a, of) for a in good]) for of in ("named_s", "size"))
+        good = [a for a in alarms_by_fault[name] if a is not None and right(name, a)]
+        delay, size = (np.median([getattr(a, field) for a in good]) for field in ("named_s", "size"))
         print(
-            f"{name} x {factor}: named right within {seconds:.0f} s of motion in {len(good)} of {len(told[name])},"
-            f" after {delay:.0f} s, size {100 * size:+.0f} % (medians)"
+            f"{name} x {factor}: named right within {seconds:.0f} s of motion in {len(good)} of"
+            f" {len(alarms_by_fault[name])}, after {delay:.0f} s, size {100 * size:+.0f} % (medians)"
         )
     assert not noisy
     assert not refused

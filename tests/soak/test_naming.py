@@ -19,10 +19,13 @@ def test_names_of_six_hundred_faults(joint: bool, seed: int) -> None:
     print(
         f"\n{'joint state' if joint else 'the paper'}, {EACH} each: found, named, right, onset and size in 90 %"
     )
-    for (name, factor), one in zip(
+    for (name, factor), outcome in zip(
         [*FAULTS, ("all", 1.0)], [*several, Outcomes.joined(several)], strict=True
     ):
-        shares = [float(np.mean(part)) if len(part) else np.nan for part in (*one[:3], one.onset, one.size)]
+        shares = [
+            float(np.mean(part)) if len(part) else np.nan
+            for part in (*outcome[:3], outcome.onset, outcome.size)
+        ]
         print(f"{name} x {factor:g}: " + ", ".join(f"{100 * share:.1f} %" for share in shares))
     found = Outcomes.joined(several)
     assert np.mean(found.found) > 0.9

@@ -112,7 +112,7 @@ def watching(folder: Path, text: str) -> Path:
     before, after = first.split("[robot.axis.model.nominal]")
     estimator = after[after.index("[robot.axis.estimator]") :]
     estimator = re.sub(r"(initial_p|torque_noise|output_noise) = .*\n", "", estimator)
-    said = 'nominal_file = "nominal.toml"\nmonitor ='
-    first = before.replace("monitor =", said, 1) + estimator
+    replacement = 'nominal_file = "nominal.toml"\nmonitor ='
+    first = before.replace("monitor =", replacement, 1) + estimator
     (folder / "watch.toml").write_text(f'{first}[[robot.axis]]\nname = "axis2"{second}', encoding="utf-8")
     return folder / "watch.toml"

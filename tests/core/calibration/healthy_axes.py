@@ -36,7 +36,7 @@ class Plant(NamedTuple):
     colour: float
 
 
-def plant(colour: float, memory: int = MEMORY) -> Plant:
+def plant_with(colour: float, memory: int = MEMORY) -> Plant:
     """The reference drive; its predictor believes that the torque noise is white."""
     model = reference_model("speed")
     gain, lam0 = filter_gain(model, INTERVAL_S, TORQUE_NOISE, OUTPUT_NOISE)
@@ -48,8 +48,8 @@ def plant(colour: float, memory: int = MEMORY) -> Plant:
 class Axes:
     """Axes side by side, each with torque and noise of its own, in chunks without end."""
 
-    def __init__(self, of: Plant, rng: np.random.Generator, axes: int) -> None:
-        self._of, self._rng, self._axes = of, rng, axes
+    def __init__(self, plant: Plant, rng: np.random.Generator, axes: int) -> None:
+        self._plant, self._rng, self._axes = plant, rng, axes
         self._torque = np.zeros((0, axes))
         self._x: Floats | None = None
         self._state = np.zeros((1, axes))
@@ -62,10 +62,10 @@ class Axes:
             self._torque = np.concatenate([self._torque, self._motion()])
         u, self._torque = self._torque[:samples], self._torque[samples:]
         noise = self._rng.standard_normal(u.shape)
-        if a := self._of.colour:
+        if a := self._plant.colour:
             noise, self._state = lfilter([np.sqrt(1 - a * a)], [1, -a], noise, axis=0, zi=self._state)
         acting = u + TORQUE_NOISE * noise
-        y, self._x = simulate_linear(self._of.model.drive, REFERENCE_VALUES, acting, INTERVAL_S, self._x)
+        y, self._x = simulate_linear(self._plant.model.drive, REFERENCE_VALUES, acting, INTERVAL_S, self._x)
         y += OUTPUT_NOISE * self._rng.standard_normal(u.shape)
         self._at += samples
         t_us = np.repeat(index[:, np.newaxis] * round(INTERVAL_S * 1e6), self._axes, axis=1)
@@ -77,32 +77,32 @@ class Axes:
         return np.stack(each, axis=1)
 
 
-def record(of: Plant, seed: int, samples: int) -> SampleBlock:
+def record(plant: Plant, seed: int, samples: int) -> SampleBlock:
     """A healthy record of one axis."""
-    one = Axes(of, np.random.default_rng(seed), 1).take(samples)
-    return SampleBlock(one.t_us[:, 0], one.u[:, 0], one.y[:, 0], name="simulated")
+    axis = Axes(plant, np.random.default_rng(seed), 1).take(samples)
+    return SampleBlock(axis.t_us[:, 0], axis.u[:, 0], axis.y[:, 0], name="simulated")
 
 
 def count(
-    of: Plant, settings: Sequence[tuple[Threshold, ...]], seed: int, samples: int
+    plant: Plant, settings: Sequence[tuple[Threshold, ...]], seed: int, samples: int
 ) -> tuple[Floats, int]:
     """False alarms with each of these thresholds (len(settings),), all tests together, in so many samples of watching.
 
     Healthy axes are watched with all of them at once.
     """
-    axes = Axes(of, np.random.default_rng(seed), LANES)
-    bank = AxisBatch([of.model] * LANES, [without_tests(of.settings)] * LANES)
+    axes = Axes(plant, np.random.default_rng(seed), LANES)
+    bank = AxisBatch([plant.model] * LANES, [without_tests(plant.settings)] * LANES)
     own = np.ascontiguousarray(np.moveaxis(np.array(settings, float), 0, -1))  # (p, 3, settings)
     g = np.zeros((LANES, len(own), 2, len(settings)))
-    alarms, seen, scale = np.zeros(len(settings)), 0, of.model.scale
-    start = of.settings.seed_updates + 400
+    alarms, seen, scale = np.zeros(len(settings)), 0, plant.model.scale
+    start = plant.settings.seed_updates + 400
     chunk = axes.take(start)
     bank.run(chunk.t_us, chunk.u, chunk.y)
     while seen < samples:
         chunk = axes.take(CHUNK)
         _, trace = bank.run_traced(chunk.t_us, chunk.u, chunk.y)
-        d = (trace.theta - of.model.theta0[:, np.newaxis]) / scale[:, np.newaxis]
-        s = np.sqrt(of.settings.lam0 * trace.P) / scale[:, np.newaxis]
+        d = (trace.theta - plant.model.theta0[:, np.newaxis]) / scale[:, np.newaxis]
+        s = np.sqrt(plant.settings.lam0 * trace.P) / scale[:, np.newaxis]
         _cusum(d, s, own, g, alarms)
         seen += CHUNK * LANES
     return alarms, seen

@@ -23,21 +23,23 @@ _PIECE = 250
 
 
 def excursions_of(g: Floats, place: Ints, origin: Ints, pieces: int = 1) -> ExcursionPeaks:
-    """Of a course g (N, H), cut into pieces, with the blocks of its motion and of its innovations (N,)."""
-    of = ExcursionPeaks(g.shape[1])
-    course = of.course()
+    """Excursions of a course g (N, H), cut into pieces, with the blocks of its motion and of its innovations (N,)."""
+    peaks = ExcursionPeaks(g.shape[1])
+    course = peaks.course()
     for rows in np.array_split(np.arange(len(g)), pieces):
-        of.take(g[rows], int(rows[0]), place[rows], origin[rows], course)
-    of.samples = len(g)
-    return of
+        peaks.take(g[rows], int(rows[0]), place[rows], origin[rows], course)
+    peaks.samples = len(g)
+    return peaks
 
 
-def count(of: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples: int) -> tuple[Floats, int]:
+def count(plant: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples: int) -> tuple[Floats, int]:
     """False alarms of each bank (len(limits),) in so many tested samples; after an alarm its g begin at zero."""
-    bank = HypothesisBank(of.model, of.settings, default_hypotheses(of.model, of.settings))
-    axes = Axes(of, np.random.default_rng(seed), 1)
+    bank = HypothesisBank(plant.model, plant.settings, default_hypotheses(plant.model, plant.settings))
+    axes = Axes(plant, np.random.default_rng(seed), 1)
     allowance, h = (
-        np.ascontiguousarray([[getattr(one, field) for one in own] for own in limits], np.float32).T.copy()
+        np.ascontiguousarray(
+            [[getattr(limit, field) for limit in own] for own in limits], np.float32
+        ).T.copy()
         for field in ("allowance", "h")
     )
     g, alarms, seen = np.zeros_like(h), np.zeros(len(limits), np.int64), 0

@@ -61,9 +61,9 @@ def test_every_copy_has_blocks_of_its_own(seed: int) -> None:
 
 def test_any_number_is_taken_at_once_or_in_pieces() -> None:
     eps = np.random.default_rng(1).standard_normal(500)
-    whole = MatchedBlocks(eps, 40, 20, 3, np.random.default_rng(2)).take(300)
+    at_once = MatchedBlocks(eps, 40, 20, 3, np.random.default_rng(2)).take(300)
     pieces = MatchedBlocks(eps, 40, 20, 3, np.random.default_rng(2))
-    assert np.array_equal(whole, np.concatenate([pieces.take(k) for k in (1, 99, 200)]))
+    assert np.array_equal(at_once, np.concatenate([pieces.take(k) for k in (1, 99, 200)]))
 
 
 @pytest.mark.parametrize("samples", [2, 3, 50])

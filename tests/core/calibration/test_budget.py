@@ -50,8 +50,8 @@ def copies(k: float) -> Excursions:
     heights = np.linspace(0.5, 12, 400)
     rate = np.exp(-log_mean_time(np.array(k), heights, np.array(float(MEMORY)))) * samples
     counts = np.diff(-np.round(rate)).astype(int)
-    one = np.repeat(heights[:-1] * MEMORY, np.maximum(counts, 0))[::-1]
-    return Excursions(np.full(P, k), np.ones(P), np.zeros(P), NO_ERROR, ((one,) * P,) * 2, samples)
+    peaks = np.repeat(heights[:-1] * MEMORY, np.maximum(counts, 0))[::-1]
+    return Excursions(np.full(P, k), np.ones(P), np.zeros(P), NO_ERROR, ((peaks,) * P,) * 2, samples)
 
 
 class Calibrated(NamedTuple):
@@ -60,8 +60,8 @@ class Calibrated(NamedTuple):
 
 
 def calibrated(rng: np.random.Generator, colour: float, k: float, found: Excursions) -> Calibrated:
-    one = [deviations(forgotten(rng, LENGTH, colour))]
-    scattered = shrink(scatter(one, MEMORY, rng), found, rng)
+    healthy = [deviations(forgotten(rng, LENGTH, colour))]
+    scattered = shrink(scatter(healthy, MEMORY, rng), found, rng)
     tail = tails(scattered, found)
     own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
     return Calibrated(own, rates(scattered, tail, own, rng))
@@ -95,9 +95,9 @@ def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, seed
     found = copies(k)
     held, kept = 0, 0
     for _ in range(CALIBRATIONS):
-        one = calibrated(rng, colour, k, found)
-        rate = true_rate(one.own, *truth(colour))
-        held += one.rates.lower <= rate <= one.rates.upper
+        calibration = calibrated(rng, colour, k, found)
+        rate = true_rate(calibration.own, *truth(colour))
+        held += calibration.rates.lower <= rate <= calibration.rates.upper
         kept += rate * BUDGET * MEMORY <= 1
     print(f"colour {colour}: interval holds the truth in {held}, budget kept in {kept} of {CALIBRATIONS}")
     assert held >= 38
@@ -108,8 +108,8 @@ def test_what_the_variance_may_be_has_a_bound_that_holds(seed: int) -> None:
     """Of 400 in short records 95 of 100 by design; by the resampled variance as it comes it is 81."""
     rng, held = np.random.default_rng(seed), 0
     for _ in range(200):
-        told = scatter([deviations(forgotten(rng, 40))], MEMORY, rng)
-        held += int((told.sigma**2 * np.quantile(told.power, 0.95, axis=0) >= 1).sum())
+        scattered = scatter([deviations(forgotten(rng, 40))], MEMORY, rng)
+        held += int((scattered.sigma**2 * np.quantile(scattered.power, 0.95, axis=0) >= 1).sum())
     print(f"{held} of 400 hold the true variance")
     assert held >= 352
 
@@ -119,14 +119,16 @@ def test_parameters_that_err_together_make_the_rate_of_the_axis_less_certain(see
     rng, wider = np.random.default_rng(seed), []
     for _ in range(4):
         alike = forgotten(rng, LENGTH)[:, :1] + 0.1 * forgotten(rng, LENGTH) + 0.2
-        told = scatter([deviations(alike)], MEMORY, rng)
-        assert np.asarray(np.corrcoef(told.off.T))[0, 1] > 0.9
-        told = replace(told, power=np.ones_like(told.power))
-        tail = tails(told, copies(1.0))
-        own = thresholds(told, tail, np.zeros(P), BUDGET * MEMORY, rng)
-        apart = replace(told, off=told.off.std(axis=0) * rng.standard_normal(told.off.shape))
-        one, other = (rates(of, tail, own, rng) for of in (apart, told))
-        wider.append(math.log(other.upper / other.lower) / math.log(one.upper / one.lower))
+        scattered = scatter([deviations(alike)], MEMORY, rng)
+        assert np.asarray(np.corrcoef(scattered.off.T))[0, 1] > 0.9
+        scattered = replace(scattered, power=np.ones_like(scattered.power))
+        tail = tails(scattered, copies(1.0))
+        own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
+        apart = replace(scattered, off=scattered.off.std(axis=0) * rng.standard_normal(scattered.off.shape))
+        independent, together = (rates(errors, tail, own, rng) for errors in (apart, scattered))
+        wider.append(
+            math.log(together.upper / together.lower) / math.log(independent.upper / independent.lower)
+        )
     assert np.mean(wider) > 1.12
 
 
@@ -173,9 +175,9 @@ def test_records_that_differ_get_an_allowance(seed: int) -> None:
     """Means of ten records off by half a standard deviation: three times that, by chance between a half and twice."""
     rng = np.random.default_rng(seed)
     records = [forgotten(rng, 60) for _ in range(10)]
-    for k, one in enumerate(records):
-        one[:, 0] += 0.5 * (-1) ** k
-    found = [deviations(one) for one in records]
+    for k, record in enumerate(records):
+        record[:, 0] += 0.5 * (-1) ** k
+    found = [deviations(record) for record in records]
     allowed = allowance(found, shrink(scatter(found, MEMORY, rng), copies(1.0), rng))
     print(f"allowances {allowed}")
     assert 0.75 < allowed[0] < 3.0
@@ -190,9 +192,9 @@ def test_what_is_off_all_along_is_allowed_for(seed: int) -> None:
     found = [[deviations(d + np.array([off, 0.0]))] for off in (OFFSET, 2.0)]
     k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
     own = []
-    for one in found:
-        scattered = shrink(scatter(one, MEMORY, np.random.default_rng(seed)), copies(k), rng)
-        tail, allowed = tails(scattered, copies(k)), allowance(one, scattered)
+    for records in found:
+        scattered = shrink(scatter(records, MEMORY, np.random.default_rng(seed)), copies(k), rng)
+        tail, allowed = tails(scattered, copies(k)), allowance(records, scattered)
         same = np.random.default_rng(seed)
         own.append(thresholds(scattered, tail, allowed, BUDGET * MEMORY, same))
     (plain, _), (off, other) = own

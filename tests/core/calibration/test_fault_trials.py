@@ -13,33 +13,33 @@ from monitor_core.modeling.standard_drives import INTERVAL_S
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
-from tests.core.calibration.healthy_axes import plant, record
+from tests.core.calibration.healthy_axes import plant_with, record
 
 OWN = (Threshold(1.0, 30.0), Threshold(1.0, 12.0), Threshold(1.0, 80.0))
-OF = plant(0.0, memory=100)
-MODEL, SETTINGS = OF.model, replace(OF.settings, thresholds=OWN)
+PLANT = plant_with(0.0, memory=100)
+MODEL, SETTINGS = PLANT.model, replace(PLANT.settings, thresholds=OWN)
 FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0.6)]
 
 
 @pytest.fixture(scope="module")
 def healthy(seed: int) -> SampleBlock:
-    """With thresholds as low as these now and then one holds a false alarm: not this one."""
-    records = (record(OF, seed + k, 6000) for k in range(20))
-    return next(one for one in records if not AxisMonitor(MODEL, SETTINGS).update(one))
+    """A record without a false alarm: with thresholds as low as these some have one."""
+    records = (record(PLANT, seed + k, 6000) for k in range(20))
+    return next(candidate for candidate in records if not AxisMonitor(MODEL, SETTINGS).update(candidate))
 
 
 def test_faults_are_found_and_named(healthy: SampleBlock) -> None:
     found, onsets = run_trials(MODEL, SETTINGS, healthy, FAULTS, 20, 6.0)
     assert onsets == 20
-    for one in found:
-        print(one.fault, one.exact, one.delay(0.5), one.delay(0.9), one.first)
-        right = [n == one.fault.parameter for n in one.first]
-        assert one.found_within(6.0) > 0.9
+    for caught in found:
+        print(caught.fault, caught.exact, caught.delay(0.5), caught.delay(0.9), caught.first)
+        right = [n == caught.fault.parameter for n in caught.first]
+        assert caught.found_within(6.0) > 0.9
         assert np.mean(right) > 0.8
-        directions = {d for d, good in zip(one.direction, right, strict=True) if good}
-        assert directions == {"up" if one.fault.size > 0 else "down"}
-        assert 0.1 < one.delay(0.5) <= one.delay(0.9) < 6.0
-    assert [one.exact for one in found] == [True, True, False, True]
+        directions = {d for d, good in zip(caught.direction, right, strict=True) if good}
+        assert directions == {"up" if caught.fault.size > 0 else "down"}
+        assert 0.1 < caught.delay(0.5) <= caught.delay(0.9) < 6.0
+    assert [caught.exact for caught in found] == [True, True, False, True]
 
 
 def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: SampleBlock) -> None:
@@ -58,8 +58,8 @@ def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Sample
 
 def test_without_a_fault_nothing_is_found(healthy: SampleBlock) -> None:
     found, _ = run_trials(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
-    assert all(one.found_within(6.0) == 0.0 for one in found)
-    assert all(one.delay(0.5) == np.inf for one in found)
+    assert all(caught.found_within(6.0) == 0.0 for caught in found)
+    assert all(caught.delay(0.5) == np.inf for caught in found)
 
 
 def test_a_record_that_is_too_short(healthy: SampleBlock) -> None:
@@ -69,13 +69,13 @@ def test_a_record_that_is_too_short(healthy: SampleBlock) -> None:
 
 def test_the_simulated_plant_is_the_model(seed: int) -> None:
     """In innovations form, with the record's own innovations, it measures the very record."""
-    one = record(OF, seed, 1500)
-    found = innovations(MODEL, SETTINGS, one, (300,))
+    block = record(PLANT, seed, 1500)
+    found = innovations(MODEL, SETTINGS, block, (300,))
     plants, zero = Plants(MODEL, SETTINGS, [MODEL.nominal]), np.zeros(1, np.int64)
-    before = one.u[299:300]
-    _, x = plants.run(zero, found.x, one.u[298:299], before[np.newaxis], np.zeros((1, 1)))
-    y, _ = plants.run(zero, x, before, one.u[300:, np.newaxis], found.eps[300:, np.newaxis])
-    assert np.abs(y[:, 0] - one.y[300:]).max() < 1e-9 * np.abs(one.y).max()
+    before = block.u[299:300]
+    _, x = plants.run(zero, found.x, block.u[298:299], before[np.newaxis], np.zeros((1, 1)))
+    y, _ = plants.run(zero, x, before, block.u[300:, np.newaxis], found.eps[300:, np.newaxis])
+    assert np.abs(y[:, 0] - block.y[300:]).max() < 1e-9 * np.abs(block.y).max()
 
 
 def test_the_simulated_fault_is_the_plant_with_the_fault(seed: int) -> None:

@@ -12,9 +12,9 @@ PLACES = 500
 
 
 def watched(g: Floats, pieces: int = 1) -> ExcursionPeaks:
-    """Of a course g (N, H), cut into pieces, all over so many places."""
-    here = np.arange(len(g)) * PLACES // len(g)
-    return excursions_of(g, here, PLACES - here, pieces)
+    """The excursions of a course g (N, H), cut into pieces, which goes over all places."""
+    place = np.arange(len(g)) * PLACES // len(g)
+    return excursions_of(g, place, PLACES - place, pieces)
 
 
 def walk(rng: np.random.Generator, samples: int, drift: float) -> Floats:
@@ -37,24 +37,24 @@ def test_excursions_are_those_found_by_hand(seed: int) -> None:
     rng = np.random.default_rng(seed)
     g = np.stack([walk(rng, 4000, drift) for drift in (0.5, 1.0)], axis=1)
     for pieces in (1, 7, 1000):
-        of = watched(g, pieces)
+        extremes = watched(g, pieces)
         for i in range(2):
-            whole = g[: np.flatnonzero(g[:, i] == 0.0)[-1] + 1, i]  # what has ended
-            by_hand = excursions(whole)
+            ended = g[: np.flatnonzero(g[:, i] == 0.0)[-1] + 1, i]  # what has ended
+            by_hand = excursions(ended)
             by_hand = np.sort(by_hand[by_hand > LEAST_HEIGHT])[::-1]
-            base, above, (place, origin) = of.highest(i)
+            base, above, (place, origin) = extremes.highest(i)
             assert base == LEAST_HEIGHT
             np.testing.assert_allclose(base + above, by_hand)
             peak = np.array([np.flatnonzero(g[:, i] == height)[0] for height in base + above])
             np.testing.assert_array_equal(place, peak * PLACES // len(g))
             np.testing.assert_array_equal(origin, PLACES - place)
-            start, reached = of.events(i, TOP)
+            start, reached = extremes.events(i, TOP)
             first = start.astype(int)
             assert all((g[s : p + 1, i] > 0).all() for s, p in zip(first, peak, strict=True))
             assert all(g[s - 1, i] == 0.0 for s in first if s)
             share = (reached - start)[start < peak] / (peak - start)[start < peak]
             np.testing.assert_allclose(share, by_hand[-1] / by_hand[start < peak])
-        np.testing.assert_array_equal(of.largest, g.max(axis=0))
+        np.testing.assert_array_equal(extremes.largest, g.max(axis=0))
 
 
 def test_only_the_highest_are_kept_and_they_are_all_there(seed: int) -> None:

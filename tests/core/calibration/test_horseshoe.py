@@ -18,12 +18,12 @@ def scales(scale: float, n: int) -> tuple[Floats, Floats]:
 
 
 def moments(e: float, tau: Floats) -> Floats:
-    """Of one number: likelihood, and with it the first and second moment, for each tau (3, T), over zeta."""
+    """Likelihood of a single number, and with it the first and second moment, for each tau (3, T), over zeta."""
     zeta, weight = scales(1.0, 600)
     v = np.outer(tau, zeta) ** 2
     a = v / (1 + v)
     likelihood = np.exp(-(e**2) / (2 * (1 + v))) / np.sqrt(1 + v)
-    return np.stack([(of * likelihood) @ weight for of in (np.ones_like(a), a * e, a + (a * e) ** 2)])
+    return np.stack([(factor * likelihood) @ weight for factor in (np.ones_like(a), a * e, a + (a * e) ** 2)])
 
 
 @pytest.mark.parametrize("e", [(0.0, 0.7), (-2.0, 0.3), (4.0, 3.0), (0.1, -5.0)])
@@ -31,12 +31,12 @@ def test_draws_are_of_the_posterior(e: tuple[float, float], seed: int) -> None:
     """Mean and standard deviation of two numbers, by quadrature over their scales and the one that they share."""
 
     tau, weight = scales(EXPECTED / (2 - EXPECTED), 600)
-    each = [moments(of, tau) for of in e]
+    each = [moments(number, tau) for number in e]
     draws = seen(np.array(e), np.random.default_rng(seed), 40_000)
     for i in range(2):
-        whole, mean, square = (each[i] * each[1 - i][0]) @ weight
-        mean /= whole
-        sd = np.sqrt(square / whole - mean**2)
+        total, mean, square = (each[i] * each[1 - i][0]) @ weight
+        mean /= total
+        sd = np.sqrt(square / total - mean**2)
         assert draws[:, i].mean() == pytest.approx(mean, abs=0.03)
         assert draws[:, i].std() == pytest.approx(sd, abs=0.03)
 
@@ -84,7 +84,9 @@ def test_intervals_hold_the_truth(seed: int) -> None:
 
 def test_chance_that_goes_together_stays_together(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    one = rng.standard_normal((4000, 1))
-    draws = draw_posterior(np.full(4, 30.0), np.hstack([one, one, -one, rng.standard_normal((4000, 1))]), rng)
+    common = rng.standard_normal((4000, 1))
+    draws = draw_posterior(
+        np.full(4, 30.0), np.hstack([common, common, -common, rng.standard_normal((4000, 1))]), rng
+    )
     together = np.asarray(np.corrcoef(draws.T))[0]
     assert together == pytest.approx([1, 1, -1, 0], abs=0.08)

@@ -36,14 +36,15 @@ def test_the_bias_that_the_copies_have_is_told_better_than_by_the_record(seed: i
     off: list[list[Floats]] = []
     for _ in range(200):
         raw = record(rng, mean, sigma, 200)
-        told = shrink(raw, copies(mean, sigma), rng)
+        shrunk = shrink(raw, copies(mean, sigma), rng)
         off.append(
-            [one.mean_d - mean for one in (raw, told)] + [np.log(one.sigma / sigma) for one in (raw, told)]
+            [estimate.mean_d - mean for estimate in (raw, shrunk)]
+            + [np.log(estimate.sigma / sigma) for estimate in (raw, shrunk)]
         )
-    raw_mean, told_mean, raw_log, told_log = np.sqrt(np.mean(np.square(off), axis=0))
-    print(f"mean off by {raw_mean}, then {told_mean}; logarithm of sigma {raw_log}, then {told_log}")
-    assert (told_mean < 0.75 * raw_mean).all()
-    assert (told_log < 0.75 * raw_log).all()
+    raw_mean, shrunk_mean, raw_log, shrunk_log = np.sqrt(np.mean(np.square(off), axis=0))
+    print(f"mean off by {raw_mean}, then {shrunk_mean}; logarithm of sigma {raw_log}, then {shrunk_log}")
+    assert (shrunk_mean < 0.75 * raw_mean).all()
+    assert (shrunk_log < 0.75 * raw_log).all()
 
 
 def test_copies_of_another_model_are_not_believed(seed: int) -> None:
@@ -51,12 +52,12 @@ def test_copies_of_another_model_are_not_believed(seed: int) -> None:
     rng = np.random.default_rng(seed)
     mean, sigma = np.array([0.05, 0.05, 0.05]), np.array([0.05, 0.05, 0.05])
     raw = record(rng, mean, sigma, 200)
-    told = shrink(raw, copies(-mean, 1.5 * sigma), rng)
-    assert told.mean_d == pytest.approx(raw.mean_d, abs=0.2 * raw.off.std(axis=0).max())
-    assert told.sigma == pytest.approx(raw.sigma, rel=0.03)
-    assert told.off.std(axis=0) == pytest.approx(raw.off.std(axis=0), rel=0.05)
+    shrunk = shrink(raw, copies(-mean, 1.5 * sigma), rng)
+    assert shrunk.mean_d == pytest.approx(raw.mean_d, abs=0.2 * raw.off.std(axis=0).max())
+    assert shrunk.sigma == pytest.approx(raw.sigma, rel=0.03)
+    assert shrunk.off.std(axis=0) == pytest.approx(raw.off.std(axis=0), rel=0.05)
     assert (
-        abs(told.off.mean(axis=0)) < 0.2 * told.off.std(axis=0)
+        abs(shrunk.off.mean(axis=0)) < 0.2 * shrunk.off.std(axis=0)
     ).all()  # the mean is no part of what it may be off by
 
 
@@ -70,11 +71,11 @@ def test_what_copies_are_off_by_themselves_stays(own: float, seed: int) -> None:
         chance = record(rng, mean, sigma, 200)
         rest = np.sqrt(1 - own**2 / (2 / 200))  # of the record's chance
         raw = replace(chance, mean_d=off + rest * chance.mean_d)
-        told = shrink(raw, copies(mean + off, sigma, own), rng)
-        held += np.abs(told.mean_d - mean) < 1.645 * told.off.std(axis=0)
+        shrunk = shrink(raw, copies(mean + off, sigma, own), rng)
+        held += np.abs(shrunk.mean_d - mean) < 1.645 * shrunk.off.std(axis=0)
     print(f"{100 * held / times} of 100 hold the truth")
     assert (held / times > 0.84).all()
-    assert (told.off.std(axis=0) > 0.9 * own * sigma).all()
+    assert (shrunk.off.std(axis=0) > 0.9 * own * sigma).all()
 
 
 def test_errors_of_copies_go_together(seed: int) -> None:
@@ -84,6 +85,6 @@ def test_errors_of_copies_go_together(seed: int) -> None:
     together = 0.04**2 * np.ones((2 * P, 2 * P))
     seen = []
     for _ in range(20):
-        told = shrink(record(rng, np.zeros(P), np.ones(P), 400), replace(found, error=together), rng)
-        seen.append(np.corrcoef(np.hstack([told.off, np.log(told.power)]).T))
+        shrunk = shrink(record(rng, np.zeros(P), np.ones(P), 400), replace(found, error=together), rng)
+        seen.append(np.corrcoef(np.hstack([shrunk.off, np.log(shrunk.power)]).T))
     assert (np.mean(seen, axis=0) > 0.2).all()

@@ -66,13 +66,15 @@ def test_the_faulty_plant_moves_as_the_record_says(
     """With the torque that is computed, to a fortieth of what the fault does to the speed with the torque of before."""
     rng = np.random.default_rng(seed)
     u = multisine(rng, SAMPLES, H, (0.2, 10.0), 1.23)
-    of = model(output)
+    axis_model = model(output)
     angle, speed = moved(VALUES, u)
-    faulty = changed_values(of, name, change)
-    load = equivalent_load(of, faulty)
+    faulty = changed_values(axis_model, name, change)
+    load = equivalent_load(axis_model, faulty)
     assert load is not None
     record = SampleBlock(np.arange(SAMPLES) * 5000, u, angle if output == "angle" else speed, name="r")
-    needed = faulty_torque(of, Settings.paper(H), record, load, np.zeros(len(of.drive.inputs)))
+    needed = faulty_torque(
+        axis_model, Settings.paper(H), record, load, np.zeros(len(axis_model.drive.inputs))
+    )
     _, with_it = moved(faulty, needed)
     _, without = moved(faulty, u)
     away = np.std(with_it[:-2] - speed[:-2]) / np.std(without - speed)
@@ -82,13 +84,13 @@ def test_the_faulty_plant_moves_as_the_record_says(
 
 def test_a_torque_that_acts_late(seed: int) -> None:
     """Half an interval late, the load is that of half an interval later."""
-    of = model("speed")
-    load = equivalent_load(of, changed_values(of, "fm", 1.0))
+    axis_model = model("speed")
+    load = equivalent_load(axis_model, changed_values(axis_model, "fm", 1.0))
     assert load is not None
     y = np.random.default_rng(seed).standard_normal(50).cumsum()
     record = SampleBlock(np.arange(50) * 5000, np.zeros(50), y, name="r")
     at_once, late = (
-        faulty_torque(of, replace(Settings.paper(H), delay_s=delay), record, load, np.zeros(3))
+        faulty_torque(axis_model, replace(Settings.paper(H), delay_s=delay), record, load, np.zeros(3))
         for delay in (0.0, H / 2)
     )
     assert late[:-1] == pytest.approx((at_once[:-1] + at_once[1:]) / 2)

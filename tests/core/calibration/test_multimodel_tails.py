@@ -98,13 +98,13 @@ def test_excursions_by_themselves_scatter_as_is_said(seed: int) -> None:
 
 
 def test_how_the_shape_goes_on_is_not_known_better_than_by_a_fifth(seed: int) -> None:
-    """It makes far rates less certain where there is a shape, and of an exponential tail it says next to nothing."""
+    """It makes far rates less certain where there is a shape, and changes next to nothing for an exponential tail."""
     rng, h, even = np.random.default_rng(seed), np.full(MANY, 60.0), np.ones((1, MANY))
     spread = {}
     for shape in (0.0, 0.2):
-        of, w = watched(pareto(rng, shape, 20 * TOP, MANY)), weights(rng)
+        peaks, w = watched(pareto(rng, shape, 20 * TOP, MANY)), weights(rng)
         for name, draws in (("known", np.zeros(201)), ("unknown", farther(rng))):
-            rates = bank_tails(of, MANY, w, draws).log_rates(h, even)[1:]
+            rates = bank_tails(peaks, MANY, w, draws).log_rates(h, even)[1:]
             spread[shape, name] = rates.mean(axis=1).std()  # of what is common to all
     assert spread[0.2, "unknown"] > 1.5 * spread[0.2, "known"]
     assert spread[0.0, "unknown"] < 1.5 * spread[0.0, "known"]
@@ -112,10 +112,10 @@ def test_how_the_shape_goes_on_is_not_known_better_than_by_a_fifth(seed: int) ->
 
 def test_the_shape_holds_for_as_far_again_as_it_was_seen() -> None:
     """Then the slope stays; there is no step in either."""
-    one = np.ones((1, 1))
-    tails = BankTails(np.array([5.0]), -10.0 * one, 2.0 * one, 0.2 * one, seen=6.0)
+    unit = np.ones((1, 1))
+    tails = BankTails(np.array([5.0]), -10.0 * unit, 2.0 * unit, 0.2 * unit, seen=6.0)
     h = np.arange(5.0, 300.0, 0.01)
-    rate = np.array([tails.log_rates(np.array([at]), one)[0, 0] for at in h])
+    rate = np.array([tails.log_rates(np.array([at]), unit)[0, 0] for at in h])
     slope = -np.diff(rate) / 0.01
     assert rate[0] == -10.0
     assert slope[0] == pytest.approx(1 / (2.0 * 0.8), rel=0.01)
@@ -123,9 +123,10 @@ def test_the_shape_holds_for_as_far_again_as_it_was_seen() -> None:
     end = h[np.searchsorted(-rate, 10 + 12)]
     assert slope[h[:-1] > end].std() < 1e-9
     assert slope[np.searchsorted(h, end - 5)] > slope[-1] * 1.02
-    steeper = tails.log_rates(np.array([25.0]), 2 * one)[0, 0]
-    assert steeper == pytest.approx(tails.log_rates(np.array([50.0]), one)[0, 0])  # all of g, also below base
-    assert tails.log_rates(np.array([5.0]), 0.8 * one)[0, 0] == pytest.approx(-10 + 1 / 1.6)
+    steeper = tails.log_rates(np.array([25.0]), 2 * unit)[0, 0]
+    # all of g, also below base
+    assert steeper == pytest.approx(tails.log_rates(np.array([50.0]), unit)[0, 0])
+    assert tails.log_rates(np.array([5.0]), 0.8 * unit)[0, 0] == pytest.approx(-10 + 1 / 1.6)
 
 
 @pytest.mark.parametrize("swapped", [False, True], ids=["motion", "innovations"])
@@ -134,9 +135,10 @@ def test_places_that_alarm_alone_are_as_few_as_they_are(swapped: bool, seed: int
     rng, places, each = np.random.default_rng(seed), 50, TOP
     heights = np.minimum(3 * rng.random((places, each)), 2.9)
     heights[rng.permutation(places)[:5]] = 1.0 + pareto(rng, 0.17, 5, each)  # its shape is amid the bounds
-    of, none, column = weights(rng, places), np.zeros(201), heights.reshape(-1, 1)
+    w, none, column = weights(rng, places), np.zeros(201), heights.reshape(-1, 1)
     few, many = (
-        bank_tails(watched(one, places, swapped), 1, of, none) for one in (column, rng.permutation(column))
+        bank_tails(watched(values, places, swapped), 1, w, none)
+        for values in (column, rng.permutation(column))
     )
     assert few.log_rate[1:].std() > 2 * many.log_rate[1:].std()
     assert few.log_rate[1:].std() == pytest.approx(1 / np.sqrt(5), rel=0.4)
@@ -145,11 +147,11 @@ def test_places_that_alarm_alone_are_as_few_as_they_are(swapped: bool, seed: int
 
 
 def test_few_excursions_are_as_an_exact_model_has_them(seed: int) -> None:
-    of = ExcursionPeaks(2)
-    of.samples = 1000
+    peaks = ExcursionPeaks(2)
+    peaks.samples = 1000
     place = np.zeros(2, np.int64)
-    of.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, place, place, of.course())
-    tails = bank_tails(of, 2, weights(np.random.default_rng(seed)), np.zeros(201))
+    peaks.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, place, place, peaks.course())
+    tails = bank_tails(peaks, 2, weights(np.random.default_rng(seed)), np.zeros(201))
     assert tails.base.tolist() == [LEAST_HEIGHT, LEAST_HEIGHT]
     np.testing.assert_allclose(tails.mean[0], [(0.5 + ALIKE) / (1 + ALIKE), 1.0])
     np.testing.assert_allclose(tails.log_rate[0], -np.log(1000))

@@ -20,7 +20,7 @@ from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed
 from monitor_core.detection.multimodel.naming import ChangeDetected
 from monitor_core.samples import SampleBlock
-from tests.core.calibration.healthy_axes import Axes, Plant, plant, record
+from tests.core.calibration.healthy_axes import Axes, Plant, plant_with, record
 
 BUDGET = 12_000.0
 """Samples: a minute."""
@@ -28,41 +28,41 @@ RECORD, COPIES, WATCHED = 60_000, 200_000, 240_000
 BLOCK = 500
 
 
-def false_alarms(bank: HypothesisBank, of: Plant, seed: int) -> int:
-    """Of healthy axes; after each alarm the bank restarts."""
-    axes, alarms = Axes(of, np.random.default_rng(seed), 1), 0
+def false_alarms(bank: HypothesisBank, plant: Plant, seed: int) -> int:
+    """The number of false alarms of a healthy axis; after each alarm the bank restarts."""
+    axes, alarms = Axes(plant, np.random.default_rng(seed), 1), 0
     bank.reset()
     for _ in range(WATCHED // 4000):
         chunk = axes.take(4000)
         for k in range(0, 4000, BLOCK):
-            here = slice(k, k + BLOCK)
-            said = bank.run(chunk.t_us[here, 0], chunk.u[here, 0], chunk.y[here, 0])
-            if any(isinstance(event, ChangeDetected) for event in said):
+            rows = slice(k, k + BLOCK)
+            events = bank.run(chunk.t_us[rows, 0], chunk.u[rows, 0], chunk.y[rows, 0])
+            if any(isinstance(event, ChangeDetected) for event in events):
                 alarms += 1
                 bank.reset()
     return alarms
 
 
-def limits(of: Plant, seed: int) -> BankLimits:
+def limits(plant: Plant, seed: int) -> BankLimits:
     rng = np.random.default_rng(seed)
-    return bank_limits(of.model, of.settings, [record(of, seed, RECORD)], BUDGET, rng, COPIES)
+    return bank_limits(plant.model, plant.settings, [record(plant, seed, RECORD)], BUDGET, rng, COPIES)
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.9], ids=["white", "coloured"])
 def test_the_budget_is_kept(colour: float, seed: int) -> None:
-    of = plant(colour)
-    found = limits(of, seed)
+    plant = plant_with(colour)
+    found = limits(plant, seed)
     assert found.lower < found.total < found.upper <= 1.5 / BUDGET
-    calibrated = bank_of(of.model, of.settings, Limits(1.0, found.own))
-    count = false_alarms(calibrated, of, seed + 1)
+    calibrated = bank_of(plant.model, plant.settings, Limits(1.0, found.own))
+    count = false_alarms(calibrated, plant, seed + 1)
     h = guaranteed(len(found.own), BUDGET)
     by_guarantee = false_alarms(
-        HypothesisBank(of.model, of.settings, calibrated.hypotheses, h=h), of, seed + 1
+        HypothesisBank(plant.model, plant.settings, calibrated.hypotheses, h=h), plant, seed + 1
     )
     expected = WATCHED / BUDGET
     print(f"colour {colour}: {count} false alarms, {by_guarantee} by the guarantee, of {expected:.0f}")
     assert count < poisson.isf(1e-6, 2 * expected)
-    assert all(math.isfinite(one.h) and one.h > 0 for one in found.own)
+    assert all(math.isfinite(limit.h) and limit.h > 0 for limit in found.own)
     if colour:  # what holds for an exact model does not for this one
         assert by_guarantee > 5 * expected
         assert count < by_guarantee / 4
@@ -71,14 +71,14 @@ def test_the_budget_is_kept(colour: float, seed: int) -> None:
 
 
 def test_what_is_known_of_each_is_stated(seed: int) -> None:
-    """Of an offset less than of a delay; also of what looks at the power of the noise alone."""
-    of = plant(0.0)
-    records = [record(of, seed, RECORD)]
+    """Less is known of an offset than of a delay; hypotheses of nothing but the power of the noise are also known."""
+    plant = plant_with(0.0)
+    records = [record(plant, seed, RECORD)]
     found = watched.multimodel_statistics(
-        of.model, of.settings, records, np.random.default_rng(seed), copies=1
+        plant.model, plant.settings, records, np.random.default_rng(seed), copies=1
     )
     sd = np.sqrt(np.diag(found.covariance))
-    by_cause = {one.cause: float(sd[i]) for i, one in enumerate(found.hypotheses)}
+    by_cause = {hypothesis.cause: float(sd[i]) for i, hypothesis in enumerate(found.hypotheses)}
     print({cause: round(value, 4) for cause, value in by_cause.items()})
     assert (sd > 0.5 * np.sqrt(2 / RECORD)).all()
     assert (sd < 0.3).all()
@@ -86,38 +86,40 @@ def test_what_is_known_of_each_is_stated(seed: int) -> None:
 
 
 def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
-    of = plant(0.0, memory=100)
-    healthy = record(of, seed, RECORD // 5)
-    own = bank_limits(of.model, of.settings, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
+    plant = plant_with(0.0, memory=100)
+    healthy = record(plant, seed, RECORD // 5)
+    own = bank_limits(plant.model, plant.settings, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
     faults = [Fault("kT", 0.3), Fault("1/Ja", -0.3), Fault("fm", 1e-9)]
-    by_bank, _ = run_trials(of.model, of.settings, healthy, faults, 20, 6.0, own)
-    paper, onsets = run_trials(of.model, of.settings, healthy, faults, 20, 6.0)
+    by_bank, _ = run_trials(plant.model, plant.settings, healthy, faults, 20, 6.0, own)
+    paper, onsets = run_trials(plant.model, plant.settings, healthy, faults, 20, 6.0)
     assert len(by_bank[0].delay_s) == onsets
-    for one, other in zip(by_bank[:2], paper, strict=False):
-        print(one.fault, one.delay(0.5), other.delay(0.5), one.first)
-        assert one.exact == other.exact
-        assert one.delay(0.5) < other.delay(0.5)
-        assert one.found_within(6.0) > 0.9
-        assert np.mean([first == one.fault.parameter for first in one.first]) > 0.7
+    for multimodel, cusum in zip(by_bank[:2], paper, strict=False):
+        print(multimodel.fault, multimodel.delay(0.5), cusum.delay(0.5), multimodel.first)
+        assert multimodel.exact == cusum.exact
+        assert multimodel.delay(0.5) < cusum.delay(0.5)
+        assert multimodel.found_within(6.0) > 0.9
+        assert np.mean([first == multimodel.fault.parameter for first in multimodel.first]) > 0.7
         directions = {
-            d for d, first in zip(one.direction, one.first, strict=True) if first == one.fault.parameter
+            d
+            for d, first in zip(multimodel.direction, multimodel.first, strict=True)
+            if first == multimodel.fault.parameter
         }
-        assert directions == {"up" if one.fault.size > 0 else "down"}
+        assert directions == {"up" if multimodel.fault.size > 0 else "down"}
     assert by_bank[2].found_within(6.0) < 0.5
     with pytest.raises(ValueError, match="too short"):
-        run_trials(of.model, of.settings, healthy.select(slice(0, 1000)), faults, 20, 6.0, own)
+        run_trials(plant.model, plant.settings, healthy.select(slice(0, 1000)), faults, 20, 6.0, own)
 
 
 def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The measured torque is a quarter too large in one part of eight, in whatever pieces it is read."""
-    of, number = plant(0.0), 16_000
-    healthy = record(of, seed, number)
+    plant, number = plant_with(0.0), 16_000
+    healthy = record(plant, seed, number)
     scaled = SampleBlock(healthy.t_us, healthy.u.copy(), healthy.y, name="scaled")
     scaled.u[number // 2 : number // 2 + number // PARTS] *= 1.25
-    bank = HypothesisBank(of.model, of.settings)
-    causes = [(one.cause, one.size) for one in bank.hypotheses]
+    bank = HypothesisBank(plant.model, plant.settings)
+    causes = [(hypothesis.cause, hypothesis.size) for hypothesis in bank.hypotheses]
     same, beside = allowances(bank, [healthy]), allowances(bank, [healthy, scaled])
     assert (beside >= same).all()
     grown = [cause for cause, much, little in zip(causes, beside, same, strict=True) if much > little + 0.01]
@@ -130,15 +132,17 @@ def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
 def test_alarms_that_are_one_leave_room_for_lower_thresholds(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    of = plant(0.0, memory=100)
+    plant = plant_with(0.0, memory=100)
     known = watched.multimodel_statistics(
-        of.model, of.settings, [record(of, seed, RECORD // 5)], np.random.default_rng(seed), 60_000
+        plant.model, plant.settings, [record(plant, seed, RECORD // 5)], np.random.default_rng(seed), 60_000
     )
     found = {}
     for share in (0.0, -1.0):
-        monkeypatch.setattr(hypotheses, "log_share", lambda *of, share=share: np.full_like(of[-1], share))
+        monkeypatch.setattr(
+            hypotheses, "log_share", lambda *given, share=share: np.full_like(given[-1], share)
+        )
         found[share] = hypotheses.limits_for_budget(known, BUDGET, np.random.default_rng(seed))
-    apart, together = (np.array([one.h for one in found[share].own]) for share in (0.0, -1.0))
+    apart, together = (np.array([limit.h for limit in found[share].own]) for share in (0.0, -1.0))
     assert (together <= apart).all()
     assert 0.3 < np.median(apart - together) < 3.0
     assert found[0.0].upper == pytest.approx(1 / BUDGET, rel=0.1)
@@ -147,18 +151,18 @@ def test_alarms_that_are_one_leave_room_for_lower_thresholds(
 
 def test_copies_go_on_from_chunk_to_chunk(seed: int) -> None:
     """What is found in them does not hang on how they are cut: predictors, g and excursions go on."""
-    of, number = plant(0.0, memory=100), 1500
-    chunk = Axes(of, np.random.default_rng(seed), LANES).take(number)
+    plant, number = plant_with(0.0, memory=100), 1500
+    chunk = Axes(plant, np.random.default_rng(seed), LANES).take(number)
     found = []
     for cuts in ([0, number], [0, 400, 411, 1100, number]):
-        bank = HypothesisBank(of.model, of.settings, h=math.inf)
+        bank = HypothesisBank(plant.model, plant.settings, h=math.inf)
         heights = ExcursionPeaks(len(bank.hypotheses))
         copies = watched._Copies(bank, heights, 0, number)
         for start, stop in pairwise(cuts):
-            here = slice(start, stop)
+            rows = slice(start, stop)
             samples = np.arange(start, stop)
             origin = samples[:, np.newaxis] * np.arange(1, LANES + 1)
-            copies.run(chunk.t_us[here, 0], chunk.u[here], chunk.y[here], start, samples, origin)
+            copies.run(chunk.t_us[rows, 0], chunk.u[rows], chunk.y[rows], start, samples, origin)
         found.append(heights)
     once, pieces = found
     assert once.samples == pieces.samples > 0.8 * number * LANES

@@ -11,7 +11,7 @@ REPEATED = 5
 NONE = np.zeros(P)
 
 
-def told(
+def own_variances(
     rng: np.random.Generator, of_parts: Floats = NONE, off: Floats = NONE, louder: Floats = NONE
 ) -> Floats:
     """Variances (2, p) of copies whose parameters (p,) differ by so much in mean and log sigma."""
@@ -28,7 +28,7 @@ def test_copies_that_differ_make_it(row: int, size: float, seed: int) -> None:
     """As much of the one parameter, and nothing of the other and of the other number."""
     rng, much = np.random.default_rng(seed), np.zeros((2, P))
     much[row, 1] = size
-    found = np.sqrt(np.mean([told(rng, NONE, *much) for _ in range(REPEATED)], axis=0))
+    found = np.sqrt(np.mean([own_variances(rng, NONE, *much) for _ in range(REPEATED)], axis=0))
     print(f"standard deviations {found.round(3).tolist()}")
     assert found[row, 1] == pytest.approx(size, rel=0.25)
     found[row, 1] = 0.0
@@ -39,7 +39,7 @@ def test_parts_that_differ_make_none_and_hide_none(seed: int) -> None:
     """How an axis scatters from part to part belongs to its motion."""
     rng = np.random.default_rng(seed)
     of_parts, off = np.array([0.5, 0.5]), np.array([0.0, 0.05])
-    found = np.sqrt(np.mean([told(rng, of_parts, off) for _ in range(REPEATED)], axis=0))
+    found = np.sqrt(np.mean([own_variances(rng, of_parts, off) for _ in range(REPEATED)], axis=0))
     print(f"standard deviations {found.round(3).tolist()}")
     assert found[0, 1] == pytest.approx(0.05 / np.sqrt(1 + 0.5**2), rel=0.25)
     found[0, 1] = 0.0
@@ -68,14 +68,14 @@ def test_what_stands_out_of_chance_is_told_without_it(seed: int) -> None:
     root, way = np.linalg.cholesky(chance), rng.standard_normal(n)
     way /= np.linalg.norm(way)
 
-    def one(strength: float) -> float:
+    def found_strength(strength: float) -> float:
         x = rng.standard_normal((n, COPIES)) + np.sqrt(strength) * way[:, np.newaxis] * rng.standard_normal(
             COPIES
         )
         error = excess_covariance(np.cov(root @ x), chance, COPIES)
         return float(np.trace(np.linalg.solve(chance, error)))
 
-    none, weak, strong = (np.mean([one(s) for _ in range(200)]) for s in (0.0, 1.0, 10.0))
+    none, weak, strong = (np.mean([found_strength(s) for _ in range(200)]) for s in (0.0, 1.0, 10.0))
     print(f"of 0, 1 and 10: {none:.2f}, {weak:.2f}, {strong:.2f}")
     assert none < 0.2
     assert weak < 1.3

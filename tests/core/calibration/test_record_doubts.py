@@ -42,12 +42,12 @@ def record(rng: np.random.Generator, memories: int = 100) -> Deviations:
     return Deviations("day.csv", t, d, np.full((N, 2), 1.4 * SD), np.ones((N, 2), np.bool_), 0, ())
 
 
-def changed(one: Deviations, at: int, i: int, step: float) -> Deviations:
+def changed(healthy: Deviations, at: int, i: int, step: float) -> Deviations:
     """The estimate moves to a new value within a memory."""
-    d: Floats = one.d.copy()
+    d: Floats = healthy.d.copy()
     after = np.arange(len(d) - at)
     d[at:, i] += step * (1 - np.exp(-after / MEMORY))
-    return replace(one, d=d)
+    return replace(healthy, d=d)
 
 
 @pytest.mark.parametrize("i", [0, 1])
@@ -77,28 +77,31 @@ def test_a_small_change_is_no_fault(seed: int) -> None:
 
 
 def test_nominal_values_of_another_axis(seed: int) -> None:
-    one = record(np.random.default_rng(seed))
-    off = replace(one, d=one.d + np.array([0.0, 0.3]))
+    healthy = record(np.random.default_rng(seed))
+    off = replace(healthy, d=healthy.d + np.array([0.0, 0.3]))
     with pytest.raises(
         CalibrationError, match=r"fm is off its nominal value all along, by \+(29|30|31).* identify"
     ):
         check_healthy(MODEL, SETTINGS, [off])
 
 
-def shortened(one: Deviations) -> Deviations:
+def shortened(healthy: Deviations) -> Deviations:
     return replace(
-        one, t_us=one.t_us[: 12 * MEMORY], d=one.d[: 12 * MEMORY], tested=one.tested[: 12 * MEMORY]
+        healthy,
+        t_us=healthy.t_us[: 12 * MEMORY],
+        d=healthy.d[: 12 * MEMORY],
+        tested=healthy.tested[: 12 * MEMORY],
     )
 
 
-def without_P0(one: Deviations) -> Deviations:
-    return replace(shortened(one), tested=np.zeros((12 * MEMORY, 2), np.bool_), seeding=12 * MEMORY)
+def without_P0(healthy: Deviations) -> Deviations:
+    return replace(shortened(healthy), tested=np.zeros((12 * MEMORY, 2), np.bool_), seeding=12 * MEMORY)
 
 
-def without_excitation(one: Deviations) -> Deviations:
-    tested = one.tested.copy()
+def without_excitation(healthy: Deviations) -> Deviations:
+    tested = healthy.tested.copy()
     tested[500:, 1] = False
-    return replace(one, tested=tested, confounded=("fm is not observed",))
+    return replace(healthy, tested=tested, confounded=("fm is not observed",))
 
 
 @pytest.mark.parametrize(
@@ -125,8 +128,8 @@ def test_nominal_values_that_cannot_be_told() -> None:
 def test_a_budget_that_cannot_be_promised(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scattered = scatter([record(rng, 25)], MEMORY, rng)
-    one = np.ones(2)
-    sure, unsure = Rates(one, 1e-6, 1e-8, 1e-5, 1.0), Rates(one, 1e-12, 1e-16, 1e-8, 1.0)
+    ones = np.ones(2)
+    sure, unsure = Rates(ones, 1e-6, 1e-8, 1e-5, 1.0), Rates(ones, 1e-12, 1e-16, 1e-8, 1.0)
     check_promise(scattered, sure, sure, 1e5, 0.005)
     for of_copies in (unsure, replace(unsure, upper=1e-11)):
         with pytest.raises(
@@ -138,10 +141,10 @@ def test_a_budget_that_cannot_be_promised(seed: int) -> None:
 def test_how_wide_it_may_be_goes_with_the_root_of_a_far_budget(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scattered = scatter([record(rng, 25)], MEMORY, rng)
-    one = np.ones(2)
+    ones = np.ones(2)
 
     def refused(times: float, memories: float) -> bool:
-        stated = Rates(one, 1e-20, 1e-21, times * 1e-20, 1.0)
+        stated = Rates(ones, 1e-20, 1e-21, times * 1e-20, 1.0)
         try:
             check_promise(scattered, stated, stated, memories * MEMORY, 0.005)
         except CalibrationError:

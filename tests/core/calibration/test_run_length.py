@@ -17,9 +17,9 @@ STEPS = 6_000_000
 
 @entry
 def alarms_and_excursions(seed: int, steps: int, lam: float, k: Floats, h: Floats) -> tuple[Floats, Floats]:
-    """Alarms of each test, after which it restarts; and excursions from zero beyond h of one that does not."""
+    """Alarms of each test, after which it restarts; and excursions from zero beyond h where it does not restart."""
     np.random.seed(seed)
-    d, g, whole, top = 0.0, np.zeros(k.size), np.zeros(k.size), np.zeros(k.size)
+    d, g, level, top = 0.0, np.zeros(k.size), np.zeros(k.size), np.zeros(k.size)
     alarms, single = np.zeros(k.size), np.zeros(k.size)
     for _ in range(steps):
         d = lam * d + math.sqrt(1.0 - lam * lam) * np.random.standard_normal()
@@ -28,9 +28,9 @@ def alarms_and_excursions(seed: int, steps: int, lam: float, k: Floats, h: Float
             if g[i] > h[i]:
                 alarms[i] += 1.0
                 g[i] = 0.0
-            whole[i] = max(0.0, whole[i] + d - k[i])
-            top[i] = max(top[i], whole[i])
-            if whole[i] == 0.0:
+            level[i] = max(0.0, level[i] + d - k[i])
+            top[i] = max(top[i], level[i])
+            if level[i] == 0.0:
                 single[i] += 1.0 if top[i] > h[i] else 0.0
                 top[i] = 0.0
     return alarms, single

@@ -31,10 +31,10 @@ def test_the_covariance_is_that_of_many_records(colour: float, seed: int) -> Non
     found = np.empty((RECORDS, 3))
     window = np.hanning(LENGTH + 2)[1:-1, np.newaxis]
     looked_at = np.zeros((LENGTH // 2 + 1, 3))
-    for one in wave.reshape(-1, LENGTH, 3):
-        looked_at += np.abs(np.fft.rfft(one * window, axis=0)) ** 2
+    for part in wave.reshape(-1, LENGTH, 3):
+        looked_at += np.abs(np.fft.rfft(part * window, axis=0)) ** 2
     fine, coarse = np.fft.rfftfreq(N), np.fft.rfftfreq(LENGTH)
-    weight = np.stack([np.interp(fine, coarse, one) for one in looked_at.T], axis=1)
+    weight = np.stack([np.interp(fine, coarse, power) for power in looked_at.T], axis=1)
     for k in range(RECORDS):
         eps = lfilter([1.0], [1, -colour], rng.standard_normal(N))
         spectra = of_variances(1.0, 1.0, 1.0)
@@ -77,14 +77,16 @@ def test_of_an_exact_model_g_falls_with_one(seed: int) -> None:
 
 def test_of_a_short_record_chance_is_not_taken_for_a_filter(seed: int) -> None:
     """What moves a hypothesis three times as far as noise goes along with that by chance, and is no less known."""
-    few, told = 20 * LENGTH, []
+    few, stated = 20 * LENGTH, []
     for rng in np.random.default_rng(seed).spawn(40):
         eps, moved = rng.standard_normal((2, few)) * [[1.0], [3.0]]
         spectra = of_variances(1.0)
         spectra.add(np.column_stack([eps, eps + moved]))
-        told.append(float(np.sqrt(spectra.covariance()[0, 0])))
-    print(f"log r known within {np.median(told):.3f}, of ordinates of all frequencies {np.sqrt(2 / few):.3f}")
-    assert 0.8 * np.sqrt(2 / few) < np.median(told) < 3 * np.sqrt(2 / few)
+        stated.append(float(np.sqrt(spectra.covariance()[0, 0])))
+    print(
+        f"log r known within {np.median(stated):.3f}, of ordinates of all frequencies {np.sqrt(2 / few):.3f}"
+    )
+    assert 0.8 * np.sqrt(2 / few) < np.median(stated) < 3 * np.sqrt(2 / few)
 
 
 def test_what_is_taken_from_a_ratio_makes_g_fall_faster(seed: int) -> None:
@@ -107,13 +109,15 @@ def test_the_covariance_of_log_r_is_that_of_many_records(colour: float, seed: in
         found.append(np.log(spectra.r()))
         stated.append(spectra.covariance())
     mean = np.mean(stated, axis=0)
-    own, told = np.std(found, axis=0) / _TAPERED, np.sqrt(np.diag(mean))
-    print(np.exp(np.mean(found, axis=0)), own, told)
-    np.testing.assert_allclose(told, own, rtol=0.4)
-    assert told[0] > 3 * np.sqrt(
+    own, stated_sd = np.std(found, axis=0) / _TAPERED, np.sqrt(np.diag(mean))
+    print(np.exp(np.mean(found, axis=0)), own, stated_sd)
+    np.testing.assert_allclose(stated_sd, own, rtol=0.4)
+    assert stated_sd[0] > 3 * np.sqrt(
         2 / N
     )  # more power alone, with nothing but noise: five times what it is off by
-    np.testing.assert_allclose(mean / np.outer(told, told), np.corrcoef(np.transpose(found)), atol=0.25)
+    np.testing.assert_allclose(
+        mean / np.outer(stated_sd, stated_sd), np.corrcoef(np.transpose(found)), atol=0.25
+    )
 
 
 def test_records_add_up_and_gaps_are_left_out(seed: int) -> None:
@@ -124,8 +128,8 @@ def test_records_add_up_and_gaps_are_left_out(seed: int) -> None:
     with_gap = np.concatenate([eps, np.full((50, 3), np.nan)])
     with_gap[-20:, 0] = 1.0
     for spectra, added in ((once, [eps]), (twice, [eps, eps]), (broken, [with_gap, eps])):
-        for one in added:
-            spectra.add(one)
+        for rows in added:
+            spectra.add(rows)
     np.testing.assert_allclose(broken.covariance(), twice.covariance())
     np.testing.assert_allclose(twice.covariance(), once.covariance() / 2, rtol=0.05)
 

@@ -87,22 +87,22 @@ def test_where_nothing_happened_though_it_was_expected_it_happens_less() -> None
 def remembered(
     seed: int, steps: int, lam: Floats, share: Floats, k: float, h: Floats, alarms: Floats, tops: Floats
 ) -> int:
-    """Of noise that is partly remembered longer: alarms at each h, heights of excursions; how many of them."""
+    """Alarms at each h and heights of excursions, for noise that is partly remembered longer; how many excursions."""
     np.random.seed(seed)
-    parts, g, found, top, one = np.zeros(lam.size), np.zeros(h.size), 0, 0.0, 0.0
+    parts, g, found, top, level = np.zeros(lam.size), np.zeros(h.size), 0, 0.0, 0.0
     for _ in range(steps):
         d = 0.0
         for i in range(lam.size):
             parts[i] = lam[i] * parts[i] + math.sqrt(1 - lam[i] * lam[i]) * np.random.standard_normal()
             d += share[i] * parts[i]
-        one += d - k
-        if one > 0.0:
-            top = max(top, one)
+        level += d - k
+        if level > 0.0:
+            top = max(top, level)
         else:
             if top > 0.8 * 50.0 and found < tops.size:
                 tops[found] = top
                 found += 1
-            one, top = 0.0, 0.0
+            level, top = 0.0, 0.0
         for c in range(h.size):
             g[c] = max(0.0, g[c] + d - k)
             if g[c] > h[c]:

@@ -22,8 +22,8 @@ def ratios(rng: np.random.Generator, alike: bool) -> Floats:
 def course(llr: Floats, h: Floats | None = None) -> tuple[Floats, int]:
     """g (N, H) and alarms; after each alarm all begin at zero."""
     g, out, alarms = np.zeros(llr.shape[1]), np.empty_like(llr), 0
-    for k, one in enumerate(llr):
-        g = np.maximum(0.0, g + one)
+    for k, row in enumerate(llr):
+        g = np.maximum(0.0, g + row)
         out[k] = g
         if h is not None and (g > h).any():
             alarms, g = alarms + 1, np.zeros_like(g)
@@ -39,20 +39,20 @@ def heights(g: Floats) -> ExcursionPeaks:
 def test_the_share_is_what_is_counted(alike: bool, seed: int) -> None:
     """At thresholds that each hypothesis goes beyond forty times: of one noise it is a half, of their own all."""
     llr = ratios(np.random.default_rng(seed), alike)
-    of = heights(course(llr)[0])
-    h = np.array([np.sort(of._largest[i])[-41] for i in range(len(SIZES))])
+    peaks = heights(course(llr)[0])
+    h = np.array([np.sort(peaks._largest[i])[-41] for i in range(len(SIZES))])
     _, alarms = course(llr, h)
     together = 40 * len(SIZES)
-    (told,) = np.exp(log_share(of, len(SIZES), float(np.log(together / N)), np.zeros(1)))
-    print(f"{alarms} alarms of {together}: {alarms / together:.2f}, told {told:.2f}")
-    assert told == pytest.approx(alarms / together, abs=0.15)
-    assert (told < 0.85) == alike
+    (share,) = np.exp(log_share(peaks, len(SIZES), float(np.log(together / N)), np.zeros(1)))
+    print(f"{alarms} alarms of {together}: {alarms / together:.2f}, stated {share:.2f}")
+    assert share == pytest.approx(alarms / together, abs=0.15)
+    assert (share < 0.85) == alike
 
 
 def test_it_is_nearer_one_where_alarms_are_seldom_and_never_above(seed: int) -> None:
-    of = heights(course(ratios(np.random.default_rng(seed), alike=True))[0])
+    peaks = heights(course(ratios(np.random.default_rng(seed), alike=True))[0])
     draws = np.array([-1.0, 0.0, 1.0])
-    often, seldom = (log_share(of, len(SIZES), log_rate, draws) for log_rate in (-8.0, -16.0))
+    often, seldom = (log_share(peaks, len(SIZES), log_rate, draws) for log_rate in (-8.0, -16.0))
     assert (often < seldom).all()
     assert (seldom < 0).all()
     assert seldom[2] < seldom[1] < seldom[0]

@@ -120,8 +120,8 @@ def test_derivatives_of_any_linear_model(seed: int, delay_s: float) -> None:
 
     def response(step: float) -> tuple[Complexes, Complexes]:
         moved = A + step * dA, B + step * dB, C + step * dC, none(3), none(2)
-        of = Linear(*moved, dA[..., None], dB[..., None], dC[:, None], none((3, 1)), none((2, 1)))
-        return held_response(of, torque, INTERVAL_S, f, delay_s)
+        linear = Linear(*moved, dA[..., None], dB[..., None], dC[:, None], none((3, 1)), none((2, 1)))
+        return held_response(linear, torque, INTERVAL_S, f, delay_s)
 
     difference = (response(1e-6)[0] - response(-1e-6)[0]) / 2e-6
     slope = response(0.0)[1][:, 0]
@@ -134,8 +134,8 @@ def test_what_is_not_told_makes_the_band_infinite() -> None:
     names = ("kT", "Jm", "fm per temperature")
     lost = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, names=names, covariance=covariance)
     assert np.isinf(lost.sd_db).all()
-    told = drive_response(
+    known = drive_response(
         drive, REFERENCE_VALUES, INTERVAL_S, f, names=names[1:], covariance=covariance[1:, 1:]
     )
-    assert np.isfinite(told.sd_db).all()
-    assert (told.sd_db > 0).all()
+    assert np.isfinite(known.sd_db).all()
+    assert (known.sd_db > 0).all()

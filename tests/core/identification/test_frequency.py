@@ -101,19 +101,19 @@ def test_a_sharp_resonance_is_followed(seed: int) -> None:
 def test_units_and_offsets_change_the_gain_only(seed: int, of_u: float, of_y: float, offset: float) -> None:
     record = repeated(np.random.default_rng(seed), 5, 0.3, LOOP)
     other = Record(record.t, of_u * record.u - offset, of_y * record.y + offset, "speed")
-    one, two = by_local(record), by_local(other)
-    good = np.isfinite(one.G) & (one.frequency_hz < 60)
+    original, converted = by_local(record), by_local(other)
+    good = np.isfinite(original.G) & (original.frequency_hz < 60)
     assert good.any()
-    assert two.G[good] * of_u / of_y == pytest.approx(one.G[good], rel=1e-4)
+    assert converted.G[good] * of_u / of_y == pytest.approx(original.G[good], rel=1e-4)
     # Where a line repeats itself exactly the deviation is what rounding leaves.
-    assert two.sd_db[good] == pytest.approx(one.sd_db[good], rel=1e-3, abs=1e-6)
+    assert converted.sd_db[good] == pytest.approx(original.sd_db[good], rel=1e-3, abs=1e-6)
 
 
 def test_four_records_halve_the_deviations(seed: int) -> None:
     rng = np.random.default_rng(seed)
     records = [white(rng, 4000, 0.5) for _ in range(4)]
-    one, four = (local_response(part, np.arange(2.0, 60.0, 1.0)) for part in (records[:1], records))
-    assert np.median(one.sd_db) / np.median(four.sd_db) == pytest.approx(2.0, rel=0.2)
+    single, four = (local_response(part, np.arange(2.0, 60.0, 1.0)) for part in (records[:1], records))
+    assert np.median(single.sd_db) / np.median(four.sd_db) == pytest.approx(2.0, rel=0.2)
     z = log_errors(four)
     assert np.mean(abs(z) ** 2) == pytest.approx(2.0, rel=0.6)
 

@@ -145,10 +145,10 @@ def test_outliers_do_not_enter_the_state(seed: int) -> None:
 
 def test_several_records_tell_more_than_one(seed: int) -> None:
     records = [reference_record(seed + k, 1000) for k in range(4)]
-    one, all_ = fit(reference_problem(), records[:1]), fit(reference_problem(), records)
+    single, all_ = fit(reference_problem(), records[:1]), fit(reference_problem(), records)
     assert len(all_.fit) == 4
     assert np.abs(pulls(all_)).max() < 4.5
-    np.testing.assert_allclose(all_.sd / one.sd, 0.5, atol=0.15)
+    np.testing.assert_allclose(all_.sd / single.sd, 0.5, atol=0.15)
 
 
 def test_a_slope_on_a_signal_is_found(seed: int) -> None:

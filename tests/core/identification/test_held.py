@@ -35,7 +35,7 @@ def at(drive: Drive, free: tuple[str, ...] = FREE, given: dict[str, float] = VAL
 def test_matrices_and_slopes_by_the_complex_step(drive: Drive) -> None:
     complete = {p.name: {**VALUES, "Td": 0.7}[p.name] for p in drive.parameters}
     d = AxisModel(drive, complete, ()).balance()
-    of = at(drive)
+    linear = at(drive)
     unit: dict[str, Any] = {
         "A": d / d[:, None],
         "B": 1 / d[:, None],
@@ -43,7 +43,7 @@ def test_matrices_and_slopes_by_the_complex_step(drive: Drive) -> None:
         "rest": 1 / d[:, None],
         "ratio": 1.0,
     }
-    for which, value, slopes in zip(("A", "B", "C", "rest", "ratio"), of[:5], of[5:], strict=True):
+    for which, value, slopes in zip(("A", "B", "C", "rest", "ratio"), linear[:5], linear[5:], strict=True):
         matrix = drive.matrix(which, complete) * unit[which]  # type: ignore[arg-type]
         np.testing.assert_allclose(value, matrix.reshape(value.shape), rtol=1e-14)
         for i, name in enumerate(FREE):
@@ -57,16 +57,16 @@ def test_matrices_and_slopes_by_the_complex_step(drive: Drive) -> None:
 @pytest.mark.parametrize("drive", DRIVES, ids=lambda d: f"{d.output}-{len(d.states)}")
 @pytest.mark.parametrize("interval_s", [1e-4, 0.005, 0.05, 0.7])
 def test_exponentials_and_their_derivatives_are_those_of_scipy(drive: Drive, interval_s: float) -> None:
-    of = at(drive)
-    n, m = of.B.shape
-    X, dX = hold(of, np.array([0.001, interval_s]))
-    Ad, Bd = zero_order_hold(of.A, of.B, interval_s)
+    linear = at(drive)
+    n, m = linear.B.shape
+    X, dX = hold(linear, np.array([0.001, interval_s]))
+    Ad, Bd = zero_order_hold(linear.A, linear.B, interval_s)
     np.testing.assert_allclose(X[1], np.hstack([Ad, Bd]), rtol=0, atol=1e-12 * abs(X[1]).max())
     F = np.zeros((n + m, n + m))
-    F[:n, :n], F[:n, n:] = of.A, of.B
+    F[:n, :n], F[:n, n:] = linear.A, linear.B
     for i in range(len(FREE)):
         E = np.zeros_like(F)
-        E[:n, :n], E[:n, n:] = of.dA[..., i], of.dB[..., i]
+        E[:n, :n], E[:n, n:] = linear.dA[..., i], linear.dB[..., i]
         L = np.real(expm_frechet(F * interval_s, E * interval_s)[1])[:n]
         np.testing.assert_allclose(dX[1, i], L, rtol=0, atol=1e-11 * abs(L).max())
 
@@ -74,9 +74,9 @@ def test_exponentials_and_their_derivatives_are_those_of_scipy(drive: Drive, int
 @settings(max_examples=30, deadline=None)
 @given(st.floats(1e-5, 0.05), st.floats(1e-5, 0.05))
 def test_two_intervals_are_one(first: float, second: float) -> None:
-    of = at(DRIVES[0])
-    n = len(of.A)
-    X, _ = hold(of, np.array([first, second, first + second]))
+    linear = at(DRIVES[0])
+    n = len(linear.A)
+    X, _ = hold(linear, np.array([first, second, first + second]))
     A1, A2 = X[0, :, :n], X[1, :, :n]
     np.testing.assert_allclose(A2 @ A1, X[2, :, :n], atol=1e-12 * abs(X[2]).max())
     np.testing.assert_allclose(A2 @ X[0, :, n:] + X[1, :, n:], X[2, :, n:], atol=1e-12 * abs(X[2]).max())
@@ -86,11 +86,11 @@ def test_two_intervals_are_one(first: float, second: float) -> None:
 def test_delayed_torque_is_two_pieces(delay_s: float) -> None:
     """By a plain product of the two pieces; the derivative by central differences."""
     drive = three_mass("angle")
-    of, torque, h = at(drive), np.array([k == TORQUE for k in drive.inputs]), 0.005
-    n, m = of.B.shape
-    X, dX = hold_late(of, torque, np.array([h]), delay_s)
-    A1, B1 = zero_order_hold(of.A, of.B, delay_s)
-    A2, B2 = zero_order_hold(of.A, of.B, h - delay_s)
+    linear, torque, h = at(drive), np.array([k == TORQUE for k in drive.inputs]), 0.005
+    n, m = linear.B.shape
+    X, dX = hold_late(linear, torque, np.array([h]), delay_s)
+    A1, B1 = zero_order_hold(linear.A, linear.B, delay_s)
+    A2, B2 = zero_order_hold(linear.A, linear.B, h - delay_s)
     rng = np.random.default_rng(0)
     x, u, before = rng.standard_normal(n), rng.standard_normal(m), 1.7
     first = A1 @ x + B1 @ np.where(torque, before, u)
@@ -99,7 +99,7 @@ def test_delayed_torque_is_two_pieces(delay_s: float) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-13 * abs(expected).max())
     step = 1e-5
     ends = [
-        hold_late(of, torque, np.array([h]), abs(delay_s) + s).X[0]
+        hold_late(linear, torque, np.array([h]), abs(delay_s) + s).X[0]
         for s in ((0, step, 2 * step) if delay_s == 0 else (-step, 0, step))
     ]
     slope = (
@@ -112,18 +112,20 @@ def test_delayed_torque_is_two_pieces(delay_s: float) -> None:
 
 def test_a_delay_beyond_the_interval_ends_with_it() -> None:
     drive = three_mass("speed")
-    of, torque = at(drive), np.array([k == TORQUE for k in drive.inputs])
-    X, dX = hold_late(of, torque, np.array([0.002, 0.005]), 0.003)
-    n, m = of.B.shape
+    linear, torque = at(drive), np.array([k == TORQUE for k in drive.inputs])
+    X, dX = hold_late(linear, torque, np.array([0.002, 0.005]), 0.003)
+    n, m = linear.B.shape
     assert (X[0, :, n : n + m][:, torque] == 0).all()
     assert (dX[0, -1] == 0).all()
     assert (dX[1, -1] != 0).any()
 
 
 def test_a_chain_of_five_masses_with_gravity() -> None:
-    of = at(chain(5, "angle"), ("J1", "k1", "gc"), values(5))
-    X, _ = hold(of, np.array([0.004]))
-    np.testing.assert_allclose(X[0], np.hstack(zero_order_hold(of.A, of.B, 0.004)), atol=1e-12 * abs(X).max())
+    linear = at(chain(5, "angle"), ("J1", "k1", "gc"), values(5))
+    X, _ = hold(linear, np.array([0.004]))
+    np.testing.assert_allclose(
+        X[0], np.hstack(zero_order_hold(linear.A, linear.B, 0.004)), atol=1e-12 * abs(X).max()
+    )
 
 
 # --- K from the noise levels, its derivatives, and the disturbance as a state of the drive ----------------------------
@@ -144,9 +146,9 @@ def gain_at(
         base = name.removeprefix("1/")
         values[base] = value if base == name else 1 / value
     d = AxisModel(drive, DISTURBED, ()).balance()
-    of = Structure(drive, NOISY, d).at(values)
+    linear = Structure(drive, NOISY, d).at(values)
     found = gain(
-        of,
+        linear,
         np.array([kind == TORQUE for kind in drive.inputs]),
         Levels(torque, slow, values[DISTURBANCE_TIME], H, float(d[-1])),
         ("torque", "slow"),

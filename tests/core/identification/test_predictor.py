@@ -63,7 +63,7 @@ def test_errors_and_gradients_are_those_of_the_monitor(name: str, seed: int) -> 
     np.testing.assert_allclose(found.eps[1:], trace.eps[1:], rtol=0, atol=1e-9 * scale)
     if "r" not in case.monitored:
         size = abs(trace.psi[1:]).max(axis=0)
-        psi = found.psi[:, [predictor.layout.names.index(one) for one in case.monitored]]
+        psi = found.psi[:, [predictor.layout.names.index(parameter) for parameter in case.monitored]]
         np.testing.assert_allclose(psi[1:] / size, trace.psi[1:] / size, rtol=0, atol=1e-9)
 
 

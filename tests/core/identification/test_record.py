@@ -165,13 +165,15 @@ def test_what_is_above_the_band_does_not_come_back(
 @given(rngs, st.integers(2, 8))
 def test_missing_samples_stay_missing_and_spoil_no_others(rng: np.random.Generator, factor: int) -> None:
     tones = Tones(rng, 20.0)
-    whole = sampled(tones, 0.0, rng)
+    complete = sampled(tones, 0.0, rng)
     start = int(rng.integers(2000, 6000))
     hole = np.arange(start, start + 4 * factor)
-    new, intact = (resample(r, factor * 0.001) for r in (whole.without(hole), whole))
+    new, intact = (resample(r, factor * 0.001) for r in (complete.without(hole), complete))
     lost = intact.measured & ~new.measured
-    near = (new.t > whole.t[hole[0] - 1] - factor * 0.001) & (new.t < whole.t[hole[-1] + 1] + factor * 0.001)
-    inside = (new.t >= whole.t[hole[0]]) & (new.t <= whole.t[hole[-1]])
+    near = (new.t > complete.t[hole[0] - 1] - factor * 0.001) & (
+        new.t < complete.t[hole[-1] + 1] + factor * 0.001
+    )
+    inside = (new.t >= complete.t[hole[0]]) & (new.t <= complete.t[hole[-1]])
     assert lost[inside & intact.measured].all()
     assert not (lost & ~near).any()
     assert abs(new.y - tones(new.t))[new.measured].max() < 0.02

@@ -297,10 +297,10 @@ def test_nothing_measured_at_all(record: Record) -> None:
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_the_rigid_inertia_is_the_sum_of_all(output: Output) -> None:
     r = VALUES["r"]
-    whole = VALUES["Jm"] + r**2 * (VALUES["Jg"] + VALUES["Ja"])
-    assert rigid_inertia(three_mass(output), VALUES) == pytest.approx(whole, rel=1e-6)
+    total = VALUES["Jm"] + r**2 * (VALUES["Jg"] + VALUES["Ja"])
+    assert rigid_inertia(three_mass(output), VALUES) == pytest.approx(total, rel=1e-6)
     assert rigid_inertia(three_mass(output), {**VALUES, "kT": 2.0, "fm": 0.0}) == pytest.approx(
-        whole / 2, rel=1e-6
+        total / 2, rel=1e-6
     )
     two = {name: VALUES[name] for name in ("Jm", "Ja", "fm", "fc", "tau0", "kT", "r")} | {
         "k": 3e5,

@@ -89,9 +89,9 @@ def test_deviations_with_coloured_errors_are_those_that_occur(seed: int) -> None
         v = lfilter([1], [1, -0.9], rng.standard_normal(1100))[100:]
         theta = np.linalg.lstsq(psi, v, rcond=None)[0]
         eps = v - psi @ theta
-        told = information(("a", "b"), np.ones(2), [psi], [np.zeros((1000, 0))], [eps], float(eps.var()))
+        found = information(("a", "b"), np.ones(2), [psi], [np.zeros((1000, 0))], [eps], float(eps.var()))
         ends.append(theta)
-        reported.append(np.sqrt(np.diag(told.covariance)))
+        reported.append(np.sqrt(np.diag(found.covariance)))
         naive.append(np.sqrt(eps.var() * np.diag(np.linalg.inv(psi.T @ psi))))
     ratio = np.std(ends, axis=0) / np.mean(reported, axis=0)
     assert ratio == pytest.approx(1, abs=0.3)
@@ -102,5 +102,5 @@ def test_initial_states_are_left_out_of_what_is_told(seed: int) -> None:
     """The covariance of some parameters of a regression with all of them."""
     rng = np.random.default_rng(seed)
     J = rng.standard_normal((50, 5)) @ rng.standard_normal((5, 5))
-    told = information(("a", "b"), np.ones(2), [J[:, :2]], [J[:, 2:]], [np.zeros(50)], 4.0)
-    np.testing.assert_allclose(told.covariance, 4 * np.linalg.inv(J.T @ J)[:2, :2], rtol=1e-8)
+    found = information(("a", "b"), np.ones(2), [J[:, :2]], [J[:, 2:]], [np.zeros(50)], 4.0)
+    np.testing.assert_allclose(found.covariance, 4 * np.linalg.inv(J.T @ J)[:2, :2], rtol=1e-8)

@@ -278,29 +278,29 @@ def refused(record: Record, words: str) -> bool:
 
 @pytest.mark.parametrize("way", ["scratch", "given", "grow"])
 def test_progress_grows_from_step_to_step_to_the_end(way: Way | Literal["grow"], seed: int) -> None:
-    problem, record, told = TWO.problem(TWO.wrong(seed)), TWO.record(seed), list[tuple[int, int]]()
+    problem, record, reported = TWO.problem(TWO.wrong(seed)), TWO.record(seed), list[tuple[int, int]]()
     if way == "grow":
-        grow([record], 2, progress=lambda *step: told.append(step))
+        grow([record], 2, progress=lambda *step: reported.append(step))
     else:
         fitted = fit_from_scratch if way == "scratch" else fit_from
-        fitted(problem, [record], progress=lambda *step: told.append(step))
-    done, of = zip(*told, strict=True)
-    assert len(set(of)) == 1
-    assert done[-1] == of[0]
+        fitted(problem, [record], progress=lambda *step: reported.append(step))
+    done, totals = zip(*reported, strict=True)
+    assert len(set(totals)) == 1
+    assert done[-1] == totals[0]
     assert len(done) > 2
     assert list(done) == sorted(set(done))
 
 
 def test_steps_tell_nothing_twice_and_nothing_beyond() -> None:
-    told = list[tuple[int, int]]()
-    steps = Steps(lambda *step: told.append(step), 10)
+    reported = list[tuple[int, int]]()
+    steps = Steps(lambda *step: reported.append(step), 10)
     second = steps.part(4, 3)
     for done in (1, 1, 3, 2):
         steps.reached(done)
     for done in (0, 2, 9):
         second(done)
     steps.reached(11)
-    assert told == [(1, 10), (3, 10), (4, 10), (6, 10), (7, 10)]
+    assert reported == [(1, 10), (3, 10), (4, 10), (6, 10), (7, 10)]
 
 
 # --- Where records are not those of an open loop with white noise -----------------------------------------------------

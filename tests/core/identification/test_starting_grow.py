@@ -72,8 +72,8 @@ def is_told(case: Case, noise: float, seed: int) -> bool:
     found = grow([record])
     best = fit(case.problem(), [record])
     right = found.recommended == masses and len(found.models) == min(masses + 1, 5)
-    said = found.words[0].startswith(f"{masses} masses suffice.")
-    return right and said and found.best.estimate.cost <= AT_OPTIMUM * best.cost
+    stated = found.words[0].startswith(f"{masses} masses suffice.")
+    return right and stated and found.best.estimate.cost <= AT_OPTIMUM * best.cost
 
 
 @pytest.fixture(scope="module")
@@ -84,18 +84,18 @@ def growth(seed: int) -> Growth:
 
 
 def test_settings_and_criteria(growth: Growth, seed: int) -> None:
-    one = growth.models[1]
-    assert one.estimate.problem.predictor == "innovations"
-    assert one.estimate.problem.loss == "huber"
-    assert one.estimate.names == ("J1", "J2", "k1", "d1", "fm")
-    assert len(one.validation) == 1
+    model = growth.models[1]
+    assert model.estimate.problem.predictor == "innovations"
+    assert model.estimate.problem.loss == "huber"
+    assert model.estimate.names == ("J1", "J2", "k1", "d1", "fm")
+    assert len(model.validation) == 1
     samples = len(TWO.record(seed))
-    assert 0.9 * samples < one.samples <= samples
-    assert one.bic - one.aic == pytest.approx(5 * (np.log(one.samples) - 2))
-    lost = one.bic - growth.models[0].bic
-    ratio = one.estimate.cost / growth.models[0].estimate.cost
+    assert 0.9 * samples < model.samples <= samples
+    assert model.bic - model.aic == pytest.approx(5 * (np.log(model.samples) - 2))
+    lost = model.bic - growth.models[0].bic
+    ratio = model.estimate.cost / growth.models[0].estimate.cost
     # Three parameters and two initial states more.
-    assert lost == pytest.approx(one.samples * np.log(ratio) + 3 * np.log(one.samples) + 4)
+    assert lost == pytest.approx(model.samples * np.log(ratio) + 3 * np.log(model.samples) + 4)
 
 
 def test_who_asks_for_one_more(growth: Growth) -> None:
@@ -124,9 +124,9 @@ def test_who_asks_for_one_more(growth: Growth) -> None:
 
 def test_whiteness_in_words(growth: Growth) -> None:
     best = growth.models[1]
-    for p_value, said in ((0.011, "errors are white"), (0.009, "errors are not white (p = 0.009)")):
+    for p_value, words in ((0.011, "errors are white"), (0.009, "errors are not white (p = 0.009)")):
         estimate = replace(best.estimate, whiteness=best.estimate.whiteness._replace(p_value=p_value))
-        assert said in verdict([growth.models[0], replace(best, estimate=estimate)], "").words[1]
+        assert words in verdict([growth.models[0], replace(best, estimate=estimate)], "").words[1]
     assert best.estimate.whiteness.p_value > 1e-5
     assert "errors are not white" in verdict(growth.models[:1], "").words[1]
 

@@ -51,8 +51,8 @@ def space(
     """A state space with the least around it."""
     n = 1 + max([r for r, _ in (*A, *B)] + [c for _, c in (*A, *C)])
     tied = tuple(Definition(name, laurent(text)) for name, text in (definitions or {}).items())
-    here = sorted(set[str]().union(*(e.names for M in (A, B, C) for e in M.values())))
-    drawn = set(here).union(*(d.value.names for d in tied)) - {d.name for d in tied}
+    present = sorted(set[str]().union(*(e.names for M in (A, B, C) for e in M.values())))
+    drawn = set(present).union(*(d.value.names for d in tied)) - {d.name for d in tied}
     known = units or {}
 
     def parameter(name: str) -> FlatParameter:
@@ -69,7 +69,7 @@ def space(
         rest={},
         ratio={},
         speed_states=(-1,) * (1 + max(r for r, _ in C)),
-        parameters=tuple(parameter(name) for name in here),
+        parameters=tuple(parameter(name) for name in present),
         drawn=tuple(parameter(name) for name in sorted(drawn)),
         definitions=tied,
         report=Report(0, 0, 0, 0),

@@ -29,7 +29,7 @@ def scaled(motion: Jet, factor: Fraction) -> Jet:
     return tuple(factor * x for x in motion)
 
 
-def whole(kind: str) -> Fragment:
+def component(kind: str) -> Fragment:
     """The component "x" with parameters named as their roles."""
     names = {role.name: Laurent.symbol(role.name) for role in KINDS[kind].roles}
     return fragment(KINDS[kind], "x", names, Origin("x"))
@@ -124,7 +124,7 @@ def residual(equation: FlatEquation, jets: Mapping[str, Jet], p: Mapping[str, Fr
 def test_physics_satisfies_the_equations_and_nothing_else_does(
     kind: str, a: Jet, b: Jet, free: Fraction, data: st.DataObject
 ) -> None:
-    part = whole(kind)
+    part = component(kind)
     p = {role.name: data.draw(NUMBERS.filter(bool), label=role.name) for role in KINDS[kind].roles}
     jets = {f"x.{name}": value for name, value in PHYSICS[kind](Moment(a, b, p, free)).items()}
     assert jets.keys() == {v.name for v in part.variables} | {i.name for i in part.inputs} - {CONSTANT}
@@ -137,7 +137,7 @@ def test_physics_satisfies_the_equations_and_nothing_else_does(
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
 def test_connections_and_signals_make_up_for_the_missing_equations(kind: Kind) -> None:
-    part = whole(kind.name)
+    part = component(kind.name)
     assert len(part.variables) == len(part.equations) + len(kind.flanges) + len(kind.signals_in)
     for name in (*kind.signals_in, *kind.signals_out):
         assert f"x.{name}" in {v.name for v in part.variables}
@@ -147,13 +147,13 @@ def test_connections_and_signals_make_up_for_the_missing_equations(kind: Kind) -
 
 def test_units_of_the_parameters_make_the_equations_homogeneous() -> None:
     for kind in KINDS.values():
-        part = whole(kind.name)
+        part = component(kind.name)
         units = {role.name: role.unit for role in kind.roles}
-        of = {v.name: v.unit for v in part.variables} | {i.name: "1" for i in part.inputs}
+        unit_by_name = {v.name: v.unit for v in part.variables} | {i.name: "1" for i in part.inputs}
         for equation in part.equations if kind.name != "gain" else ():
             dimensions = set()
             for (name, order), c in equation.terms.items():
-                product = parse(of[name]) * parse("s") ** -order
+                product = parse(unit_by_name[name]) * parse("s") ** -order
                 for factor in c.names:
                     product = product * parse(units[factor])
                 dimensions.add(product)
@@ -174,30 +174,30 @@ def test_units_of_the_parameters_make_the_equations_homogeneous() -> None:
     ],
 )
 def test_inputs(kind: str, inputs: list[tuple[str, int, str]]) -> None:
-    assert [(i.name, i.kind, i.angle) for i in whole(kind).inputs] == inputs
+    assert [(i.name, i.kind, i.angle) for i in component(kind).inputs] == inputs
 
 
 def test_a_torque_that_is_measured() -> None:
-    part = whole("torque").measured("x.tau")
+    part = component("torque").measured("x.tau")
     assert [(i.name, i.kind, i.angle) for i in part.inputs] == [("x.tau", TORQUE, "")]
     assert "x.tau" not in {v.name for v in part.variables}
-    assert part.equations == whole("torque").equations
+    assert part.equations == component("torque").equations
 
 
 @pytest.mark.parametrize("quantity", ["speed", "angle"])
 def test_sensors(quantity: str) -> None:
-    (sensor,) = whole(f"{quantity}-sensor").sensors
+    (sensor,) = component(f"{quantity}-sensor").sensors
     assert (sensor.name, sensor.angle, sensor.quantity) == ("x", "x.flange.phi", quantity)
 
 
 def test_hints_for_the_choice_of_states() -> None:
-    assert [v.name for v in whole("inertia").variables if v.prefer] == ["x.phi"]
+    assert [v.name for v in component("inertia").variables if v.prefer] == ["x.phi"]
     for kind in ("spring", "damper", "spring-damper"):
-        assert [v.name for v in whole(kind).variables if v.relative] == ["x.phi_rel"]
+        assert [v.name for v in component(kind).variables if v.relative] == ["x.phi_rel"]
 
 
 def test_joined_fragments_share_the_constant() -> None:
-    offset, brake = whole("torque-offset"), whole("coulomb-friction")
+    offset, brake = component("torque-offset"), component("coulomb-friction")
     together = join([offset, brake, offset])
     assert [i.name for i in together.inputs] == [CONSTANT, "x.direction"]
     assert together.equations == offset.equations + brake.equations + offset.equations

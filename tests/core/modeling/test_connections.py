@@ -59,8 +59,8 @@ def test_angles_are_equal_in_each_group_and_only_there(pairs: list[tuple[str, st
 
 @given(PAIRS)
 def test_the_order_of_drawing_does_not_matter(pairs: list[tuple[str, str]]) -> None:
-    def sets(of: list[Joint]) -> set[frozenset[End]]:
-        return {frozenset(joint.ends) for joint in merged(of)}
+    def sets(drawn: list[Joint]) -> set[frozenset[End]]:
+        return {frozenset(joint.ends) for joint in merged(drawn)}
 
     assert sets(joints(pairs)) == sets(joints([(b, a) for a, b in reversed(pairs)]))
 

@@ -134,7 +134,7 @@ def matrix(entries: Entries, shape: tuple[int, int], symbols: Mapping[str, sympy
 def of_sympy(ss: StateSpace, model: AxisModel, theta: Array) -> dict[str, list[tuple[Array, Array]]]:
     """Each derivative, and the sum of the sizes of its terms, in rational arithmetic until the end."""
     exact = {name: sympy.Rational(*v.as_integer_ratio()) for name, v in model.nominal.items()}
-    here = {
+    point = {
         name: sympy.Rational(*float(v).as_integer_ratio())
         for name, v in zip(model.monitored, theta, strict=True)
     }
@@ -142,7 +142,7 @@ def of_sympy(ss: StateSpace, model: AxisModel, theta: Array) -> dict[str, list[t
     q = {name: sympy.Symbol(f"q{i}", positive=True) for i, name in enumerate(model.monitored)}
     inside = {symbols[split_name(n)[0]]: 1 / s if split_name(n)[1] else s for n, s in q.items()}
     numbers = {s: exact[n] for n, s in symbols.items() if n in exact and s not in inside}
-    numbers |= {q[name]: value for name, value in here.items()}
+    numbers |= {q[name]: value for name, value in point.items()}
     out = {}
     for which, entries, shape in zip(MATRICES, (ss.A, ss.B, ss.C), ss.shapes, strict=True):
         M = matrix(entries, shape, symbols)

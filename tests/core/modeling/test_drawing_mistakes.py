@@ -63,8 +63,8 @@ def test_a_spring_constant_given_to_an_inertia_names_both() -> None:
         from_tables(
             "two-mass", tables, origins=[Origin("", "demo.toml", i) for i in range(len(tables))]
         ).flat()
-    said = "its c (stiffness) is in N m/rad, but k is in kg m^2 (k is kg m^2: J (inertia) of motor)"
-    assert str(caught.value) == f"demo.toml:3: belt: {said}"
+    message = "its c (stiffness) is in N m/rad, but k is in kg m^2 (k is kg m^2: J (inertia) of motor)"
+    assert str(caught.value) == f"demo.toml:3: belt: {message}"
 
 
 @pytest.mark.parametrize(

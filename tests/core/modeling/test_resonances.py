@@ -145,14 +145,14 @@ def test_other_units_of_the_states_change_nothing(seed: int) -> None:
     A = drive.matrix("A", REFERENCE_VALUES)
     b = drive.matrix("B", REFERENCE_VALUES)[:, 0] * [1, 1, 1, 1, 1, 1] + [0, 0, 0, 1e-4, 2e-4, 0]
     c = rng.uniform(0.5, 1.5, 6) * [118, 118, 0.01, 1.18, 1.18, 1]
-    here = resonances(A, b, c)
-    assert len(here.zeros) == 5
+    original = resonances(A, b, c)
+    assert len(original.zeros) == 5
     d = 10.0 ** rng.uniform(-6, 6, len(A))
-    there = resonances(A / d[:, None] * d, b / d, c * d)
-    close(there.zeros, here.zeros, 1e-8)
-    close(there.poles[1:], here.poles[1:])
-    assert there.poles[0] == here.poles[0] == 0
-    for zero in here.zeros:
+    converted = resonances(A / d[:, None] * d, b / d, c * d)
+    close(converted.zeros, original.zeros, 1e-8)
+    close(converted.poles[1:], original.poles[1:])
+    assert converted.poles[0] == original.poles[0] == 0
+    for zero in original.zeros:
         at = c @ np.linalg.solve(zero * np.eye(6) - A, b)
         near = c @ np.linalg.solve(zero * 1.1 * np.eye(6) - A, b)
         assert abs(at) < 1e-7 * abs(near)

@@ -174,16 +174,16 @@ def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, da
     values = {p.name: rng.uniform(0.5, 2.0) for p in ss.drawn}
     names = tuple(values)
     found = structural(ss, seed=seed)
-    told = Accuracy(names, sensitivities(drive_of(ss), values, names, rng.normal(size=200), 0.3))
-    sizes = np.linalg.svd(told.S / np.maximum(told.lengths, 1e-300), compute_uv=False)
+    accuracy = Accuracy(names, sensitivities(drive_of(ss), values, names, rng.normal(size=200), 0.3))
+    sizes = np.linalg.svd(accuracy.S / np.maximum(accuracy.lengths, 1e-300), compute_uv=False)
     assume(
         not np.any((sizes > 1e-13) & (sizes < 1e-7))
     )  # else some drive hides what its structure would show
-    assert len(told.hidden) == len(names) - found.count
-    infinite = {n for n, sd in zip(names, told.standard_deviations, strict=True) if sd == np.inf}
+    assert len(accuracy.hidden) == len(names) - found.count
+    infinite = {n for n, sd in zip(names, accuracy.standard_deviations, strict=True) if sd == np.inf}
     assert infinite == set(names) - set(found.identifiable)
     if infinite:
-        assert any("does not move the output at all" in text for text in told.words())
+        assert any("does not move the output at all" in text for text in accuracy.words())
 
 
 # --- Cramer and Rao's bound is what estimates do --------------------------------------------------------------
@@ -200,7 +200,7 @@ def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
     rng = np.random.default_rng(seed)
     u = np.cumsum(rng.normal(size=150)) * 0.1
     h, noise = 0.1, 0.02
-    told = Accuracy(("J", "f"), sensitivities(drive, values, ("J", "f"), u, h), noise)
+    accuracy = Accuracy(("J", "f"), sensitivities(drive, values, ("J", "f"), u, h), noise)
     clean = simulate_linear(drive, values, u[:, None], h)[0][:, 0]
 
     def error(theta: Floats, y: Floats) -> Floats:
@@ -213,8 +213,8 @@ def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
         for _ in range(runs)
     ]
     spread = np.std(fits, axis=0, ddof=1)
-    np.testing.assert_allclose(spread, told.standard_deviations, rtol=5 / np.sqrt(2 * runs) + 0.01)
-    found, expected = np.asarray(np.corrcoef(np.array(fits).T))[0, 1], told.correlations[0, 1]
+    np.testing.assert_allclose(spread, accuracy.standard_deviations, rtol=5 / np.sqrt(2 * runs) + 0.01)
+    found, expected = np.asarray(np.corrcoef(np.array(fits).T))[0, 1], accuracy.correlations[0, 1]
     assert abs(np.arctanh(found) - np.arctanh(expected)) < 5 / np.sqrt(runs - 3) + 0.02
 
 
@@ -228,39 +228,39 @@ def columns(seed: int, *rows: Sequence[float], N: int = 400) -> Floats:
 
 
 def test_independent_parameters(seed: int) -> None:
-    told = Accuracy(("a", "b"), columns(seed, [10.0, 0], [0, 50.0]), noise=0.2)
-    np.testing.assert_allclose(told.standard_deviations, [0.02, 0.004], rtol=1e-12)
-    np.testing.assert_allclose(told.correlations, np.eye(2), atol=1e-12)
-    assert (*told.words(), *told.pairs(), *told.directions()) == ()
+    accuracy = Accuracy(("a", "b"), columns(seed, [10.0, 0], [0, 50.0]), noise=0.2)
+    np.testing.assert_allclose(accuracy.standard_deviations, [0.02, 0.004], rtol=1e-12)
+    np.testing.assert_allclose(accuracy.correlations, np.eye(2), atol=1e-12)
+    assert (*accuracy.words(), *accuracy.pairs(), *accuracy.directions()) == ()
 
 
 def test_a_pair(seed: int) -> None:
     """Columns at an angle: the estimates correlate by minus its cosine."""
     cosine = 0.99
-    told = Accuracy(
+    accuracy = Accuracy(
         ("kg", "ka", "c"), columns(seed, [1, 0, 0], [cosine, np.sqrt(1 - cosine**2), 0], [0, 0, 1]), 0.05
     )
-    ((one, other, r),) = told.pairs()
-    assert (one, other) == ("kg", "ka")
+    ((first, second, r),) = accuracy.pairs()
+    assert (first, second) == ("kg", "ka")
     assert r == pytest.approx(-0.99)
     sd = 0.05 / np.sqrt(1 - cosine**2)
-    np.testing.assert_allclose(told.standard_deviations, [sd, sd, 0.05])
-    assert told.words() == (
+    np.testing.assert_allclose(accuracy.standard_deviations, [sd, sd, 0.05])
+    assert accuracy.words() == (
         "kg and ka cannot both be determined from this record: their estimates correlate by -0.99"
         " (standard deviations 35 % and 35 %).",
     )
-    ((size, parts),) = told.directions()
+    ((size, parts),) = accuracy.directions()
     assert size == pytest.approx(np.sqrt(1 - cosine))
     assert [name for name, _ in parts] == ["kg", "ka"]
     assert parts[0][1] == pytest.approx(np.sqrt(0.5))
     assert parts[1][1] == pytest.approx(-np.sqrt(0.5))
     # with little noise both are told, however much the one depends on the other
-    assert Accuracy(told.names, told.S, 0.001).words() == ()
+    assert Accuracy(accuracy.names, accuracy.S, 0.001).words() == ()
 
 
 def test_a_weak_parameter(seed: int) -> None:
-    told = Accuracy(("Jm", "fm"), columns(seed, [5.0, 0], [0, 0.1]), noise=0.12)
-    assert told.words() == ("fm cannot be determined from this record (standard deviation 120 %).",)
+    accuracy = Accuracy(("Jm", "fm"), columns(seed, [5.0, 0], [0, 0.1]), noise=0.12)
+    assert accuracy.words() == ("fm cannot be determined from this record (standard deviation 120 %).",)
     both = Accuracy(("a", "b", "c"), columns(seed, [5.0, 0, 0], [0, 0.1, 0], [0, 0, 0.05]), noise=0.12)
     assert both.words() == (
         "b (120 %) and c (240 %) cannot be determined from this record (standard deviations in brackets).",
@@ -269,11 +269,11 @@ def test_a_weak_parameter(seed: int) -> None:
 
 def test_a_group_of_three(seed: int) -> None:
     """c is nearly a + b: no two correlate so much, all three do."""
-    told = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0, 1, 0], [0.7, 0.7, 0.01]), 0.01)
-    ((size, parts),) = told.directions()
+    accuracy = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0, 1, 0], [0.7, 0.7, 0.01]), 0.01)
+    ((size, parts),) = accuracy.directions()
     assert [(name, value > 0) for name, value in parts] == [("a", True), ("b", True), ("c", False)]
     assert size < 0.01
-    (*_, last) = told.words()
+    (*_, last) = accuracy.words()
     assert last == (
         "a, b and c cannot all be determined from this record: the joint change +a +b -c moves the output by only "
         "0.71 % of what they would one by one."
@@ -285,22 +285,22 @@ def test_pairs_that_a_group_explains_are_not_said_twice(seed: int) -> None:
     S = columns(
         seed, [1, 0, 0, 0, 0], [0, 1, 0, 0, 0], [0.7, 0.7, 0.01, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 0.01]
     )
-    told = Accuracy(("a", "b", "c", "d", "e"), S, 0.002)
-    assert {(one, other) for one, other, _ in told.pairs()} == {
+    accuracy = Accuracy(("a", "b", "c", "d", "e"), S, 0.002)
+    assert {(first, second) for first, second, _ in accuracy.pairs()} == {
         ("a", "b"),
         ("a", "c"),
         ("b", "c"),
         ("d", "e"),
     }
-    pair, group = told.words()
+    pair, group = accuracy.words()
     assert pair.startswith("d and e cannot both be determined")
     assert group.startswith("a, b and c cannot all be determined")
 
 
 def test_the_only_pair_in_a_group_is_told_with_its_number(seed: int) -> None:
-    told = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0.95, 0.3, 0], [0.3, -0.2, 0.15]), 0.1)
-    assert [pair[:2] for pair in told.pairs()] == [("a", "b")]
-    assert told.words() == (
+    accuracy = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0.95, 0.3, 0], [0.3, -0.2, 0.15]), 0.1)
+    assert [pair[:2] for pair in accuracy.pairs()] == [("a", "b")]
+    assert accuracy.words() == (
         "a, b and c cannot all be determined from this record: the joint change +a -b -c moves the output by only "
         "11 % of what they would one by one, and the estimates of a and b correlate by -0.98.",
     )
@@ -309,35 +309,37 @@ def test_the_only_pair_in_a_group_is_told_with_its_number(seed: int) -> None:
 def test_a_group_that_says_nothing_new_is_left_out(seed: int) -> None:
     """Five columns nearly the same: the weakest direction is of all five, which is enough said."""
     apart = [[-1, 1, 3, 1], [2, -2, 0, 0], [2, 0, 2, -1], [1, 1, -2, 0], [-1, -4, 2, -1]]
-    told = Accuracy(tuple("abcde"), columns(seed, *([1, *(0.001 * v for v in row)] for row in apart)), 0.01)
-    assert [len(d.names) for d in told.directions()] == [5, 3, 3, 2]
-    (group,) = [text for text in told.words() if "joint change" in text]
+    accuracy = Accuracy(
+        tuple("abcde"), columns(seed, *([1, *(0.001 * v for v in row)] for row in apart)), 0.01
+    )
+    assert [len(d.names) for d in accuracy.directions()] == [5, 3, 3, 2]
+    (group,) = [text for text in accuracy.words() if "joint change" in text]
     assert group.startswith("a, b, c, d and e cannot all be determined")
 
 
 def test_hidden_directions_are_named_apart(seed: int) -> None:
     """Two pairs, in each of which one column is a multiple of the other, and a column of zeros."""
     S = columns(seed, [1, 0, 0], [-2, 0, 0], [0, 1, 0], [0, 0.5, 0], [0, 0, 1], [0, 0, 0])
-    told = Accuracy(("a", "b", "c", "d", "e", "f"), S, 0.01)
-    np.testing.assert_array_equal(told.standard_deviations[[0, 1, 2, 3, 5]], np.inf)
-    assert told.standard_deviations[4] == pytest.approx(0.01)
-    assert set(told.words()) == {
+    accuracy = Accuracy(("a", "b", "c", "d", "e", "f"), S, 0.01)
+    np.testing.assert_array_equal(accuracy.standard_deviations[[0, 1, 2, 3, 5]], np.inf)
+    assert accuracy.standard_deviations[4] == pytest.approx(0.01)
+    assert set(accuracy.words()) == {
         "a and b cannot both be determined from this record: the joint change +a +b does not move the output at all.",
         "c and d cannot both be determined from this record: the joint change +c -d does not move the output at all.",
         "f does not show in this record at all.",
     }
-    assert told.pairs() == ()
+    assert accuracy.pairs() == ()
 
 
 def test_fewer_samples_than_parameters() -> None:
-    told = Accuracy(("a", "b", "c"), np.array([[1.0, 2.0, 0.5]]))
-    assert len(told.hidden) == 2
-    assert np.all(told.standard_deviations == np.inf)
+    accuracy = Accuracy(("a", "b", "c"), np.array([[1.0, 2.0, 0.5]]))
+    assert len(accuracy.hidden) == 2
+    assert np.all(accuracy.standard_deviations == np.inf)
 
 
 def test_no_parameters() -> None:
-    told = Accuracy((), np.zeros((5, 0)))
-    assert (*told.words(), *told.pairs(), *told.directions()) == ()
+    accuracy = Accuracy((), np.zeros((5, 0)))
+    assert (*accuracy.words(), *accuracy.pairs(), *accuracy.directions()) == ()
 
 
 @pytest.mark.parametrize(

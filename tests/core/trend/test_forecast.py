@@ -22,14 +22,14 @@ def trend(rng: np.random.Generator, per_hour: float = PER_HOUR) -> Trend:
     return found
 
 
-def told(rng: np.random.Generator, limit: float, upper: bool, per_hour: float) -> Forecast:
+def forecast_with(rng: np.random.Generator, limit: float, upper: bool, per_hour: float) -> Forecast:
     return forecast(trend(rng, per_hour), limit, upper)
 
 
 def test_a_drift_reaches_its_limit_in_the_interval(seed: int) -> None:
     """The truth is 480 h; one interval may miss it, the median of several ends hardly."""
     rng = np.random.default_rng(seed)
-    found = [told(rng, 0.09, True, PER_HOUR) for _ in range(9)]
+    found = [forecast_with(rng, 0.09, True, PER_HOUR) for _ in range(9)]
     assert {f.state for f in found} <= {"ahead", "open"}
     truth = START_US + 480 * HOUR_US
     highs = [f.high_us or 10**18 for f in found]
@@ -40,14 +40,14 @@ def test_a_drift_reaches_its_limit_in_the_interval(seed: int) -> None:
 
 def test_a_limit_below_and_one_on_the_other_side(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    down = told(rng, 0.03, False, -PER_HOUR)
+    down = forecast_with(rng, 0.03, False, -PER_HOUR)
     assert down.state in ("ahead", "open")
-    away = told(rng, 0.03, False, PER_HOUR)
+    away = forecast_with(rng, 0.03, False, PER_HOUR)
     assert (away.state, away.high_us) == ("far", None)
 
 
 def test_beyond_a_limit_it_says_since_when(seed: int) -> None:
-    found = told(np.random.default_rng(seed), 0.066, True, PER_HOUR)
+    found = forecast_with(np.random.default_rng(seed), 0.066, True, PER_HOUR)
     assert found.state == "beyond"
     assert found.high_us is not None
     assert START_US + 30 * HOUR_US < found.low_us <= found.high_us < START_US + 180 * HOUR_US
@@ -57,7 +57,7 @@ def test_beyond_a_limit_it_says_since_when(seed: int) -> None:
 def test_what_is_steady_is_never_foretold_to_the_day(seed: int) -> None:
     """Nothing is in sight, or the interval is open and begins late (of 300, in none otherwise)."""
     rng = np.random.default_rng(seed)
-    found = [told(rng, 0.09, True, 0.0) for _ in range(5)]
+    found = [forecast_with(rng, 0.09, True, 0.0) for _ in range(5)]
     assert sum(f.high_us is None for f in found) >= 4
     assert np.median([f.low_us for f in found]) > START_US + 11 * DAY_US
 
@@ -69,11 +69,11 @@ def test_units_do_not_move_it(factor: float) -> None:
     a, b = trend_of(entries, SIZE, 3600.0), trend_of(scaled, SIZE * abs(factor), 3600.0)
     assert a is not None
     assert b is not None
-    one, other = forecast(a, 0.09, True), forecast(b, 0.09 * factor, factor > 0)
-    assert other.state == one.state
-    assert other.low_us == pytest.approx(one.low_us, abs=60e6)
-    assert one.high_us is not None
-    assert other.high_us == pytest.approx(one.high_us, abs=600e6)
+    original, converted = forecast(a, 0.09, True), forecast(b, 0.09 * factor, factor > 0)
+    assert converted.state == original.state
+    assert converted.low_us == pytest.approx(original.low_us, abs=60e6)
+    assert original.high_us is not None
+    assert converted.high_us == pytest.approx(original.high_us, abs=600e6)
 
 
 def share_below(m: Mixture, t: float, level: float) -> float:
@@ -91,11 +91,11 @@ def test_each_line_has_its_share_of_the_courses_below_it(seed: int) -> None:
 
 
 def test_the_interval_of_a_forecast_is_between_where_the_edges_reach_the_limit(seed: int) -> None:
-    of = trend(np.random.default_rng(seed))
+    drift = trend(np.random.default_rng(seed))
     limit = 1.4 * SIZE
-    found, m = forecast(of, limit, upper=True), of.mixture
+    found, m = forecast(drift, limit, upper=True), drift.mixture
     assert found.state in ("ahead", "open")
     at = (found.low_us - m.zero_us) / 1e6
     (upper,) = quantiles(m, np.array([at]), (0.95,))
-    reached = float(upper[0]) - of.level
-    assert reached == pytest.approx(limit - of.level, rel=0.02)
+    reached = float(upper[0]) - drift.level
+    assert reached == pytest.approx(limit - drift.level, rel=0.02)

@@ -69,9 +69,10 @@ def test_an_hours_mean_scatters_as_it_says(seed: int) -> None:
             history.take(reading)
         entries = [slow.entries for slow in history.histories]
         assert [len(e) for e in entries] == [HOURS] * 3
-        means = np.array([[e.mean for e in one] for one in entries])
+        means = np.array([[e.mean for e in of_parameter] for of_parameter in entries])
         z.append(
-            (means - model.theta0[:, np.newaxis]) / np.sqrt([[e.variance for e in one] for one in entries])
+            (means - model.theta0[:, np.newaxis])
+            / np.sqrt([[e.variance for e in of_parameter] for of_parameter in entries])
         )
     ratio = np.sqrt(np.mean(np.square(z), axis=(0, 2)))
     assert ((ratio > 0.65) & (ratio < 1.75)).all()

@@ -54,9 +54,9 @@ def test_a_year_has_a_bound_and_keeps_its_information() -> None:
     entries = slow.entries
     assert HOURS + 300 < len(entries) <= HOURS + DAYS + 1
     assert [e.mean for e in entries[-HOURS:]] == [float(k - i) for i in range(HOURS - 1, -1, -1)]
-    whole = [e for e in entries[:-HOURS] if e.operating_s == DAY * HOUR_S]
-    assert len(whole) >= 300
-    assert {round(e.variance / 0.01 * DAY, 9) for e in whole} == {1.0}
+    full_days = [e for e in entries[:-HOURS] if e.operating_s == DAY * HOUR_S]
+    assert len(full_days) >= 300
+    assert {round(e.variance / 0.01 * DAY, 9) for e in full_days} == {1.0}
     assert now - entries[0].start_us <= 400 * DAY * HOUR_S * 1e6 + DAY * HOUR_S * 1e6
 
 
@@ -65,18 +65,18 @@ def test_a_year_has_a_bound_and_keeps_its_information() -> None:
 )
 def test_what_was_saved_goes_on_and_times_may_be_shifted(steps: list[int], cut: int, shift: int) -> None:
     times = np.cumsum(steps)
-    whole, first, shifted = SlowHistory(HOUR_S), SlowHistory(HOUR_S), SlowHistory(HOUR_S)
+    uninterrupted, first, shifted = SlowHistory(HOUR_S), SlowHistory(HOUR_S), SlowHistory(HOUR_S)
     for k, t in enumerate(times):
         if k == cut:
             saved = SlowHistory(HOUR_S)
             saved.restore(first.closed_to_array(), first.open_to_array())
             first = saved
-        for slow in (whole, first):
+        for slow in (uninterrupted, first):
             slow.take(int(t), np.sin(k), 0.01, 0.5, RHO)
         shifted.take(int(t) + shift, np.sin(k), 0.01, 0.5, RHO)
-    assert first.entries == whole.entries
-    np.testing.assert_array_equal(first.open_to_array(), whole.open_to_array())
-    assert [_moved(e, shift) for e in whole.entries] == list(shifted.entries)
+    assert first.entries == uninterrupted.entries
+    np.testing.assert_array_equal(first.open_to_array(), uninterrupted.open_to_array())
+    assert [_moved(e, shift) for e in uninterrupted.entries] == list(shifted.entries)
 
 
 def _moved(e: Entry, by: int) -> Entry:

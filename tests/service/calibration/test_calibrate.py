@@ -45,22 +45,22 @@ def found(robot: Path) -> Calibration:
 
 
 def test_the_promise_and_faults_that_are_found(found: Calibration) -> None:
-    assert [one.detector for one in found.detectors] == ["multimodel", "cusum"]
-    for one in found.detectors:
-        most, low, high = one.between_s
+    assert [detector.detector for detector in found.detectors] == ["multimodel", "cusum"]
+    for detector in found.detectors:
+        most, low, high = detector.between_s
         assert low < most < high
         assert low > 0.8 * 600
-        assert "one false alarm in" in one.promise
+        assert "one false alarm in" in detector.promise
     assert found.result.onsets == 8
-    for told in found.detectors:
+    for detector in found.detectors:
         for name in found.result.model.monitored:
-            up, down = told.smallest(name)
+            up, down = detector.smallest(name)
             assert up in (0.02, 0.2)
             assert down in (-0.02, -0.2)
-        rows = told.confusion()
+        rows = detector.confusion()
         assert all(sum(row.values()) == 4 * 8 for row in rows.values())
         assert max(rows["kT"], key=lambda name: rows["kT"][name]) == "kT"
-    assert {one.fault.parameter for one in found.result.caught if one.exact} == {"kT", "fm"}
+    assert {caught.fault.parameter for caught in found.result.caught if caught.exact} == {"kT", "fm"}
     assert found.result.tests.confusion()["kT"]["kT"] > 24
 
 
@@ -81,21 +81,23 @@ def test_the_file_is_used_by_the_daemon_and_then_the_bank_alarms(
     axis = load(tmp_path / "robot.toml", {}).axes[0]
     model = axis_model(axis.config)
     settings = axis_settings(axis, model)
-    for here, there in zip(settings.thresholds, found.result.settings.thresholds, strict=True):
-        assert here == pytest.approx(there, rel=1e-9)
+    for loaded, calibrated in zip(settings.thresholds, found.result.settings.thresholds, strict=True):
+        assert loaded == pytest.approx(calibrated, rel=1e-9)
     content = tomllib.loads(as_toml(found))
     assert content["false_alarms"]["budget_s"] == 600.0
     assert content["record"][0]["samples"] == 12000
     assert found.result.bank is not None
     own = found.result.bank.limits.own
-    assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {one.cause for one in own}
-    assert all(5 < one.h < 60 for one in own)
+    assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {limit.cause for limit in own}
+    assert all(5 < limit.h < 60 for limit in own)
     chosen = detectors_of(axis, model, settings)
     assert chosen.alarm_source == found.alarms == "multimodel"
     assert chosen.multimodel is not None
     bank = chosen.multimodel.bank
-    assert [(of.cause, of.alike) for of in bank.hypotheses] == [(one.cause, one.alike) for one in own]
-    np.testing.assert_allclose(bank.allowance, [one.allowance for one in own])
+    assert [(hypothesis.cause, hypothesis.alike) for hypothesis in bank.hypotheses] == [
+        (limit.cause, limit.alike) for limit in own
+    ]
+    np.testing.assert_allclose(bank.allowance, [limit.allowance for limit in own])
 
 
 @pytest.mark.parametrize("configured", ["report", "wait"])

@@ -57,9 +57,9 @@ def test_the_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("form", "start"), [("svg", b"<svg"), ("png", b"\x89PNG")])
 def test_a_spectrum_for_what_is_to_be_found_and_a_picture(form: str, start: bytes, tmp_path: Path) -> None:
     picture = tmp_path / f"e.{form}"
-    said = " ".join(shown(*excite(tmp_path, "--find", "1/Ja, fm", "--picture", picture)).split())
-    assert "with a flat spectrum" in said
-    gains = re.search(r"as a flat one: 1/Ja (\d+\.?\d*), fm (\d+\.?\d*)", said)
+    text = " ".join(shown(*excite(tmp_path, "--find", "1/Ja, fm", "--picture", picture)).split())
+    assert "with a flat spectrum" in text
+    gains = re.search(r"as a flat one: 1/Ja (\d+\.?\d*), fm (\d+\.?\d*)", text)
     assert gains is not None
     assert max(map(float, gains.groups())) > 1.1
     assert start in picture.read_bytes()[:200]

@@ -74,9 +74,9 @@ def test_one_of_several_models(tmp_path: Path) -> None:
     file = tmp_path / "two.mo"
     file.write_text(DRAWING + DRAWING.replace("Press", "Stamp"), encoding="utf-8")
     assert as_json(file, "--model", "Stamp")["name"] == "Stamp"
-    said = refused("model", file)
-    assert "Press" in said
-    assert "Stamp" in said
+    message = refused("model", file)
+    assert "Press" in message
+    assert "Stamp" in message
 
 
 def test_the_drive_of_an_axis(tmp_path: Path) -> None:
@@ -129,8 +129,8 @@ def test_mistakes(
     monkeypatch.chdir(tmp_path)
     config = demo_config(tmp_path, axes=2)
     given = [a.replace("CONFIG", str(config)).replace("DRAWING", str(drawing)) for a in arguments]
-    said = refused("model", *given)
-    assert [word for word in words if word not in said] == []
+    message = refused("model", *given)
+    assert [word for word in words if word not in message] == []
     assert drawing.read_text(encoding="utf-8") == DRAWING
 
 

@@ -161,5 +161,5 @@ def test_the_drift_has_its_slope_and_the_limit_is_foretold(found: dict[str, Any]
 def test_the_page_says_what_the_json_says(found: dict[str, Any]) -> None:
     assert "Long-term trend, and when limits are reached" in found["page"]
     for parameter in found["trends"]:
-        words = "; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])
+        words = "; ".join([parameter["words"], *(limit["words"] for limit in parameter["limits"])])
         assert escape(words) in found["page"]

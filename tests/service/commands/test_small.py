@@ -70,16 +70,16 @@ def test_nothing_is_left_to_compile(tmp_path: Path, seed: int) -> None:
     command = [sys.executable, "-c", _PROGRAM, str(config), str(record), str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=500)
     assert done.returncode == 0, done.stderr[-2000:]
-    said = [line.split(" ", 1) for line in done.stdout.splitlines() if line.startswith(("BEFORE", "NEW"))]
-    assert [name for what, name in said if what == "NEW"] == []
-    assert int(said[0][1]) >= 4
+    lines = [line.split(" ", 1) for line in done.stdout.splitlines() if line.startswith(("BEFORE", "NEW"))]
+    assert [name for what, name in lines if what == "NEW"] == []
+    assert int(lines[0][1]) >= 4
 
 
 # --- work beside the caller's -------------------------------------------------------------------------------
 
 
 def test_what_came_of_it_and_how_far_it_was() -> None:
-    seen, told = threading.Event(), list[float]()
+    seen, reported = threading.Event(), list[float]()
 
     def work(tell: Callable[[float], None]) -> int:
         tell(0.5)
@@ -87,13 +87,13 @@ def test_what_came_of_it_and_how_far_it_was() -> None:
         return 7
 
     def progress(part: float) -> None:
-        told.append(part)
+        reported.append(part)
         if part == 0.5:
             seen.set()
 
     with Background(work) as beside:
         assert beside(progress) == 7
-    assert told[-1] == 0.5
+    assert reported[-1] == 0.5
 
 
 def test_what_it_raises_is_raised() -> None:

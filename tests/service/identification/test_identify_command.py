@@ -20,7 +20,7 @@ NAMES = ",".join(FREE)
 
 
 @pytest.fixture
-def here(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def directory(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the files, in which the command runs."""
     for name in ("demo.dbc", "robot.toml", "healthy.csv", "second.csv"):
         shutil.copy(folder / name, tmp_path / name)
@@ -48,31 +48,31 @@ def refused(words: str) -> str:
     return " ".join(result.stderr.replace("│", " ").split())
 
 
-def test_files_are_written_and_check_out(here: Path) -> None:
+def test_files_are_written_and_check_out(directory: Path) -> None:
     result = identify(f"healthy.csv@0:12 --axis axis1 --free {NAMES}")
     assert result.exit_code == 0, result.output
     assert "written: nominal.toml, report.html" in result.stderr
-    assert (here / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
-    mode = stat.S_IMODE((here / "nominal.toml").stat().st_mode)
-    assert mode == stat.S_IMODE((here / "second.csv").stat().st_mode)
-    assert sorted(p.name for p in here.iterdir() if p.name.startswith(".")) == []
-    before = (here / "nominal.toml").read_bytes()
+    assert (directory / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    mode = stat.S_IMODE((directory / "nominal.toml").stat().st_mode)
+    assert mode == stat.S_IMODE((directory / "second.csv").stat().st_mode)
+    assert sorted(p.name for p in directory.iterdir() if p.name.startswith(".")) == []
+    before = (directory / "nominal.toml").read_bytes()
     again = identify("healthy.csv")
     assert (again.exit_code, "--force" in again.output) == (2, True)
-    assert (here / "nominal.toml").read_bytes() == before
+    assert (directory / "nominal.toml").read_bytes() == before
 
 
-def test_files_where_they_are_wanted_and_json_alone_on_standard_output(here: Path) -> None:
-    (here / "out").mkdir()
+def test_files_where_they_are_wanted_and_json_alone_on_standard_output(directory: Path) -> None:
+    (directory / "out").mkdir()
     assert found(f"second.csv --free {NAMES} -o out/nominal.toml")["axis"] == "demo.axis1"
-    assert sorted(p.name for p in (here / "out").iterdir()) == ["nominal.toml", "report.html"]
+    assert sorted(p.name for p in (directory / "out").iterdir()) == ["nominal.toml", "report.html"]
     result = identify(f"second.csv --free {NAMES} -o n.toml --report r.html --json j.json")
     assert result.exit_code == 0, result.output
-    assert {"n.toml", "r.html", "j.json"} <= {p.name for p in here.iterdir()}
+    assert {"n.toml", "r.html", "j.json"} <= {p.name for p in directory.iterdir()}
     assert "demo.axis1: three-mass" in result.stdout
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("directory")
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -100,10 +100,10 @@ def test_a_mistake_is_named(arguments: str, words: str) -> None:
     assert words in refused(arguments)
 
 
-def test_a_record_without_samples_or_with_other_columns(here: Path) -> None:
-    (here / "empty.csv").write_text("t,torque,angle\n", encoding="utf-8")
-    (here / "other.csv").write_text("t,current,angle\n0,1,2\n", encoding="utf-8")
-    (here / "text.csv").write_text("t,torque,angle\n0,much,2\n", encoding="utf-8")
+def test_a_record_without_samples_or_with_other_columns(directory: Path) -> None:
+    (directory / "empty.csv").write_text("t,torque,angle\n", encoding="utf-8")
+    (directory / "other.csv").write_text("t,current,angle\n0,1,2\n", encoding="utf-8")
+    (directory / "text.csv").write_text("t,torque,angle\n0,much,2\n", encoding="utf-8")
     assert "empty.csv" in refused("empty.csv")
     assert "torque" in refused("other.csv")
     assert "much" in refused("text.csv")
@@ -117,40 +117,40 @@ def test_a_record_without_samples_or_with_other_columns(here: Path) -> None:
         (0.2, "its samples are 0.001 s apart, but sample_interval_s = 0.005: correct it, or the times"),
     ],
 )  # fmt: skip
-def test_times_in_other_units_are_refused(here: Path, factor: float, words: str) -> None:
-    assert words in refused(times(here, "second.csv", t=factor))
+def test_times_in_other_units_are_refused(directory: Path, factor: float, words: str) -> None:
+    assert words in refused(times(directory, "second.csv", t=factor))
 
 
-def times(here: Path, record: str, t: float = 1.0, torque: float = 1.0) -> str:
-    """The record with its columns times these."""
-    table = np.loadtxt(here / record, delimiter=",", skiprows=1) * [t, torque, 1.0]
-    np.savetxt(here / "other.csv", table, delimiter=",", header="t,torque,angle", comments="")
+def times(directory: Path, record: str, t: float = 1.0, torque: float = 1.0) -> str:
+    """Name of a copy of the record whose columns are multiplied by these factors."""
+    table = np.loadtxt(directory / record, delimiter=",", skiprows=1) * [t, torque, 1.0]
+    np.savetxt(directory / "other.csv", table, delimiter=",", header="t,torque,angle", comments="")
     return "other.csv"
 
 
-def test_a_sampling_that_is_a_little_off_is_said(here: Path) -> None:
+def test_a_sampling_that_is_a_little_off_is_said(directory: Path) -> None:
     for factor, doubts in ((1.02, 1), (1.005, 0)):
-        warnings = found(f"{times(here, 'second.csv', t=factor)} --free Jm --force")["warnings"]
+        warnings = found(f"{times(directory, 'second.csv', t=factor)} --free Jm --force")["warnings"]
         assert len([word for word in warnings if "belongs to the interval of this record" in word]) == doubts
 
 
-def test_decimal_commas_and_a_torque_with_the_wrong_sign_are_named(here: Path) -> None:
-    rows = (here / "second.csv").read_text(encoding="utf-8").replace(",", ";").replace(".", ",")
-    (here / "commas.csv").write_text(rows, encoding="utf-8")
+def test_decimal_commas_and_a_torque_with_the_wrong_sign_are_named(directory: Path) -> None:
+    rows = (directory / "second.csv").read_text(encoding="utf-8").replace(",", ";").replace(".", ",")
+    (directory / "commas.csv").write_text(rows, encoding="utf-8")
     assert "which is no number: write decimal points" in refused("commas.csv")
-    assert "wrong sign" in refused(times(here, "healthy.csv", torque=-1))
+    assert "wrong sign" in refused(times(directory, "healthy.csv", torque=-1))
 
 
-def test_a_poor_fit_is_written_with_force_only(here: Path) -> None:
+def test_a_poor_fit_is_written_with_force_only(directory: Path) -> None:
     """Only Jm is free, and the configured springs are wrong: no value of Jm explains the motion."""
     message = refused("second.csv --free Jm")
     assert "no nominal values: the drive does not explain the motion" in message
     assert "--force writes them" in message
-    assert "No nominal values:" in (here / "report.html").read_text(encoding="utf-8")
+    assert "No nominal values:" in (directory / "report.html").read_text(encoding="utf-8")
     forced = identify("second.csv --free Jm --force")
     assert forced.exit_code == 0, forced.output
     assert forced.stdout.startswith("demo.axis1: poor fit: the simulation explains ")
-    assert (here / "nominal.toml").exists()
+    assert (directory / "nominal.toml").exists()
     content = found(f"healthy.csv --free {NAMES} --force")
     assert content["verdict"]["quality"] == "good"
     assert content["verdict"]["validation"] == "halves"
@@ -158,19 +158,21 @@ def test_a_poor_fit_is_written_with_force_only(here: Path) -> None:
 
 
 def test_a_fit_that_does_not_converge_makes_no_nominal_values(
-    here: Path, monkeypatch: pytest.MonkeyPatch
+    directory: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor_core.identification.identification_procedure.MOST_ITERATIONS", 2)
-    said = refused(f"second.csv --free {NAMES}")
-    assert "no nominal values: the fit has not converged after 2 evaluations, and " in said
+    message = refused(f"second.csv --free {NAMES}")
+    assert "no nominal values: the fit has not converged after 2 evaluations, and " in message
     # What moves, of what is free, and what to do.
-    moving = said.split("evaluations, and ")[1].split(" would still move")[0].split(", ")
+    moving = message.split("evaluations, and ")[1].split(" would still move")[0].split(", ")
     assert set(moving) <= set(NAMES.split(","))
-    assert "--fix" in said
-    assert "No nominal values:" in (here / "report.html").read_text(encoding="utf-8")
+    assert "--fix" in message
+    assert "No nominal values:" in (directory / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written_to_is_named(
+    directory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def full(path: Path, _: str) -> None:
         raise OSError(28, "No space left on device", str(path))
 
@@ -178,42 +180,44 @@ def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: py
     assert "cannot write nominal.toml: No space left on device" in refused(f"second.csv --free {NAMES}")
 
 
-def test_a_configuration_with_a_file_identifies_again_from_there(here: Path) -> None:
+def test_a_configuration_with_a_file_identifies_again_from_there(directory: Path) -> None:
     """The values found before are where the next search starts."""
     assert identify(f"healthy.csv@0:8 --free {NAMES}").exit_code == 0
-    with_nominal_file(here, "nominal.toml")
-    load(here / "robot.toml", {})
+    with_nominal_file(directory, "nominal.toml")
+    load(directory / "robot.toml", {})
     rows = {p["name"]: p for p in found(f"healthy.csv@8:20 --free {NAMES} -o next.toml")["parameters"]}
     assert abs(rows["Jm"]["change"]) < 0.01
 
 
-def test_a_drive_from_a_file_is_named_with_its_hash(here: Path, seed: int) -> None:
+def test_a_drive_from_a_file_is_named_with_its_hash(directory: Path, seed: int) -> None:
     drawn = (Path(__file__).resolve().parents[3] / "config/drives/three_mass.mo").read_bytes()
-    (here / "mine.mo").write_bytes(drawn)
-    robot = edit(write_robot(here), ('"three-mass"', '"mine.mo"'))
-    write_record(here / "mine.csv", load(robot, {}), 6, seed)
+    (directory / "mine.mo").write_bytes(drawn)
+    robot = edit(write_robot(directory), ('"three-mass"', '"mine.mo"'))
+    write_record(directory / "mine.csv", load(robot, {}), 6, seed)
     name, digest = found("mine.csv --free Jm,fm")["provenance"]["drawing"]
     assert (name, len(digest)) == ("mine.mo", 64)
-    assert f'sha256 = "{digest}"' in (here / "nominal.toml").read_text(encoding="utf-8")
+    assert f'sha256 = "{digest}"' in (directory / "nominal.toml").read_text(encoding="utf-8")
 
 
-def test_the_advice_on_the_interval_works(here: Path) -> None:
+def test_the_advice_on_the_interval_works(directory: Path) -> None:
     """An interval that is 2 % off: what the note says makes a configuration that the daemon accepts."""
-    words = " ".join(found(f"{times(here, 'healthy.csv', t=1.02)} --free {NAMES} -o next.toml")["warnings"])
+    words = " ".join(
+        found(f"{times(directory, 'healthy.csv', t=1.02)} --free {NAMES} -o next.toml")["warnings"]
+    )
     advice = re.search(r"set (sample_interval_s = [\d.]+)\.", words)
     assert advice, words
-    with_nominal_file(here, "next.toml")
+    with_nominal_file(directory, "next.toml")
     with pytest.raises(ConfigErrors, match="found with samples every"):
-        load(here / "robot.toml", {})
-    edit(here / "robot.toml", ("sample_interval_s = 0.005", advice[1]))
-    load(here / "robot.toml", {})
+        load(directory / "robot.toml", {})
+    edit(directory / "robot.toml", ("sample_interval_s = 0.005", advice[1]))
+    load(directory / "robot.toml", {})
 
 
-def with_nominal_file(here: Path, name: str) -> None:
+def with_nominal_file(directory: Path, name: str) -> None:
     """The configuration with that file in place of its own values."""
-    text = (here / "robot.toml").read_text(encoding="utf-8")
+    text = (directory / "robot.toml").read_text(encoding="utf-8")
     start, rest = text.split("[robot.axis.model.nominal]")
     rest = "[robot.axis.estimator]" + rest.split("[robot.axis.estimator]")[1]
     rest = re.sub(r"(torque_noise|output_noise|initial_p) = .*\n", "", rest)
     start = start.replace('drive = "three-mass"', f'drive = "three-mass"\nnominal_file = "{name}"')
-    (here / "robot.toml").write_text(start + rest, encoding="utf-8")
+    (directory / "robot.toml").write_text(start + rest, encoding="utf-8")

@@ -43,13 +43,13 @@ def test_two_masses_are_not_enough_for_a_drive_of_three(folder: Path, tmp_path: 
     assert masses["recommended"] in (1, 2)
     doubts = [word for word in content["warnings"] if "in a row" in word]
     assert len(doubts) == (masses["recommended"] == 1)
-    one, two = masses["models"]
-    assert (one["masses"], two["masses"]) == (1, 2)
-    assert two["cost"] < one["cost"]
-    assert set(one["values"]) == {"J1", "fm", "fc", "tau0"}
-    said = " ".join(text.split())
-    assert "Masses in a row; AIC and BIC above the least" in said
-    assert masses["words"][0] in said
+    one_mass, two_masses = masses["models"]
+    assert (one_mass["masses"], two_masses["masses"]) == (1, 2)
+    assert two_masses["cost"] < one_mass["cost"]
+    assert set(one_mass["values"]) == {"J1", "fm", "fc", "tau0"}
+    printed = " ".join(text.split())
+    assert "Masses in a row; AIC and BIC above the least" in printed
+    assert masses["words"][0] in printed
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "How many masses" in page
     assert masses["words"][0] in page
@@ -77,10 +77,10 @@ def test_another_number_than_the_drive_has_is_said(
 ) -> None:
     assert masses_of(found.result.estimate.problem) == 3
     doubts = replace(found, result=replace(found.result, growth=growth_of(recommended, tried))).warnings
-    said = [word for word in doubts if "in a row, and the drive three-mass has 3" in word]
-    assert len(said) == bool(words)
-    assert all(words in word for word in said)
-    assert set(found.warnings) == set(doubts) - set(said)
+    stated = [word for word in doubts if "in a row, and the drive three-mass has 3" in word]
+    assert len(stated) == bool(words)
+    assert all(words in word for word in stated)
+    assert set(found.warnings) == set(doubts) - set(stated)
 
 
 def test_a_drive_that_is_not_free_has_no_number_of_masses(found: IdentificationReport) -> None:
@@ -105,5 +105,7 @@ def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Pa
 
 @pytest.mark.parametrize("wrong", ["0", "10", "-1", "all", "2.5"])
 def test_a_wrong_number_is_named(folder: Path, wrong: str) -> None:
-    said = refused("identify", folder / "second.csv", "--config", folder / "robot.toml", f"--masses={wrong}")
-    assert f"{wrong}: write auto, or 1 to 9" in said
+    message = refused(
+        "identify", folder / "second.csv", "--config", folder / "robot.toml", f"--masses={wrong}"
+    )
+    assert f"{wrong}: write auto, or 1 to 9" in message

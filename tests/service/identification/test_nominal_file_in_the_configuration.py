@@ -123,9 +123,9 @@ def test_bytes_that_are_no_text(robot: Path) -> None:
 
 def test_check_says_where_the_values_come_from(robot: Path) -> None:
     file_with(robot)
-    said = shown("check", "--config", robot)
-    assert "nominal.toml" in said
-    assert "of 2002-02-02" in said
+    output = shown("check", "--config", robot)
+    assert "nominal.toml" in output
+    assert "of 2002-02-02" in output
 
 
 def test_the_simulated_robot_has_the_values_and_noises_of_the_file(robot: Path) -> None:
@@ -161,7 +161,7 @@ def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path
     assert found == Follow("fm", Term.read("temperature"), -0.0012, 32.5, 20.0, 45.0)
     table = '[[robot.axis.model.schedule]]\nparameter = "kT"\nsignal = "temperature"\nslope = 0.1\nreference = 30.0\n'
     edit(robot, (ESTIMATOR, f"{table}{ESTIMATOR}"))
-    assert [one.name for one in conditions_of(load(robot, {}).axes[0]).follows] == ["fm", "kT"]
+    assert [follow.name for follow in conditions_of(load(robot, {}).axes[0]).follows] == ["fm", "kT"]
     edit(robot, ('parameter = "kT"', 'parameter = "fm"'))
     (problem,) = problems(robot)
     assert "fm follows temperature already by robot[1].axis[1].model.nominal_file in line" in problem.message

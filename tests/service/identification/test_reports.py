@@ -61,8 +61,8 @@ def test_the_file_has_the_covariance_its_origin_and_notes(found: IdentificationR
     content, e = tomllib.loads(as_toml(found)), found.result.estimate
     sd = np.array([content["standard_deviations"][name] for name in e.names])
     assert content["correlation"]["names"] == list(e.names)
-    whole = np.array(content["correlation"]["matrix"]) * np.outer(sd, sd)
-    assert np.allclose(whole, e.covariance, rtol=1e-3, atol=1e-3 * np.outer(sd, sd).min())
+    covariance = np.array(content["correlation"]["matrix"]) * np.outer(sd, sd)
+    assert np.allclose(covariance, e.covariance, rtol=1e-3, atol=1e-3 * np.outer(sd, sd).min())
     content = tomllib.loads(as_toml(found))
     digest = hashlib.sha256((folder / "healthy.csv").read_bytes()).hexdigest()
     first, second = content["record"]

@@ -167,12 +167,12 @@ def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
 
 def test_the_simulation_makes_its_own_friction(folder: Path, robot: Config) -> None:
     """By the simulated speed, not the measured one, which no simulation knows."""
-    (angle,) = (one.record for one in task(folder, robot, "second.csv").estimation)
+    (angle,) = (part.record for part in task(folder, robot, "second.csv").estimation)
     record = Record(angle.t, angle.u, np.gradient(angle.y, angle.t), "speed")
     values = {**REFERENCE_VALUES, "fc": 0.3, "tau0": 0.0}
     problem = Problem(three_mass("speed"), values, ("fm",), K=(0.0, 0.0, 0.3, 0.0, 0.0))
     blind = replace(problem, predictor="output-error", K=None, motion="simulated")
-    (trace,), (simulated,) = (traces_of(one, [record]) for one in (problem, blind))
+    (trace,), (simulated,) = (traces_of(variant, [record]) for variant in (problem, blind))
     assert trace.fit_simulation == pytest.approx(simulated.fit, abs=1e-9)
     assert trace.fit > trace.fit_simulation + 1e-3
 
@@ -188,13 +188,13 @@ def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> N
 def test_progress_is_told_in_every_phase(
     folder: Path, robot: Config, start: Start, phases: list[str]
 ) -> None:
-    told = list[tuple[str, int, int]]()
+    reported = list[tuple[str, int, int]]()
     request = Request(start=start, free=FREE)
-    task(folder, robot, "second.csv", request=request).run(PROVENANCE, lambda *step: told.append(step))
-    words = [text.split()[0].rstrip(",") for text, _, _ in told]
+    task(folder, robot, "second.csv", request=request).run(PROVENANCE, lambda *step: reported.append(step))
+    words = [text.split()[0].rstrip(",") for text, _, _ in reported]
     assert list(dict.fromkeys(words)) == [*phases, "validation"]
     for phase in phases:
-        steps = [step for word, step in zip(words, told, strict=True) if word == phase]
+        steps = [step for word, step in zip(words, reported, strict=True) if word == phase]
         done = [step[1] for step in steps]
         assert done == sorted(done)
         assert len(set(done)) > 2

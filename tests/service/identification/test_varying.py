@@ -73,7 +73,7 @@ def warm(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
 
 
 @pytest.fixture
-def here(warm: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def directory(warm: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(warm)
     return warm
 
@@ -82,11 +82,11 @@ def identify(*words: str, record: str = "warm.csv") -> Result:
     return axiswatch("identify", record, "--config", "robot.toml", "--start", "values", "--force", *words)
 
 
-def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: Path) -> None:
+def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(directory: Path) -> None:
     words = ("--free", "Jm", "--free", "fm", "--validate", "other.csv", "--json", "all.json")
     result = identify(*words, "--schedule", "fm: temperature", "--schedule", "Jm: cos(angle2)")
     assert result.exit_code == 0, result.output
-    friction, inertia = json.loads((here / "all.json").read_text(encoding="utf-8"))["schedule"]
+    friction, inertia = json.loads((directory / "all.json").read_text(encoding="utf-8"))["schedule"]
     sd = friction["standard_deviation"]
     assert abs(friction["slope"] - SLOPE) < 5 * sd + 0.005 * abs(SLOPE)
     assert sd < 0.1 * abs(SLOPE)
@@ -94,37 +94,39 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: 
     assert abs(inertia["slope"]) < 5 * inertia["standard_deviation"] + 1e-5
     assert inertia["signal"] == "cos(angle2)"
     assert inertia["range"] == pytest.approx([np.cos(2), 1])
-    read = read_found(NominalFile, here / "nominal.toml")
+    read = read_found(NominalFile, directory / "nominal.toml")
     assert read.predictor.colour < 4, "with the friction held at its middle the errors would be coloured: 17"
     assert read.values["fm"] == pytest.approx(0.06, abs=5 * sd * 12.5 + 0.01 * 0.06)
     assert [v.model_dump() for v in read.schedule] == [
-        {**one, "range": pytest.approx(tuple(one["range"]), rel=1e-4), "slope": pytest.approx(one["slope"]),
-         "standard_deviation": pytest.approx(one["standard_deviation"], rel=1e-4)}
-        for one in (friction, inertia)
+        {**entry, "range": pytest.approx(tuple(entry["range"]), rel=1e-4), "slope": pytest.approx(entry["slope"]),
+         "standard_deviation": pytest.approx(entry["standard_deviation"], rel=1e-4)}
+        for entry in (friction, inertia)
     ]  # fmt: skip
-    deviations = tomllib.loads((here / "nominal.toml").read_text(encoding="utf-8"))["standard_deviations"]
+    deviations = tomllib.loads((directory / "nominal.toml").read_text(encoding="utf-8"))[
+        "standard_deviations"
+    ]
     assert set(deviations) == {"Jm", "fm", "fm per temperature", "Jm per cos(angle2)"}
-    said = " ".join(result.stdout.split())
-    assert f"fm follows temperature, by {friction['slope']:.5g} N m s/rad for each 1 of it" in said
-    assert "at 32.5, " in said
-    page = (here / "report.html").read_text(encoding="utf-8")
+    output = " ".join(result.stdout.split())
+    assert f"fm follows temperature, by {friction['slope']:.5g} N m s/rad for each 1 of it" in output
+    assert "at 32.5, " in output
+    page = (directory / "report.html").read_text(encoding="utf-8")
     assert "What follows measured signals" in page
     assert "fm follows temperature" in page
     assert "at 32.5, " in page
 
 
-def test_it_explains_what_constant_values_do_not(here: Path) -> None:
+def test_it_explains_what_constant_values_do_not(directory: Path) -> None:
     """The whole of the friction's change: the fit of a constant is worse in cost, by far more than by one number."""
     costs = {}
     for name, words in {"follows": ("--schedule", "fm: temperature"), "constant": ()}.items():
         assert identify("--free", "fm", "--json", "c.json", *words).exit_code == 0
-        costs[name] = json.loads((here / "c.json").read_text(encoding="utf-8"))["predictor"]
+        costs[name] = json.loads((directory / "c.json").read_text(encoding="utf-8"))["predictor"]
     assert costs["constant"]["cost"] > 1.05 * costs["follows"]["cost"]
-    page = (here / "report.html").read_text(encoding="utf-8")
+    page = (directory / "report.html").read_text(encoding="utf-8")
     assert "What follows measured signals" not in page
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("directory")
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
@@ -149,7 +151,7 @@ def test_mistakes(words: tuple[str, ...], expected: str) -> None:
     assert len(result.stderr.splitlines()) == 1
 
 
-@pytest.mark.usefixtures("here")
+@pytest.mark.usefixtures("directory")
 def test_names_are_those_of_what_is_free() -> None:
     result = identify("--free", "1/Ja", "--schedule", "Ja: temperature")
     assert (result.exit_code, "1/Ja is free: write the same in both" in result.stderr) == (2, True)
@@ -157,9 +159,9 @@ def test_names_are_those_of_what_is_free() -> None:
     assert (result.exit_code, "fm is scheduled but held (fixed by --fix)" in result.stderr) == (2, True)
 
 
-def test_a_signal_that_stays_as_it_is_tells_nothing(here: Path) -> None:
-    rows = (here / "warm.csv").read_text(encoding="utf-8").splitlines()
-    (here / "cold.csv").write_text("\n".join(rows[:400]) + "\n", encoding="utf-8")
+def test_a_signal_that_stays_as_it_is_tells_nothing(directory: Path) -> None:
+    rows = (directory / "warm.csv").read_text(encoding="utf-8").splitlines()
+    (directory / "cold.csv").write_text("\n".join(rows[:400]) + "\n", encoding="utf-8")
     result = identify("--schedule", "fm: temperature", record="cold.csv")
     assert result.exit_code == 2
     assert "temperature is 20 throughout the records" in result.stderr

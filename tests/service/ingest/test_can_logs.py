@@ -206,9 +206,9 @@ def test_a_log_gives_the_samples_of_the_pipeline(tmp_path: Path, suffix: str) ->
 
 
 def two_buses(folder: Path) -> Config:
-    one = make_config(folder, axis1(), {**axis2(), "bus": "bus1"})
-    second = one.bus[0].model_copy(update={"name": "bus1", "channel": "can1"})
-    return one.model_copy(update={"bus": (one.bus[0], second)})
+    config = make_config(folder, axis1(), {**axis2(), "bus": "bus1"})
+    second = config.bus[0].model_copy(update={"name": "bus1", "channel": "can1"})
+    return config.model_copy(update={"bus": (config.bus[0], second)})
 
 
 def test_buses_are_told_apart_by_their_names(tmp_path: Path) -> None:

@@ -201,8 +201,8 @@ class Sent(NamedTuple):
     received_us: int
 
 
-class Told(NamedTuple):
-    """What the clock said of the frame of that cycle."""
+class Reading(NamedTuple):
+    """The time that the clock gives the frame of that cycle, or why it gives none."""
 
     cycle: int
     time: int | str
@@ -223,20 +223,20 @@ def sending(
     return found
 
 
-def told(clock: CyclicClock[int], frames: Iterable[Sent], *, last: bool = True) -> list[Told]:
-    found = [Told(*one) for frame in frames for one in clock.read(frame.received_us, frame.cycle)]
-    return found + [Told(*one) for one in clock.flush()] if last else found
+def readings(clock: CyclicClock[int], frames: Iterable[Sent], *, last: bool = True) -> list[Reading]:
+    found = [Reading(*reading) for frame in frames for reading in clock.read(frame.received_us, frame.cycle)]
+    return found + [Reading(*reading) for reading in clock.flush()] if last else found
 
 
-def times(found: Iterable[Told]) -> dict[int, int]:
-    return {one.cycle: one.time for one in found if isinstance(one.time, int)}
+def times(found: Iterable[Reading]) -> dict[int, int]:
+    return {reading.cycle: reading.time for reading in found if isinstance(reading.time, int)}
 
 
-def rejected(found: Iterable[Told]) -> list[Told]:
-    return [one for one in found if isinstance(one.time, str)]
+def rejected(found: Iterable[Reading]) -> list[Reading]:
+    return [reading for reading in found if isinstance(reading.time, str)]
 
 
-def wrong(found: Sequence[Told], frames: Sequence[Sent], phase_us: float) -> list[int]:
+def wrong(found: Sequence[Reading], frames: Sequence[Sent], phase_us: float) -> list[int]:
     """The cycles of frames with a time that is further off than half a cycle."""
     sent = {frame.cycle: frame.sent_us for frame in frames}
     return [c for c, t in times(found).items() if abs(t - sent[c] - phase_us) > CYCLE_US / 2]
@@ -262,10 +262,10 @@ def test_frames_late_by_less_than_a_cycle_have_whole_cycles_between_them(
 ) -> None:
     late = iter([first_us, *late_us])
     frames = sending((n for n in range(300) if n not in lost), lambda: next(late))
-    found = told(CyclicClock(0.005), frames)
-    assert [one.cycle for one in found] == [frame.cycle for frame in frames]
+    found = readings(CyclicClock(0.005), frames)
+    assert [reading.cycle for reading in found] == [frame.cycle for frame in frames]
     # At the very beginning the phase is that of one frame, which may have been late itself.
-    assert all(one.time == "repeated" and one.cycle < 30 for one in rejected(found))
+    assert all(reading.time == "repeated" and reading.cycle < 30 for reading in rejected(found))
     given_us = [(c, t) for c, t in times(found).items() if c >= 30]
     for (a, before_us), (b, time_us) in itertools.pairwise(given_us):
         assert abs(time_us - before_us - (b - a) * CYCLE_US) <= QUICK * (b - a) * CYCLE_US + 2
@@ -278,7 +278,7 @@ def test_phase_and_rate_are_found_whatever_the_jitter(ppm: float, seed: int) -> 
         (n for n in range(12_000) if rng.random() > 0.01), lambda: rng.expovariate(1 / 400), cycle_us
     )
     clock = CyclicClock[int](0.005)
-    found = told(clock, frames)
+    found = readings(clock, frames)
     # A frame is late by three quarters of a cycle with e^-9.4; it then has the next one's time for lack of that.
     assert len(wrong(found, frames, 40)) < 20
     assert len(rejected(found)) < 20
@@ -292,7 +292,7 @@ def test_phase_and_rate_are_found_whatever_the_jitter(ppm: float, seed: int) -> 
 def test_a_jitter_to_both_sides_by_a_fifth_of_a_cycle(seed: int) -> None:
     rng = random.Random(seed)
     frames = sending(range(8000), lambda: rng.gauss(0, 1000))
-    found = told(CyclicClock(0.005), frames)
+    found = readings(CyclicClock(0.005), frames)
     # Over sixty seeds at most 9 and 64.
     assert len(wrong(found, frames, -1300)) < 100
     assert len(rejected(found)) < 160
@@ -301,7 +301,7 @@ def test_a_jitter_to_both_sides_by_a_fifth_of_a_cycle(seed: int) -> None:
 def test_a_cycle_that_is_not_the_nominal_one_spoils_no_more_than_itself(seed: int) -> None:
     rng, clock = random.Random(seed), CyclicClock[int](0.005)
     frames = sending(range(6000), lambda: rng.expovariate(1 / 400), 5050)
-    given_us = times(told(clock, frames))
+    given_us = times(readings(clock, frames))
     assert all(abs(given_us[f.cycle] - f.sent_us) < 3 * CYCLE_US for f in frames if f.cycle in given_us)
     assert clock.interval_s is not None
     assert abs(clock.interval_s / 0.005 - 1) <= 2001e-6
@@ -322,7 +322,7 @@ def held_up(length: int, waited: int, spacing_us: int = 20) -> list[Sent]:
 @pytest.mark.parametrize(("waited", "spacing_us"), [(2, 20), (10, 400), (80, 20), (80, 50)])
 def test_a_burst_after_the_host_was_held_up_is_taken_in_order(waited: int, spacing_us: int) -> None:
     frames = held_up(600, waited, spacing_us)
-    found = told(CyclicClock(0.005), frames)
+    found = readings(CyclicClock(0.005), frames)
     assert times(found) == {f.cycle: f.sent_us for f in frames}
     assert not rejected(found)
 
@@ -330,8 +330,8 @@ def test_a_burst_after_the_host_was_held_up_is_taken_in_order(waited: int, spaci
 def test_of_a_burst_that_waited_longer_than_can_be_told_the_first_are_refused() -> None:
     frames = held_up(1500, 600, 1)
     clock = CyclicClock[int](0.005)
-    found = told(clock, frames)
-    assert {one.time for one in rejected(found)} == {"untimed"}
+    found = readings(clock, frames)
+    assert {reading.time for reading in rejected(found)} == {"untimed"}
     assert len(rejected(found)) == 500
     assert all(abs(t - START_US - c * CYCLE_US) <= 700 for c, t in times(found).items())
     assert clock.reanchored == 1
@@ -339,17 +339,17 @@ def test_of_a_burst_that_waited_longer_than_can_be_told_the_first_are_refused() 
 
 def test_lost_frames_leave_whole_cycles_and_one_frame_is_waited_for() -> None:
     clock = CyclicClock[int](0.005)
-    assert len(told(clock, sending(range(300), on_time), last=False)) == 300
-    assert told(clock, sending([303], on_time), last=False) == []
-    found = told(clock, sending([304, 305], on_time), last=False)
-    assert found == [Told(c, START_US + c * CYCLE_US) for c in (303, 304, 305)]
-    found = told(CyclicClock(0.005), sending(after(300, [4]), on_time))
-    assert found[-1] == Told(304, START_US + 304 * CYCLE_US)
+    assert len(readings(clock, sending(range(300), on_time), last=False)) == 300
+    assert readings(clock, sending([303], on_time), last=False) == []
+    found = readings(clock, sending([304, 305], on_time), last=False)
+    assert found == [Reading(c, START_US + c * CYCLE_US) for c in (303, 304, 305)]
+    found = readings(CyclicClock(0.005), sending(after(300, [4]), on_time))
+    assert found[-1] == Reading(304, START_US + 304 * CYCLE_US)
 
 
 def test_a_repeated_frame_and_one_from_before_are_refused() -> None:
     clock = CyclicClock[int](0.005)
-    told(clock, sending(range(300), on_time), last=False)
+    readings(clock, sending(range(300), on_time), last=False)
     last_us = START_US + 299 * CYCLE_US
     assert clock.read(last_us + 30, 7) == [(7, "repeated")]
     assert clock.read(last_us - 60 * CYCLE_US, 8) == [(8, "out_of_order")]
@@ -359,21 +359,21 @@ def test_a_repeated_frame_and_one_from_before_are_refused() -> None:
 @pytest.mark.parametrize("back_s", [1.6, 100.0])
 def test_a_clock_that_is_set_back_is_doubted_for_a_second(back_s: float) -> None:
     clock = CyclicClock[int](0.005)
-    told(clock, sending(range(300), on_time), last=False)
+    readings(clock, sending(range(300), on_time), last=False)
     frames = sending(range(300, 800), on_time, start_us=START_US - back_s * 1e6)
-    found = told(clock, frames)
-    assert [one.time for one in found[:200]] == ["untimed"] * 200
-    assert found[200:] == [Told(f.cycle, f.received_us) for f in frames[200:]]
+    found = readings(clock, frames)
+    assert [reading.time for reading in found[:200]] == ["untimed"] * 200
+    assert found[200:] == [Reading(f.cycle, f.received_us) for f in frames[200:]]
     assert clock.reanchored == 1
 
 
 def test_a_clock_that_is_set_back_a_little_is_waited_for() -> None:
     clock = CyclicClock[int](0.005)
-    told(clock, sending(range(300), on_time), last=False)
-    found = told(clock, sending(range(300, 500), on_time, start_us=START_US - 300_000))
-    assert [one.time for one in found[:59]] == ["out_of_order"] * 59
+    readings(clock, sending(range(300), on_time), last=False)
+    found = readings(clock, sending(range(300, 500), on_time, start_us=START_US - 300_000))
+    assert [reading.time for reading in found[:59]] == ["out_of_order"] * 59
     assert found[59].time == "repeated"
-    assert found[60:] == [Told(c, START_US - 300_000 + c * CYCLE_US) for c in range(360, 500)]
+    assert found[60:] == [Reading(c, START_US - 300_000 + c * CYCLE_US) for c in range(360, 500)]
     assert clock.reanchored == 0
 
 
@@ -381,11 +381,11 @@ def test_a_clock_that_is_set_back_a_little_is_waited_for() -> None:
 def test_after_a_pause_the_phase_is_found_again(phase_us: int, seed: int) -> None:
     rng = random.Random(seed)
     clock = CyclicClock[int](0.005)
-    told(clock, sending(range(3000), lambda: rng.expovariate(1 / 300)), last=False)
+    readings(clock, sending(range(3000), lambda: rng.expovariate(1 / 300)), last=False)
     frames = sending(
         range(10_000, 14_000), lambda: rng.expovariate(1 / 300), start_us=START_US + 3600e6 + phase_us
     )
-    found = told(clock, frames)
+    found = readings(clock, frames)
     assert clock.reanchored == 1
     assert len(rejected(found)) < 10
     given_us = times(found)
@@ -397,11 +397,11 @@ def test_after_a_pause_the_phase_is_found_again(phase_us: int, seed: int) -> Non
 def test_a_step_of_the_host_s_clock_within_a_cycle_is_followed() -> None:
     rng = random.Random(1)
     clock = CyclicClock[int](0.005)
-    told(clock, sending(range(6000), lambda: rng.uniform(0, 500)), last=False)
+    readings(clock, sending(range(6000), lambda: rng.uniform(0, 500)), last=False)
     frames = sending(range(6000, 12_000), lambda: rng.uniform(0, 500), start_us=START_US + 2300)
-    found, known = list[Told](), set[float | None]()
+    found, known = list[Reading](), set[float | None]()
     for frame in frames:
-        found += told(clock, [frame], last=False)
+        found += readings(clock, [frame], last=False)
         known.add(clock.interval_s)
     assert not rejected(found)
     assert [s for s in known if s is not None] == pytest.approx([0.005] * (len(known) - 1), rel=60e-6)
@@ -411,20 +411,20 @@ def test_a_step_of_the_host_s_clock_within_a_cycle_is_followed() -> None:
 
 def test_where_the_first_frame_was_late_the_line_is_soon_with_the_others() -> None:
     late = iter([1200.0])
-    found = times(told(CyclicClock(0.005), sending(range(300), lambda: next(late, 0.0))))
+    found = times(readings(CyclicClock(0.005), sending(range(300), lambda: next(late, 0.0))))
     assert found[0] == START_US + 1200
     assert all(abs(found[c] - START_US - c * CYCLE_US) <= 1 for c in range(10, 300))
 
 
 def test_the_rate_is_known_from_before_when_the_clock_is_set_back_and_what_was_held_is_not_lost() -> None:
     clock, cycle_us = CyclicClock[int](0.005), CYCLE_US * (1 + 750e-6)
-    told(clock, sending(range(3000), on_time, cycle_us), last=False)
-    assert told(clock, sending([3002], on_time, cycle_us), last=False) == []
+    readings(clock, sending(range(3000), on_time, cycle_us), last=False)
+    assert readings(clock, sending([3002], on_time, cycle_us), last=False) == []
     frames = sending(range(3003, 3303), on_time, cycle_us, START_US - 60e6)
-    found = told(clock, frames)
-    first = next(k for k, one in enumerate(found) if one.time != "untimed")
+    found = readings(clock, frames)
+    first = next(k for k, reading in enumerate(found) if reading.time != "untimed")
     assert found[first].cycle == 3002
-    given_us = [one.time for one in found[first + 1 :] if isinstance(one.time, int)]
+    given_us = [reading.time for reading in found[first + 1 :] if isinstance(reading.time, int)]
     assert len(given_us) > 90
     assert given_us[90] - given_us[0] == pytest.approx(90 * cycle_us, abs=20)  # 340 by the nominal cycle
 
@@ -447,12 +447,12 @@ def test_whatever_comes_every_frame_is_told_of_once_and_times_rise_between_resta
         frames += sending(cycles, late, CYCLE_US * (1 + ppm * 1e-6), start_us)
         cycle += 400
     clock = CyclicClock[int](0.005)
-    found = told(clock, frames)
-    assert sorted(one.cycle for one in found) == [frame.cycle for frame in frames]
+    found = readings(clock, frames)
+    assert sorted(reading.cycle for reading in found) == [frame.cycle for frame in frames]
     given_us = list(times(found).values())
     assert sum(a >= b for a, b in itertools.pairwise(given_us)) <= clock.reanchored
-    assert {str(one.time) for one in rejected(found)} <= {"repeated", "out_of_order", "untimed"}
-    assert told(CyclicClock(0.005), frames) == found  # nothing but times of receipt counts
+    assert {str(reading.time) for reading in rejected(found)} <= {"repeated", "out_of_order", "untimed"}
+    assert readings(CyclicClock(0.005), frames) == found  # nothing but times of receipt counts
 
 
 # --- the scatter of stamps ----------------------------------------------------------------------------------
@@ -522,10 +522,10 @@ def test_an_interval_that_is_not_the_nominal_one_is_told_and_no_other(scatter_us
     assert any("ms, not every 5 ms: correct sample_interval_s" in w for w in remarks("r.one", 0.005, wrong))
 
 
-@pytest.mark.parametrize(("ppm", "said"), [(100, 0), (-200, 0), (750, 1), (-400, 1)])
-def test_a_clock_that_is_further_off_than_crystals_are_is_told(ppm: float, said: int) -> None:
+@pytest.mark.parametrize(("ppm", "count"), [(100, 0), (-200, 0), (750, 1), (-400, 1)])
+def test_a_clock_that_is_further_off_than_crystals_are_is_told(ppm: float, count: int) -> None:
     stamps = Stamps("cyclic", 1e-4, 0.005 * (1 + ppm * 1e-6))
-    assert len(list(remarks("r.one", 0.005, stamps))) == said
+    assert len(list(remarks("r.one", 0.005, stamps))) == count
 
 
 def test_a_clock_that_cannot_be_fitted_gives_way_to_the_intervals(seed: int) -> None:

@@ -61,13 +61,13 @@ def test_two_messages_that_are_late_each_by_itself_pair_by_their_cycles(
     frames, lost = list[Frame](), 0
     for n in range(4000):
         two = [torque1, angle1] if torque_first else [angle1, torque1]
-        for k, of in enumerate(two):
+        for k, make_frame in enumerate(two):
             if n > 40 and rng.random() < 0.01:
                 lost += 1
                 continue
             late_us = min(3500, round(rng.expovariate(1 / 700))) if n else 0
-            value = n % 16 if of is torque1 else n / 16
-            frames.append(of(START_US + CYCLE_US * n + 300 * k + late_us, value))
+            value = n % 16 if make_frame is torque1 else n / 16
+            frames.append(make_frame(START_US + CYCLE_US * n + 300 * k + late_us, value))
     frames.sort(key=lambda f: f.t_us)
     samples = sampled(ingest, frames, "r.one")
     assert all(s.torque == (s.motion * 16) % 16 for s in samples)
@@ -118,8 +118,8 @@ def test_blocks_may_be_cut_anywhere_and_the_last_frames_are_not_lost(tmp_path: P
             )
         ]
     )
-    whole, cut = Ingest(config, "bus0"), Ingest(config, "bus0")
-    at_once = {axis_id: sampled(Ingest(config, "bus0"), frames, axis_id) for axis_id in whole.axes}
+    uncut, cut = Ingest(config, "bus0"), Ingest(config, "bus0")
+    at_once = {axis_id: sampled(Ingest(config, "bus0"), frames, axis_id) for axis_id in uncut.axes}
     one_by_one: dict[str, list[Sample]] = {axis_id: [] for axis_id in cut.axes}
     for frame in frames:
         for axis_id, found in cut.feed([frame]).items():

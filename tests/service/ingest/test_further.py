@@ -175,19 +175,19 @@ def test_blocks_of_a_table_change_nothing(
     path = written(folder, [f"{0.005 * k:.6f},1,2,{cell}" for k, cell in enumerate(cells)])
     warm = np.array([float(cell) if cell else math.nan for cell in cells])
     t_us = np.rint(5000.0 * np.arange(len(cells)))
-    sources, whole = config.axes[0].sources, signals_of(path, config)
+    sources, at_once = config.axes[0].sources, signals_of(path, config)
     held = HeldColumns(sources)
     pieces = [held.take(t_us[k : k + rows], {"warm": warm[k : k + rows]}) for k in range(0, len(cells), rows)]
-    np.testing.assert_array_equal(np.concatenate(pieces), whole)
+    np.testing.assert_array_equal(np.concatenate(pieces), at_once)
 
 
 def test_the_column_of_another_axis(tmp_path: Path) -> None:
     other = {"name": "speed2", "axis": "two", "factor": 2.0}
-    one = axis1(signal=[other], gate=[{"signal": "speed2", "above": 0.0}])
+    first = axis1(signal=[other], gate=[{"signal": "speed2", "above": 0.0}])
     path = written(tmp_path, ["1,2,1,3", "1,2,1,4"], "torque_one,angle_one,torque_two,speed_two")
-    np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, one, axis2())), [[6.0], [8.0]])
-    one["signal"][0]["column"] = "torque_two"
-    np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, one, axis2())), [[2.0], [2.0]])
+    np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, first, axis2())), [[6.0], [8.0]])
+    first["signal"][0]["column"] = "torque_two"
+    np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, first, axis2())), [[2.0], [2.0]])
 
 
 def test_a_column_that_is_missing_is_named(tmp_path: Path) -> None:

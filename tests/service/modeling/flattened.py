@@ -72,8 +72,8 @@ class FlatText:
     def _operation(self, operator: str, operands: list[Sum]) -> Sum:
         first, *rest = operands
         if operator == "der":
-            ((name, one),) = first.items()
-            return {f"der({name})": one}
+            ((name, factor),) = first.items()
+            return {f"der({name})": factor}
         if not rest and operator in ("+", "-"):
             return times(first, Fraction(1 if operator == "+" else -1))
         if not rest:
@@ -155,8 +155,8 @@ def _name_of(symbol: ast.Symbol) -> str:
 def _parsed(text: str) -> ast.Tree:
     """bypass_cache: or pymoca writes to the user's home."""
     root: ast.Tree | None = None
-    for one in (*(file.read_text(encoding="utf-8") for file in LIBRARIES), text):
-        parsed = parser.parse(one, bypass_cache=True)
+    for source in (*(file.read_text(encoding="utf-8") for file in LIBRARIES), text):
+        parsed = parser.parse(source, bypass_cache=True)
         if root is None:
             root = parsed
         else:

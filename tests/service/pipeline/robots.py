@@ -28,9 +28,9 @@ def demo(folder: Path, axes: int = 2, **service: float) -> Config:
 
 
 def changed(config: Config, only: str = "", **parts: Any) -> Config:
-    """Each axis, or the one of that name, with other values; of a table those that a mapping names."""
+    """Each axis, or only the one of that name, with other values; a mapping changes those keys of a table."""
 
-    def of(axis: AxisConfig) -> AxisConfig:
+    def with_parts(axis: AxisConfig) -> AxisConfig:
         new = {
             name: getattr(axis, name).model_copy(update=value) if isinstance(value, Mapping) else value
             for name, value in parts.items()
@@ -38,7 +38,7 @@ def changed(config: Config, only: str = "", **parts: Any) -> Config:
         return axis.model_copy(update=new) if only in ("", axis.name) else axis
 
     robot = config.robot[0]
-    robot = robot.model_copy(update={"axis": tuple(map(of, robot.axis))})
+    robot = robot.model_copy(update={"axis": tuple(map(with_parts, robot.axis))})
     return config.model_copy(update={"robot": (robot,)})
 
 

@@ -77,17 +77,17 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
     tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
 ) -> None:
     config = watched(tmp_path)
-    whole = frames(config, seed)
+    all_blocks = frames(config, seed)
     straight = FramePipeline(config)
-    live(straight, whole)
+    live(straight, all_blocks)
     run, half = start(config, journal, checkpoints), round((BROKEN_S + 1) / BLOCK_S)
-    for block in whole[:half]:
+    for block in all_blocks[:half]:
         run.take(block)
     run.saver.save()
     again = start(config, journal, checkpoints)
     assert again.messages == ()
     again.core.ingests = run.core.ingests  # the sample clocks go on, as if nothing had happened
-    for block in whole[half:]:
+    for block in all_blocks[half:]:
         again.take(block)
     # Coulomb friction alone tells the second names from the first.
     expected = {
@@ -146,16 +146,16 @@ def test_open_alarms_of_the_other_detector_are_taken_over(
     tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
 ) -> None:
     """The configuration is changed while an alarm is open: the same alarm stays open, and is not raised again."""
-    whole = frames(watched(tmp_path), seed)
+    all_blocks = frames(watched(tmp_path), seed)
     first = start(watched(tmp_path, alarm_source="cusum"), journal, checkpoints)
-    for block in whole[: round((ENDS_S - 3) / BLOCK_S)]:
+    for block in all_blocks[: round((ENDS_S - 3) / BLOCK_S)]:
         first.take(block)
     first.saver.save()
     (before,) = first.open("demo.axis2")
     assert (before.parameter, before.stage) == ("fm", "named")
     second = start(watched(tmp_path), journal, checkpoints)
     second.core.ingests = first.core.ingests
-    for block in whole[round((ENDS_S - 3) / BLOCK_S) :]:
+    for block in all_blocks[round((ENDS_S - 3) / BLOCK_S) :]:
         second.take(block)
     assert [(e.raised_us, e.parameter) for e in second.open("demo.axis2")] == [(before.raised_us, "fm")]
     third = start(watched(tmp_path, alarm_source="cusum"), journal, checkpoints)

@@ -73,19 +73,19 @@ def robot(folder: Path) -> Path:
         "[robot.axis.detector]", f"[robot.axis.detector]\n{ALONE}"
     )
     head, *axes = text.split("[[robot.axis]]\n")
-    one, two = (axis.replace("virtual", "socketcan") for axis in axes[:2])
-    one = one.replace("[robot.axis.model]\n", f"{CONDITIONS}\n[robot.axis.model]\n", 1)
-    one = one.replace("[robot.axis.estimator]\n", f"{VARYING}\n[robot.axis.estimator]\n", 1)
-    one = one.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "torque"', 1)
-    one = one.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "angle"', 1)
-    two = two.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "angle2"', 1)
-    two = two.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "torque2"', 1)
+    first, second = (axis.replace("virtual", "socketcan") for axis in axes[:2])
+    first = first.replace("[robot.axis.model]\n", f"{CONDITIONS}\n[robot.axis.model]\n", 1)
+    first = first.replace("[robot.axis.estimator]\n", f"{VARYING}\n[robot.axis.estimator]\n", 1)
+    first = first.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "torque"', 1)
+    first = first.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "angle"', 1)
+    second = second.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "angle2"', 1)
+    second = second.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "torque2"', 1)
     dbc = (DEMO.parent / "demo.dbc").read_text(encoding="utf-8")
     shared = (DEMO.parent / "robot.dbc").read_text(encoding="utf-8")
     state = shared[shared.index("BO_ 1024") : shared.index("\n\n", shared.index("BO_ 1024"))]
     at = dbc.index("CM_ ")
     (folder / "demo.dbc").write_text(f"{dbc[:at]}{state}\n\n{dbc[at:]}", encoding="utf-8")
-    (folder / "robot.toml").write_text("[[robot.axis]]\n".join([head, one, two]), encoding="utf-8")
+    (folder / "robot.toml").write_text("[[robot.axis]]\n".join([head, first, second]), encoding="utf-8")
     return folder / "robot.toml"
 
 
@@ -183,12 +183,12 @@ def test_a_table_says_the_same(file: Path, broken: list[Frame], found_broken: Ra
     core, rows = FramePipeline(load(file, {})), ["t,torque,angle,torque2,angle2,warm,mode"]
     step = core.ingests["can0"].feed(broken)
     before: list[float] = []
-    for one, two in zip(step["demo.axis1"], step["demo.axis2"], strict=True):
-        temperature, mode, _ = one.signals
+    for first, second in zip(step["demo.axis1"], step["demo.axis2"], strict=True):
+        temperature, mode, _ = first.signals
         new = [temperature, mode] != before
         before = [temperature, mode] if new else before
         rows.append(
-            f"{one.t_us / 1e6:.6f},{one.torque!r},{one.motion!r},{two.torque!r},{two.motion!r},"
+            f"{first.t_us / 1e6:.6f},{first.torque!r},{first.motion!r},{second.torque!r},{second.motion!r},"
             f"{temperature if new else ''},{mode}"
         )
     table = tmp_path / "today.csv"
@@ -196,9 +196,9 @@ def test_a_table_says_the_same(file: Path, broken: list[Frame], found_broken: Ra
     found = replayed(file, table)
     assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
     live_parameters = found_broken[0].monitors.by_id["demo.axis1"].status().parameters
-    for one, p in zip(found["parameters"], live_parameters, strict=True):
+    for parameter, p in zip(found["parameters"], live_parameters, strict=True):
         # Not to the last bit: in a row of the table the other axis is where it was on the bus a sample later.
-        assert one["estimate"] == pytest.approx(p.estimate, rel=0.02)
+        assert parameter["estimate"] == pytest.approx(p.estimate, rel=0.02)
 
 
 def with_state(frames: Sequence[Frame], change: Mapping[str, Any]) -> list[Frame]:
@@ -252,8 +252,10 @@ def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> No
 def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:
     """Whichever its place is in the bank that it shares."""
     frames, config = with_state(healthy[:9000], {"from": 5.0, "to": 7.0, "mode": 1}), load(file, {})
-    (one,) = config.robot
-    turned = config.model_copy(update={"robot": (one.model_copy(update={"axis": one.axis[::-1]}),)})
+    (robot_config,) = config.robot
+    turned = config.model_copy(
+        update={"robot": (robot_config.model_copy(update={"axis": robot_config.axis[::-1]}),)}
+    )
     cores = [ran(each, frames)[0] for each in (config, turned)]
     for axis_id, gated in (("demo.axis1", 400), ("demo.axis2", 0)):
         first, second = (core.monitors.by_id[axis_id] for core in cores)

@@ -44,12 +44,12 @@ def test_estimates_go_on_bit_for_bit(
     tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int
 ) -> None:
     config = demo(tmp_path, 2)
-    whole, cut = FramePipeline(config), FramePipeline(config)
+    uninterrupted, cut = FramePipeline(config), FramePipeline(config)
     frames = list(blocks(config, 4.0, seed))
     half = len(frames) // 2
     for block in frames:
-        whole.take("can0", block)
-    whole.update()
+        uninterrupted.take("can0", block)
+    uninterrupted.update()
     for block in frames[:half]:
         cut.take("can0", block)
     cut.update()
@@ -61,7 +61,7 @@ def test_estimates_go_on_bit_for_bit(
     for block in frames[half:]:
         later.take("can0", block)
     later.update()
-    for axis_id, monitor in whole.monitors.by_id.items():
+    for axis_id, monitor in uninterrupted.monitors.by_id.items():
         for found, expected in zip(_state(later.monitors.by_id[axis_id]), _state(monitor), strict=True):
             np.testing.assert_array_equal(found, expected)
 

@@ -114,9 +114,9 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
 ) -> None:
     config = limited(tmp_path, {"fm": (0.09,)})
     course = readings(140, 0.0005, seed)
-    whole = AxisMonitors(config.axes).trends
-    feed(whole, course, 0)
-    whole.update()
+    uninterrupted = AxisMonitors(config.axes).trends
+    feed(uninterrupted, course, 0)
+    uninterrupted.update()
     cut = AxisMonitors(config.axes)
     feed(cut.trends, course[:1000], 0)
     save(cut, checkpoints)
@@ -126,7 +126,7 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
     later = restarted(config, checkpoints, journal)
     feed(later, course[1100:], 0)
     later.update()
-    for a, b in zip(later.for_axis(AXIS), whole.for_axis(AXIS), strict=True):
+    for a, b in zip(later.for_axis(AXIS), uninterrupted.for_axis(AXIS), strict=True):
         assert a.entries == b.entries
         assert a.trend is not None
         assert b.trend is not None

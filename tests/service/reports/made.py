@@ -37,26 +37,33 @@ def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
 
 
 def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:
-    """The same with Jm = J1 + n^2 J2, as two rigidly joined inertias give it, under this name."""
+    """The same drive with Jm = J1 + n^2 J2, as two rigidly joined inertias give it, under this name."""
     symbol = Laurent.symbol
-    one = FlatParameter("J1", "kg m^2", "rotor", 0.005, True)
-    two = FlatParameter("J2", "kg m^2", "brake", 0.001, True)
+    rotor = FlatParameter("J1", "kg m^2", "rotor", 0.005, True)
+    brake = FlatParameter("J2", "kg m^2", "brake", 0.001, True)
     ratio = FlatParameter("n", "1", "ratio of the brake", 0.5)
     kept = tuple(p for p in drive.drawn if p.name != "Jm")
     definition = Definition(name, symbol("J1") + symbol("n", 2) * symbol("J2"))
-    return replace(renamed(drive, {"Jm": name}), drawn=(one, two, ratio, *kept), definitions=(definition,))
+    return replace(
+        renamed(drive, {"Jm": name}), drawn=(rotor, brake, ratio, *kept), definitions=(definition,)
+    )
 
 
 def renamed(drive: StateSpace, names: Mapping[str, str]) -> StateSpace:
     """The same drive with other names of its parameters."""
     symbols = {old: Laurent.symbol(new) for old, new in names.items()}
 
-    def of(entries: Entries) -> Entries:
+    def substituted(entries: Entries) -> Entries:
         return {place: value.substitute(symbols) for place, value in entries.items()}
 
     parameters = tuple(replace(p, name=names.get(p.name, p.name)) for p in drive.parameters)
     return replace(
-        drive, parameters=parameters, drawn=parameters, A=of(drive.A), B=of(drive.B), C=of(drive.C)
+        drive,
+        parameters=parameters,
+        drawn=parameters,
+        A=substituted(drive.A),
+        B=substituted(drive.B),
+        C=substituted(drive.C),
     )
 
 
@@ -70,14 +77,20 @@ OWN = (
 
 @cache
 def by_hand() -> Calibration:
-    """Of the demo's first axis; nothing was tried of fm."""
+    """A calibration of the demo's first axis, without trials of faults in fm."""
     axis = load(ROOT / "config" / "demo.toml", {}).axes[0]
     model = axis_model(axis.config)
     thresholds = tuple(Threshold(2.0 + i, 3.0 + i, 0.0) for i in range(3))
     settings = replace(axis_settings(axis, model), thresholds=thresholds)
-    h, one = settings.interval_s, np.ones(3)
+    h, ones = settings.interval_s, np.ones(3)
     scatter = Scatter(
-        0.0 * one, 0.01 * one, np.array([0.011, 0.012, 0.013]), np.ones((2, 3)), np.zeros((2, 3)), 9.0, 200.0
+        0.0 * ones,
+        0.01 * ones,
+        np.array([0.011, 0.012, 0.013]),
+        np.ones((2, 3)),
+        np.zeros((2, 3)),
+        9.0,
+        200.0,
     )
     rates = Rates(h / np.array([3e4, 4e4, 5e4]), h / 7200, h / 36000, h / 3600, 5.0)
     limits = BankLimits(OWN, h / 10800, h / 72000, h / 5400)

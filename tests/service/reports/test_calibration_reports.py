@@ -30,15 +30,15 @@ def alarming(kind: DetectorName) -> Calibration:
     return replace(by_hand(), alarms=kind)
 
 
-def causes(of: Calibration) -> Table:
-    table = hypotheses(of)
+def causes(calibration: Calibration) -> Table:
+    table = hypotheses(calibration)
     assert table is not None
     return table
 
 
-def printed(of: Calibration, width: int = 160) -> str:
+def printed(calibration: Calibration, width: int = 160) -> str:
     console = Console(file=io.StringIO(), width=width, highlight=False)
-    print_text(of, console)
+    print_text(calibration, console)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -65,29 +65,29 @@ def test_a_table_tells_each_thing_once() -> None:
     table = faults(alone, alone.result.tests)
     assert "models: median" not in table.titles
     assert table.rows[0] == ("kT +10 %", "exact", "13 %", "15 s", "27 s", "kT 67 %, 1/Ja 33 %")
-    of = by_hand()
-    assert of.result.bank is not None
+    calibration = by_hand()
+    assert calibration.result.bank is not None
     own = (*OWN, Limit("fm", 0.1, 5.71, 0.0), Limit("fm", -0.1, 5.74, 0.0))
-    bank = replace(of.result.bank, limits=replace(of.result.bank.limits, own=own))
-    alike = replace(of, result=replace(of.result, bank=bank))
+    bank = replace(calibration.result.bank, limits=replace(calibration.result.bank.limits, own=own))
+    alike = replace(calibration, result=replace(calibration.result, bank=bank))
     assert causes(alike).rows[-1] == ("fm", "2", "5.7", "0")
 
 
 @pytest.mark.parametrize(
-    ("kind", "told"),
+    ("kind", "titles"),
     [
         ("multimodel", ["multi-model detector, which alarms", "CUSUM tests, which run in shadow mode"]),
         ("cusum", ["CUSUM tests, which alarm", "multi-model detector, which runs in shadow mode"]),
     ],
 )
-def test_what_will_alarm_is_told_first_on_the_page(kind: DetectorName, told: list[str]) -> None:
-    of = alarming(kind)
-    page = as_html(of)
-    assert page.index(f"The {told[0]}: one false alarm") < page.index(f"The {told[1]}: one false alarm")
+def test_what_will_alarm_is_told_first_on_the_page(kind: DetectorName, titles: list[str]) -> None:
+    calibration = alarming(kind)
+    page = as_html(calibration)
+    assert page.index(f"The {titles[0]}: one false alarm") < page.index(f"The {titles[1]}: one false alarm")
     assert f"Thresholds found:</b> {SENTENCES[kind]}." in page
-    assert f"false alarms of the {told[0].split(',')[0]}, most likely" in page
-    assert page.index(f"<h2>By the {told[0]}") < page.index(f"<h2>By the {told[1]}")
-    assert f"# The {told[0]}: {SENTENCES[kind]}." in as_toml(of)
+    assert f"false alarms of the {titles[0].split(',')[0]}, most likely" in page
+    assert page.index(f"<h2>By the {titles[0]}") < page.index(f"<h2>By the {titles[1]}")
+    assert f"# The {titles[0]}: {SENTENCES[kind]}." in as_toml(calibration)
     for words in ("Thresholds of the CUSUM tests", "Thresholds of the multi-model detector", "11.0 to 12.0"):
         assert words in page
 
@@ -113,9 +113,9 @@ def test_how_faults_were_made_is_said_of_each_and_explained_once() -> None:
 
 
 def test_the_files_for_programs_have_both() -> None:
-    of = by_hand()
-    as_read: dict[str, Any] = json.loads(as_json(of))
-    rest: dict[str, Any] = tomllib.loads(as_toml(of))
+    calibration = by_hand()
+    as_read: dict[str, Any] = json.loads(as_json(calibration))
+    rest: dict[str, Any] = tomllib.loads(as_toml(calibration))
     assert as_read["alarms"] == "multimodel"
     assert as_read["provenance"]["version"] == "1.2.3"
     assert [len(found["faults"]) for found in (as_read, as_read["multimodel"])] == [8, 8]
@@ -124,9 +124,9 @@ def test_the_files_for_programs_have_both() -> None:
         (7200, [3600, 36000], [as_read["false_alarms"], rest["false_alarms"]]),
         (10800, [5400, 72000], [as_read["multimodel"]["false_alarms"], rest["bank_false_alarms"]]),
     ):
-        for told in found:
-            assert told["one_in_s"] == pytest.approx(one_in)
-            assert told["interval_s"] == pytest.approx(interval)
+        for false_alarms in found:
+            assert false_alarms["one_in_s"] == pytest.approx(one_in)
+            assert false_alarms["interval_s"] == pytest.approx(interval)
     assert as_read["first_named"] == {
         "kT": {"kT": 137, "1/Ja": 10, "none": 3},
         "1/Ja": {"kT": 0, "1/Ja": 60, "none": 30},
@@ -143,15 +143,15 @@ def test_the_files_for_programs_have_both() -> None:
     assert as_read["multimodel"]["smallest_found"]["1/Ja"] == {"increase": 0.2, "decrease": -0.5}
     assert as_read["faults"][7]["delay_median_s"] is None
     assert as_read["multimodel"]["faults"][7]["delay_median_s"] == 0.7
-    assert [one["h"] for one in rest["hypothesis"]] == [11.0, 12.0, 13.0]
+    assert [hypothesis["h"] for hypothesis in rest["hypothesis"]] == [11.0, 12.0, 13.0]
     assert "size" not in rest["hypothesis"][2]
 
 
 def test_an_axis_without_a_bank() -> None:
-    of = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
-    for words in (as_html(of), printed(of)):
+    calibration = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
+    for words in (as_html(calibration), printed(calibration)):
         assert "No multi-model detector" in words
         assert "models: up" not in words
         assert "Thresholds of the bank" not in words
-    assert json.loads(as_json(of))["multimodel"] is None
-    assert "hypothesis" not in tomllib.loads(as_toml(of))
+    assert json.loads(as_json(calibration))["multimodel"] is None
+    assert "hypothesis" not in tomllib.loads(as_toml(calibration))

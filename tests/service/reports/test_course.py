@@ -121,9 +121,9 @@ def test_bins_hold_the_least_and_the_largest_values(ran: Ran) -> None:
     for k in range(c.used):
         inside = bins == k
         for found, values, extreme in ((c.low, low, np.min), (c.high, high, np.max)):
-            for row, of in values.items():
+            for row, series in values.items():
                 for i, name in enumerate(c.h):
-                    want = extreme(of[inside, i]) if inside.any() else np.nan
+                    want = extreme(series[inside, i]) if inside.any() else np.nan
                     assert found(row, name)[k] == pytest.approx(want, rel=1e-12, nan_ok=True)
         for i, name in enumerate(c.h):
             mean = theta[inside, i].mean() if inside.any() else np.nan
@@ -138,14 +138,14 @@ def test_no_crossing_is_lost(ran: Ran) -> None:
     """g has started again at that very sample: without care it would nowhere reach h."""
     c = ran.course
     assert len(ran.crossings) > 3
-    assert {one.parameter for one in ran.crossings} >= {"kT"}
-    for one in ran.crossings:
-        h, at = c.h[one.parameter], c.timeline.find(one.time_us)
+    assert {crossing.parameter for crossing in ran.crossings} >= {"kT"}
+    for crossing in ran.crossings:
+        h, at = c.h[crossing.parameter], c.timeline.find(crossing.time_us)
         assert at is not None
-        g = c.high(rows.UP if one.direction == "up" else rows.DOWN, one.parameter)
+        g = c.high(rows.UP if crossing.direction == "up" else rows.DOWN, crossing.parameter)
         assert g[int(np.searchsorted(c.edges, at + 1e-9)) - 1] >= h
-        assert c.largest(rows.UP, rows.DOWN, name=one.parameter) >= h
-    quiet = set(c.h) - {one.parameter for one in ran.crossings}
+        assert c.largest(rows.UP, rows.DOWN, name=crossing.parameter) >= h
+    quiet = set(c.h) - {crossing.parameter for crossing in ran.crossings}
     assert all(c.largest(rows.UP, rows.DOWN, name=name) <= c.h[name] for name in quiet)
 
 
@@ -233,9 +233,9 @@ def test_it_goes_on_whatever_the_times_do(steps: list[int], cuts: list[int], sta
     assert timeline.end_us == where[-1]
     assert timeline.start_us == start
     assert timeline.pauses == known.count(False)
-    whole, other = line(t, [])
+    at_once, other = line(t, [])
     assert (where == other).all()
-    assert timeline.stretches == whole.stretches
+    assert timeline.stretches == at_once.stretches
     for at, time in zip(where.tolist(), t.tolist(), strict=True):
         last = max(w for w, other in zip(where.tolist(), t.tolist(), strict=True) if other == time)
         found = timeline.find(time)
@@ -249,7 +249,7 @@ def test_what_a_line_of_times_does_not_have() -> None:
         *(None, None, 0.5),
         *(None, 1.0, None),
     ]
-    assert [round(one.pause_s) for one in timeline.stretches] == [0, 99]
+    assert [round(stretch.pause_s) for stretch in timeline.stretches] == [0, 99]
     assert Timeline().find(0) is None
     timeline, where = line(np.arange(10_000) * 100 * S, [1234])
     assert (timeline.pauses, len(timeline.stretches), where[-1]) == (9_999, 4096, 0)

@@ -101,8 +101,8 @@ def test_nothing_is_cut_at_any_width(width: int) -> None:
     assert "\x1b" not in text
     assert max(map(len, text.splitlines())) <= width
     assert not any(line != line.rstrip() for line in text.splitlines())
-    told = {p.name for p in drive.parameters} | {s.name for s in drive.states} | set(drive.notes)
-    for what in told | set(facts_of(drive).identifiability):
+    expected = {p.name for p in drive.parameters} | {s.name for s in drive.states} | set(drive.notes)
+    for what in expected | set(facts_of(drive).identifiability):
         assert words_of(what) in words_of(text)
 
 

@@ -54,8 +54,8 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
 
 
 def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
-    one, other = stage.snapshot.axes
-    stage.snapshot = replace(stage.snapshot, axes=(replace(one, gated_by="mode = 2"), other))
+    first, other = stage.snapshot.axes
+    stage.snapshot = replace(stage.snapshot, axes=(replace(first, gated_by="mode = 2"), other))
     assert [axis["gated_by"] for axis in get(client, "/api/v1/axes")["axes"]] == ["mode = 2", None]
     metrics = client.get("/metrics").text
     assert 'axiswatch_axis_gated{axis="demo.axis1"} 1.0' in metrics

@@ -65,12 +65,12 @@ def test_a_forecast_is_no_alarm_of_a_change(stage: Stage) -> None:
 def test_promtool_has_nothing_to_say(client: TestClient, need: Callable[[str], str]) -> None:
     command = [need("promtool"), "check", "metrics"]
 
-    def said(text: str) -> tuple[int, str]:
+    def checked(text: str) -> tuple[int, str]:
         done = subprocess.run(command, input=text, capture_output=True, text=True, check=False)
         return done.returncode, done.stdout + done.stderr
 
-    assert said(scrape(client)) == (0, "")
-    assert "help" in said("x_ms 1\n")[1]  # it would say something
+    assert checked(scrape(client)) == (0, "")
+    assert "help" in checked("x_ms 1\n")[1]  # it would say something
 
 
 def test_a_scrape_has_the_metrics_of_the_process_in_the_format_that_is_asked_for(client: TestClient) -> None:

@@ -101,11 +101,11 @@ def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Alarm)
     stage.record("demo.axis2", "N m s/rad", 0.06, ended)
     rows = page.get_by_role("table", name="Alarms").get_by_role("row")
     expect(rows).to_have_count(3)
-    said = "fm is 0.018 N m s/rad (31 %) above its nominal value"
-    for words in ("active", "demo.axis1", "fm", "up", "+0.0183 ± 0.0021", "+30.5 %", said):
+    sentence = "fm is 0.018 N m s/rad (31 %) above its nominal value"
+    for words in ("active", "demo.axis1", "fm", "up", "+0.0183 ± 0.0021", "+30.5 %", sentence):
         expect(rows.nth(1)).to_contain_text(words)
     expect(rows.nth(2)).to_contain_text("ended")
-    expect(page.locator("#news")).to_have_text(f"New alarm: demo.axis1: {said}")
+    expect(page.locator("#news")).to_have_text(f"New alarm: demo.axis1: {sentence}")
     expect(page).to_have_title("(1) axiswatch")
 
 

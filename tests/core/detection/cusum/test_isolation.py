@@ -53,8 +53,8 @@ def test_sizes_are_the_likeliest_and_scatter_as_stated(seed: int) -> None:
     assert np.abs(z.mean(0)).max() < 5 / np.sqrt(4000)
     assert np.abs(z.std(0) - 1).max() < 5 / np.sqrt(2 * 4000)
     alone = single_faults(draws[0], V)
-    one, one_sd = sizes(draws[0], V, [1])
-    assert (alone.size[1], alone.size_sd[1]) == (pytest.approx(one[0]), pytest.approx(one_sd[0]))
+    size, size_sd = sizes(draws[0], V, [1])
+    assert (alone.size[1], alone.size_sd[1]) == (pytest.approx(size[0]), pytest.approx(size_sd[0]))
 
 
 def test_without_a_change_each_ratio_is_chi_square(seed: int) -> None:

@@ -88,9 +88,9 @@ def test_a_second_fault_is_seen_while_the_first_alarm_stands(
     first: Mapping[str, float], second: Mapping[str, float], open_at_the_end: set[str], seed: int
 ) -> None:
     t_us, u, y = two_faults(seed, first, second)
-    said, monitors = histories(seed, t_us.tolist(), u, y)
+    versions, monitors = histories(seed, t_us.tolist(), u, y)
     found = [{e.parameter for e in m.open_alarms if e.stage == "named"} for m in monitors]
-    alarms = [len({(e.raised_us, e.first) for e in episodes}) for episodes in said]
+    alarms = [len({(e.raised_us, e.first) for e in episodes}) for episodes in versions]
     print(f"open at the end {found}, alarms {alarms}")
     assert sum(f == open_at_the_end for f in found) >= 6
     assert np.median(alarms) == max(len(open_at_the_end), 1)
@@ -110,16 +110,16 @@ def test_a_sensor_is_one_alarm_and_no_parameter(
 ) -> None:
     t_us, u, y = experiments(range(seed, seed + 8), samples=SAMPLES)
     y = np.concatenate([y[:FAULT_AT], broken(y[FAULT_AT:])])
-    said, _ = histories(seed, t_us.tolist(), u, y)
-    doubts: list[str] = [e.doubt for episodes in said if (e := first_named(episodes)) is not None]
+    versions, _ = histories(seed, t_us.tolist(), u, y)
+    doubts: list[str] = [e.doubt for episodes in versions if (e := first_named(episodes)) is not None]
     assert len(doubts) >= 7
     assert doubts.count(doubt) >= 6
 
 
 def test_names_and_onsets_do_not_depend_on_how_samples_are_cut(seed: int) -> None:
     t_us, u, y = experiments([seed], {"kT": 1.2}, samples=SAMPLES)
-    whole, cut = (AxisMonitor(MODEL, settings_of("speed", seed)) for _ in range(2))
-    expected, _ = alarm_versions(whole, SampleBlock(t_us, u[:, 0], y[:, 0]))
+    at_once, cut = (AxisMonitor(MODEL, settings_of("speed", seed)) for _ in range(2))
+    expected, _ = alarm_versions(at_once, SampleBlock(t_us, u[:, 0], y[:, 0]))
     rng = np.random.default_rng(seed)
     found: list[Alarm] = []
     for part in np.split(np.arange(SAMPLES), np.sort(rng.integers(0, SAMPLES, 9))):

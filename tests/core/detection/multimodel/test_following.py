@@ -16,12 +16,12 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES
 from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.samples import SampleBlock
-from tests.core.calibration.healthy_axes import OUTPUT_NOISE, TORQUE_NOISE, plant
+from tests.core.calibration.healthy_axes import OUTPUT_NOISE, TORQUE_NOISE, plant_with
 
 SECONDS, PIECE = 60, 50
 N = round(SECONDS / INTERVAL_S)
 T = 1_000_000 + np.arange(N, dtype=np.int64) * round(INTERVAL_S * 1e6)
-OF = plant(0.0)
+PLANT = plant_with(0.0)
 KT, LOAD, FM = 0, 1, 2
 
 
@@ -30,25 +30,25 @@ def axis(rng: np.random.Generator, shift: Floats, faults: dict[str, float], at: 
     u = multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS)
     acting, outputs, x = u + TORQUE_NOISE * rng.standard_normal(N), [], None
     for k in range(0, N, PIECE):
-        values = OF.model.values(OF.model.theta0 + shift[k])
+        values = PLANT.model.values(PLANT.model.theta0 + shift[k])
         values = REFERENCE_VALUES | values
         values |= {name: values[name] * factor for name, factor in faults.items() if k >= at}
-        y, x = simulate_linear(OF.model.drive, values, acting[k : k + PIECE, np.newaxis], INTERVAL_S, x)
+        y, x = simulate_linear(PLANT.model.drive, values, acting[k : k + PIECE, np.newaxis], INTERVAL_S, x)
         outputs.append(y[:, 0])
     return u, np.concatenate(outputs) + OUTPUT_NOISE * rng.standard_normal(N)
 
 
 def course(column: int, by: float, turns: float = 0.5) -> Floats:
     """A parameter goes away from nominal and back, by a part of its size; or so many times."""
-    shift = np.zeros((N, len(OF.model.scale)))
+    shift = np.zeros((N, len(PLANT.model.scale)))
     steps = PIECE * (np.arange(N) // PIECE)
-    shift[:, column] = by * OF.model.scale[column] * np.sin(2 * np.pi * turns * steps / N)
+    shift[:, column] = by * PLANT.model.scale[column] * np.sin(2 * np.pi * turns * steps / N)
     return shift
 
 
 def bank(samples: float = 720_000.0) -> HypothesisBank:
-    many = len(HypothesisBank(OF.model, OF.settings).hypotheses)
-    return HypothesisBank(OF.model, OF.settings, h=guaranteed(many, samples))
+    many = len(HypothesisBank(PLANT.model, PLANT.settings).hypotheses)
+    return HypothesisBank(PLANT.model, PLANT.settings, h=guaranteed(many, samples))
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
 def test_steps_too_small_to_be_followed_change_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     u, y = axis(rng, np.zeros((N, 3)), {}, N)
-    small = 0.4 * FOLLOWED * OF.model.scale * np.ones((N, 1))
+    small = 0.4 * FOLLOWED * PLANT.model.scale * np.ones((N, 1))
     (_, plain), (_, moved) = bank().run_traced(T, u, y), bank().run_traced(T, u, y, shift=small)
     assert np.array_equal(plain.g, moved.g, equal_nan=True)
 
@@ -106,13 +106,13 @@ def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
     u, y = axis(rng, shift, {}, N)
 
     def beside() -> MultiModelDetector:
-        return MultiModelDetector(OF.model, OF.settings, Limits(720_000.0))
+        return MultiModelDetector(PLANT.model, PLANT.settings, Limits(720_000.0))
 
-    assert not AxisMonitor(OF.model, OF.settings, beside(), "multimodel").update(
+    assert not AxisMonitor(PLANT.model, PLANT.settings, beside(), "multimodel").update(
         SampleBlock(T, u, y, shift=shift)
     )
     for traced in (False, True):
-        fleet = Fleet([OF.model], [OF.settings], {0: beside()}, {0: "multimodel"})
+        fleet = Fleet([PLANT.model], [PLANT.settings], {0: beside()}, {0: "multimodel"})
         assert not fleet.update({0: SampleBlock(T, u, y, shift)}, traced)[0].changes
 
 
@@ -121,18 +121,18 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shift, still = course(FM, -0.5), np.zeros((N, 3))
     limits = []
-    for moved, told in ((shift, shift), (shift, still), (still, still)):
+    for moved, known in ((shift, shift), (shift, still), (still, still)):
         u, y = axis(np.random.default_rng(seed), moved, {}, N)
-        one = SampleBlock(T, u, y, told, name="r")
-        limits.append(bank_limits(OF.model, OF.settings, [one], 12_000.0, rng, 100_000).own)
-        if moved is told is shift:
+        block = SampleBlock(T, u, y, known, name="r")
+        limits.append(bank_limits(PLANT.model, PLANT.settings, [block], 12_000.0, rng, 100_000).own)
+        if moved is known is shift:
             faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
-            caught, _ = run_trials(OF.model, OF.settings, one, faults, 6, 5.0, limits[0])
-    h = [float(np.median([one.h for one in own])) for own in limits]
-    allowed = [sum(one.allowance for one in own if one.cause == "fm") for own in limits]
+            caught, _ = run_trials(PLANT.model, PLANT.settings, block, faults, 6, 5.0, limits[0])
+    h = [float(np.median([limit.h for limit in own])) for own in limits]
+    allowed = [sum(limit.allowance for limit in own if limit.cause == "fm") for own in limits]
     for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):
         print(f"{what}: h {height:.1f}, allowance of fm {own:.2f}")
     assert h[0] < 1.5 * h[2]
     assert allowed[0] < 1.5 * allowed[2] + 0.05
     assert allowed[1] > allowed[0] + 0.2
-    assert all((one.delay_s < 5.0).all() for one in caught)
+    assert all((result.delay_s < 5.0).all() for result in caught)

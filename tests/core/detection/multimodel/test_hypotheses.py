@@ -33,8 +33,8 @@ def held(model: AxisModel, s: Settings, rec: Experiment) -> Floats:
     return np.asarray(trace.eps[:, 0])
 
 
-def predicted(model: AxisModel, s: Settings, of: Hypothesis, rec: Experiment) -> Floats:
-    _, trace = HypothesisBank(model, s, [of]).run_traced(*rec)
+def predicted(model: AxisModel, s: Settings, hypothesis: Hypothesis, rec: Experiment) -> Floats:
+    _, trace = HypothesisBank(model, s, [hypothesis]).run_traced(*rec)
     return np.asarray(trace.eps[:, 0])
 
 
@@ -56,13 +56,13 @@ def test_a_hypothesis_predicts_as_the_recursion_at_its_parameters(
     seed: int, case: Case, jitter: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    of = changes(case, rng)
+    hypothesis = changes(case, rng)
     rec = record(seed, case, SAMPLES, jitter=jitter, gaps=1)
     assume(not nearly_equal(rec))
     s = case.settings(settle_s=0.0)
-    nominal = {name: v * of.factors.get(name, 1.0) for name, v in case.model.nominal.items()}
+    nominal = {name: v * hypothesis.factors.get(name, 1.0) for name, v in case.model.nominal.items()}
     alone = replace(case.model, nominal=nominal, bounds={})
-    expected, found = held(alone, s, rec), predicted(case.model, s, of, rec)
+    expected, found = held(alone, s, rec), predicted(case.model, s, hypothesis, rec)
     both = np.isfinite(expected)
     assert both.sum() > SAMPLES / 2
     np.testing.assert_allclose(found[both], expected[both], rtol=1e-6, atol=1e-7 * np.abs(rec.y).max())
@@ -77,9 +77,9 @@ def test_a_distorted_signal_is_that_of_the_recursion_with_the_signal_put_right(
     rec, s = record(seed, case, SAMPLES, jitter=jitter, gaps=1), case.settings(settle_s=0.0)
     assume(not nearly_equal(rec))
     torque, output = (Distortion(float(rng.uniform(-2, -0.5)), float(rng.normal())) for _ in range(2))
-    of = Hypothesis("some", torque=torque, output=output)
+    hypothesis = Hypothesis("some", torque=torque, output=output)
     right = Experiment(rec.t_us, torque.scale * rec.u + torque.offset, (rec.y - output.offset) / output.scale)
-    expected, found = output.scale * held(case.model, s, right), predicted(case.model, s, of, rec)
+    expected, found = output.scale * held(case.model, s, right), predicted(case.model, s, hypothesis, rec)
     both = np.isfinite(expected)
     size = abs(output.scale) * np.abs(right.y).max()
     np.testing.assert_allclose(found[both], expected[both], rtol=1e-6, atol=1e-7 * size)
@@ -109,10 +109,10 @@ def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, 
 def test_nearly_equal_intervals_are_taken_as_they_are(seed: int) -> None:
     case = CASES[1]
     rec = record(seed, case, SAMPLES)
-    s, of = case.settings(settle_s=0.0), Hypothesis("some", factors={"Jm": 1.2})
+    s, hypothesis = case.settings(settle_s=0.0), Hypothesis("some", factors={"Jm": 1.2})
     jitter = np.random.default_rng(seed).integers(0, 2, SAMPLES)
-    a = predicted(case.model, s, of, rec)
-    b = predicted(case.model, s, of, Experiment(rec.t_us + 2 * jitter, rec.u, rec.y))
+    a = predicted(case.model, s, hypothesis, rec)
+    b = predicted(case.model, s, hypothesis, Experiment(rec.t_us + 2 * jitter, rec.u, rec.y))
     assert 0 < np.nanmax(abs(a - b)) < 1e-2 * np.abs(rec.y).max()
 
 
@@ -147,8 +147,8 @@ def test_blocks_may_end_anywhere_and_a_saved_bank_goes_on(
     """Also where nominal values follow conditions, which at times are unknown, and behind gates."""
     rec = record(seed, case, SAMPLES, jitter=0.3 * (seed % 2), gaps=1, true=drawn(case, seed))
     block = conditioned(seed, case, rec)
-    whole, parts = lively(case), lively(case)
-    expected, found = whole.run(*rec, block.shift, block.gate), []
+    at_once, parts = lively(case), lively(case)
+    expected, found = at_once.run(*rec, block.shift, block.gate), []
     for start, stop in pairwise([0, *sorted(cuts), SAMPLES]):
         t_us, u, y, shift, gate, *_ = block.select(slice(start, stop))
         found += parts.run(t_us, u, y, shift, gate)
@@ -157,7 +157,7 @@ def test_blocks_may_end_anywhere_and_a_saved_bank_goes_on(
             again.from_arrays({name: array.copy() for name, array in parts.to_arrays().items()})
             parts = again
     assert repr(found) == repr(expected)
-    assert state(parts) == state(whole)
+    assert state(parts) == state(at_once)
 
 
 def drawn(case: Case, seed: int) -> dict[str, float]:
@@ -170,14 +170,14 @@ def drawn(case: Case, seed: int) -> dict[str, float]:
 
 
 def test_a_state_that_does_not_fit_is_refused() -> None:
-    one, other = (lively(case) for case in (CASES[0], CASES[5]))
+    bank, other = (lively(case) for case in (CASES[0], CASES[5]))
     with pytest.raises(ValueError, match="does not fit"):
-        one.from_arrays(other.to_arrays())
-    arrays = one.to_arrays() | {"standing": np.array([[99.0, 0.1]])}
+        bank.from_arrays(other.to_arrays())
+    arrays = bank.to_arrays() | {"standing": np.array([[99.0, 0.1]])}
     with pytest.raises(ValueError, match="these hypotheses do not have"):
-        one.from_arrays(arrays)
+        bank.from_arrays(arrays)
     with pytest.raises(KeyError):
-        one.from_arrays({})
+        bank.from_arrays({})
 
 
 @pytest.mark.parametrize("h", [0.0, -1.0, np.ones(3)])
@@ -218,19 +218,19 @@ def test_an_outlier_may_be_the_first_sample(seed: int) -> None:
 
 
 def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> None:
-    """A gain of its own that is none for this axis: it restarts again and again, and does not alarm."""
+    """It has a gain of its own that does not fit this axis: it restarts again and again, and does not alarm."""
     case = BY_NAME["speed-skew"]
     s, other = case.settings(), Hypothesis("other", factors={"Jm": 1.3})
     wild = Hypothesis("wild", K=tuple(-30.0 * np.array(s.gain(len(case.model.drive.states)))))
     rec = record(seed, case, 2000)
-    alone, beside = (HypothesisBank(case.model, s, of) for of in ([other], [other, wild]))
+    alone, beside = (HypothesisBank(case.model, s, hypotheses) for hypotheses in ([other], [other, wild]))
     (_, expected), (_, found) = (bank.run_traced(*rec) for bank in (alone, beside))
     most = FARTHEST * np.sqrt(s.lam0)
     started_anew = (abs(found.eps[1:-1, 1]) > 1e-3 * most) & (abs(found.eps[2:, 1]) < 1e-6 * most)
     assert started_anew.sum() > 3
     assert np.nanmax(abs(found.eps[:, 1])) <= most
-    for of in ("eps", "llr", "g"):
-        np.testing.assert_array_equal(getattr(found, of)[:, 0], getattr(expected, of)[:, 0])
+    for field in ("eps", "llr", "g"):
+        np.testing.assert_array_equal(getattr(found, field)[:, 0], getattr(expected, field)[:, 0])
     assert found.g[:, 1].max() < 20.0
 
 

@@ -60,7 +60,7 @@ class Book(AlarmTracker):
         return [change.alarm for change in self.update([event], DETECTOR.interpret)]
 
 
-def told(book: Book) -> list[tuple[int, str, str, str]]:
+def open_alarms(book: Book) -> list[tuple[int, str, str, str]]:
     return [(e.raised_us, e.stage, e.parameter, e.direction) for e in book.open]
 
 
@@ -74,10 +74,10 @@ def feed(*events: Event) -> tuple[Book, list[list[Alarm]]]:
 
 def test_an_alarm_is_raised_named_corrected_once_and_ended() -> None:
     fm, kT = share("fm", 0.2, 0.99), share("kT", 0.1, 0.01)
-    book, said = feed(
+    book, alarms = feed(
         changed(10, "kT"), named(12, 10, fm, kT), named(20, 10, share("kT", 0.1)), CauseEnded(30, 28, "kT")
     )
-    ((raised,), (first,), (corrected,), (ended,)) = said
+    ((raised,), (first,), (corrected,), (ended,)) = alarms
     assert (raised.stage, raised.parameter, raised.onset_us, raised.onset_low_us) == ("changed", "kT", 4, 3)
     assert (first.stage, first.parameter, first.causes) == (
         "named",
@@ -107,20 +107,20 @@ def test_the_same_cause_soon_after_the_end_reopens_its_alarm_whatever_was_seen_f
 
 
 def test_what_does_not_last_ends_and_a_cause_that_stands_takes_what_is_more_of_it() -> None:
-    book, said = feed(
+    book, alarms = feed(
         changed(10, "kT"),
         named(12, 10, share("kT")),
         changed(40, "fm", -0.3),
         named(45, 40, share("kT", 0.4)),
     )
-    assert told(book) == [(10, "named", "kT", "up")]
-    assert [(e.raised_us, e.ended_us) for e in said[3]] == [(10, None)]
+    assert open_alarms(book) == [(10, "named", "kT", "up")]
+    assert [(e.raised_us, e.ended_us) for e in alarms[3]] == [(10, None)]
     assert book.open[0].size == pytest.approx(np.expm1(0.4))
     assert book.open[0].onset_us == 4
     (again,) = book.take(changed(60, "kT", 0.1))
     assert (again.raised_us, again.crossings) == (10, 2)
     assert book.take(CauseEnded(70, 60, HEALTHY)) == []
-    assert told(book) == [(10, "named", "kT", "up")]
+    assert open_alarms(book) == [(10, "named", "kT", "up")]
     assert book.take(changed(80, "fm")) == []
     assert [(a.parameter, a.raised_us) for a in book.unreported] == [("fm", 80)]
     assert book.take(CauseEnded(90, 80, HEALTHY)) == []
@@ -131,16 +131,16 @@ def test_another_cause_than_the_one_that_stands_at_first_sight_is_an_alarm_of_it
     book, _ = feed(
         changed(10, "kT"), named(12, 10, share("kT")), changed(40, "kT"), named(45, 40, share("fm"))
     )
-    assert told(book) == [(10, "named", "kT", "up"), (40, "named", "fm", "up")]
+    assert open_alarms(book) == [(10, "named", "kT", "up"), (40, "named", "fm", "up")]
     book.take(named(50, 40, share("1/Ja")))
-    assert told(book) == [(10, "named", "kT", "up"), (40, "named", "1/Ja", "up")]
+    assert open_alarms(book) == [(10, "named", "kT", "up"), (40, "named", "1/Ja", "up")]
     assert book.is_open("1/Ja")
     assert not book.is_open("fm")
 
 
 def test_that_all_is_as_it_was_raises_nothing() -> None:
-    book, said = feed(changed(10, HEALTHY), named(12, 10, share(HEALTHY)), CauseEnded(20, 10, HEALTHY))
-    assert (book.open, said) == ((), [[], [], []])
+    book, alarms = feed(changed(10, HEALTHY), named(12, 10, share(HEALTHY)), CauseEnded(20, 10, HEALTHY))
+    assert (book.open, alarms) == ((), [[], [], []])
 
 
 # --- quantities --------------------------------------------------------------------------------------
@@ -150,12 +150,12 @@ def test_that_all_is_as_it_was_raises_nothing() -> None:
 def test_sizes_go_there_and_back(name: str) -> None:
     model, s = BY_NAME[name].model, BY_NAME[name].settings()
     for cause in causes_of(model):
-        of = quantity_of(model, s, cause)
-        change, sd = of.change(0.25, 0.01)
+        quantity = quantity_of(model, s, cause)
+        change, sd = quantity.change(0.25, 0.01)
         if np.isfinite(change):
-            assert of.size(change) == pytest.approx(0.25)
-            assert of.change(0.26, 0.01)[0] - change == pytest.approx(sd, rel=0.02)
-            assert of.unit
+            assert quantity.size(change) == pytest.approx(0.25)
+            assert quantity.change(0.26, 0.01)[0] - change == pytest.approx(sd, rel=0.02)
+            assert quantity.unit
     assert quantity_of(model, s, DELAY).change(1.0, 0.0)[0] == pytest.approx(s.interval_s)
     assert np.isnan(quantity_of(model, s, TORQUE_SIGN).change(np.nan, np.nan)[0])
     assert np.isnan(quantity_of(model, s, OUTPUT_NOISE).size(-2.0))
@@ -230,8 +230,8 @@ def state(watched: AxisMonitor) -> list[bytes]:
 def test_a_saved_detector_goes_on(at: int, seed: int) -> None:
     """Also where something has changed and is not named, or is named and its size is looked for."""
     rec = experiment(seed, {"1/Ja": 1.3}, samples=2000)
-    whole, first = monitor(seed), monitor(seed)
-    whole.update(SampleBlock(*rec))
+    uninterrupted, first = monitor(seed), monitor(seed)
+    uninterrupted.update(SampleBlock(*rec))
     first.update(SampleBlock(*part(rec, 0, at)))
     second = monitor(seed)
     assert second.multimodel_key == first.multimodel_key
@@ -241,7 +241,7 @@ def test_a_saved_detector_goes_on(at: int, seed: int) -> None:
     second.multimodel.bank.from_arrays(first.multimodel.bank.to_arrays())
     second.adopt(first.open_alarms)  # the journal says the same
     second.update(SampleBlock(*part(rec, at)))
-    assert state(second) == state(whole)
+    assert state(second) == state(uninterrupted)
 
 
 def test_a_fleet_does_what_its_axes_do(seed: int) -> None:
@@ -287,8 +287,8 @@ def test_an_alarm_without_a_name_gets_one_or_ends(seed: int) -> None:
     old = Alarm("fm", "up", 1, 2, 2, None, 0.01, 0.01, 1)
     fresh = monitor(seed)
     fresh.adopt([old])
-    said = fresh.update(SampleBlock(*rec))
-    assert [(c.kind, c.alarm.raised_us) for c in said if c.alarm.raised_us == 2] == [("ended", 2)]
+    changes = fresh.update(SampleBlock(*rec))
+    assert [(c.kind, c.alarm.raised_us) for c in changes if c.alarm.raised_us == 2] == [("ended", 2)]
 
 
 def test_a_sensor_fault_that_was_open_stands(seed: int) -> None:

@@ -160,7 +160,7 @@ def test_faults_of_sensors_are_named(fault: str, bank: HypothesisBank, seed: int
 
 def test_causes_that_make_the_same_data_are_said_to() -> None:
     found = default_hypotheses(reference_model(), Settings.paper(INTERVAL_S))
-    alike = {of.cause: of.alike for of in found}
+    alike = {hypothesis.cause: hypothesis.alike for hypothesis in found}
     assert set(alike["kT"]) == {TORQUE_SCALE, OUTPUT_SCALE}
     assert alike[TORQUE_SIGN] == (OUTPUT_SIGN,)
     assert alike["1/Ja"] == alike["fm"] == ()

@@ -9,15 +9,15 @@ from monitor_core.detection.multimodel.active_faults import REST, SECOND, Active
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.naming import Share
-from tests.core.calibration.healthy_axes import plant
+from tests.core.calibration.healthy_axes import plant_with
 
-OF = plant(0.0)
-HYPOTHESES = candidates(OF.model, OF.settings)
+PLANT = plant_with(0.0)
+HYPOTHESES = candidates(PLANT.model, PLANT.settings)
 
 
 @pytest.fixture
 def standing() -> ActiveFaults:
-    return ActiveFaults(OF.model, OF.settings, HYPOTHESES)
+    return ActiveFaults(PLANT.model, PLANT.settings, HYPOTHESES)
 
 
 def share(cause: str, size: float, size_sd: float = 0.01) -> Share:
@@ -26,7 +26,7 @@ def share(cause: str, size: float, size_sd: float = 0.01) -> Share:
 
 def likeliest(cause: str, size: float) -> int:
     """The hypothesis of a cause that is nearest a size."""
-    own = [k for k, of in enumerate(HYPOTHESES) if of.cause == cause]
+    own = [k for k, hypothesis in enumerate(HYPOTHESES) if hypothesis.cause == cause]
     return min(own, key=lambda k: abs(HYPOTHESES[k].size - size))
 
 
@@ -47,9 +47,9 @@ def test_what_may_change_goes_on_from_what_stands(standing: ActiveFaults) -> Non
     join(standing, "kT", math.log(1.2))
     now, *changes, back = standing.lanes()
     assert now.factors["kT"] == pytest.approx(1.2)
-    for of, before in zip(changes, HYPOTHESES, strict=True):
-        assert of.factors["kT"] == pytest.approx(1.2 * before.factors.get("kT", 1.0))
-        assert of.weight == (before.weight if of.cause == "kT" else SECOND * before.weight)
+    for after, before in zip(changes, HYPOTHESES, strict=True):
+        assert after.factors["kT"] == pytest.approx(1.2 * before.factors.get("kT", 1.0))
+        assert after.weight == (before.weight if after.cause == "kT" else SECOND * before.weight)
     assert "kT" not in back.factors
     assert back.cause == "kT"
     assert back.size == pytest.approx(-math.log(1.2))
@@ -59,8 +59,8 @@ def test_changes_of_one_cause_add_up_and_end_together(standing: ActiveFaults) ->
     join(standing, "kT", 0.2)
     join(standing, "kT", 0.1)
     assert len(standing) == 1
-    (whole,) = standing.whole_of((share("kT", 0.05),))
-    assert whole.size == pytest.approx(0.35)
+    (total,) = standing.whole_of((share("kT", 0.05),))
+    assert total.size == pytest.approx(0.35)
     assert standing.ended(share("kT", -0.3 * (1 - REST / 2))) == ["kT"]
     assert standing.ended(share("kT", -0.3 * (1 - 1.5 * REST))) == []
     assert standing.ended(share("fm", -0.3)) == []
@@ -80,7 +80,7 @@ def test_all_as_it_was_ends_all(standing: ActiveFaults) -> None:
 def test_it_goes_through_a_save(standing: ActiveFaults) -> None:
     join(standing, "kT", 0.2)
     join(standing, "fm", 0.5)
-    other = ActiveFaults(OF.model, OF.settings, HYPOTHESES)
+    other = ActiveFaults(PLANT.model, PLANT.settings, HYPOTHESES)
     other.from_array(standing.to_array())
     assert other.lanes() == standing.lanes()
 

@@ -57,8 +57,8 @@ def broken(draw: st.DrawFn) -> str:
 def test_read_or_told(text: str) -> None:
     try:
         model = read([Source("d.mo", text)])
-    except ModelError as told:
-        complete = bool(told.problem) and told.origin.file == "d.mo"
+    except ModelError as error:
+        complete = bool(error.problem) and error.origin.file == "d.mo"
     else:
         complete = is_complete(model)
     assert complete
