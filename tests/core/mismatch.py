@@ -66,7 +66,9 @@ def _five_masses() -> dict[str, float]:
     """On the motor's side as masses, springs and dampers of robot arms are; on the arm's side in the drive."""
     J, k, d = (8e-3, 12e-3, 4.6e-3, 2.4e-3), (28.0, 45.0, 38.0, 12.0), (0.05, 0.04, 0.02, 0.01)
     behind = {
-        f"{x}{i}": v / R**2 for x, of in zip("Jkd", (J, k, d), strict=True) for i, v in enumerate(of, 1)
+        f"{x}{i}": v / R**2
+        for x, values in zip("Jkd", (J, k, d), strict=True)
+        for i, v in enumerate(values, 1)
     }
     return {"Jm": 5.9e-3, **behind, "fm": 0.06, "fc": COULOMB * TORQUE_RMS, "tau0": 0.0, "kT": 1.0, "r": R}
 

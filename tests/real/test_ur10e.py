@@ -91,14 +91,13 @@ def test_friction_of_the_halves_agrees(
     apart = differences(*halves)
     for name, z in apart.items():
         k = halves[0].names.index(name)
-        a, b = (f"{of.theta[k]:.3f} +- {of.sd[k]:.2g}" for of in halves)
+        a, b = (f"{half.theta[k]:.3f} +- {half.sd[k]:.2g}" for half in halves)
         print(f"UR10e {request.node.name}: {name} {a} and {b}, apart by {z:+.2f} deviations")
-    assert all(of.converged for of in halves)
+    assert all(half.converged for half in halves)
     assert max(abs(apart[name]) for name in FRICTION) < 2
-    for of in (
-        halves
-    ):  # viscous friction is told to 15 %, Coulomb friction to 10 %: so the agreement says something
-        relative = dict(zip(of.names, of.sd / abs(of.theta), strict=True))
+    # Viscous friction is known to 15 %, Coulomb friction to 10 %: so the agreement says something.
+    for half in halves:
+        relative = dict(zip(half.names, half.sd / abs(half.theta), strict=True))
         assert relative["fv"] < 0.15
         assert relative["fc"] < 0.1
 
@@ -192,7 +191,7 @@ def test_what_other_joints_do_to_a_joint_is_named(records_dir: Path, tmp_path: P
 def test_the_jitter_is_used_as_it_is(record: Record, found: Estimate) -> None:
     """Taken for uniform, the same samples are predicted several times worse."""
     uniform = Record(np.linspace(record.t[0], record.t[-1], len(record)), record.u, record.y, "angle")
-    missed = [100 - of.fit[0] for of in (found, estimate(uniform, 1))]
+    missed = [100 - estimated.fit[0] for estimated in (found, estimate(uniform, 1))]
     print(f"UR10e joint 1: not predicted {missed[0]:.4f} %, with uniform times {missed[1]:.4f} %")
     assert missed[0] < missed[1] / 4
 
