@@ -16,8 +16,9 @@ from monitor_core.detection.alarm import Alarm, AlarmKey
 
 E = TypeVar("E")
 
-REOPEN_MEMORIES = 12
-"""Memory lengths after the end of an alarm in which the same cause reopens it: four times what ends it."""
+REOPEN_MEMORIES = 30
+"""Memory lengths after the end of an alarm in which the same cause reopens it: ten times what ends it.  The tests of a
+change that hardly stands out cross that seldom, and what the model lacks may look like its end."""
 
 
 class AlarmChange(NamedTuple):
@@ -31,7 +32,7 @@ class AlarmTracker:
     """The alarms of one axis, the oldest first.
 
     ``alarms``: those open, or ended not long ago.  ``unreported``: an open one that has no name yet.  An alarm that has
-    ended is reopened if its cause is found within ``reopen_us``.
+    ended is reopened if its cause is detected again within ``reopen_us``, though it may be named later.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class AlarmTracker:
 
     def _take(self, alarm: Alarm) -> Alarm | None:
         """Keep an alarm in its new form; returns what there is to report."""
-        key, time_us = alarm.key, alarm.updated_us if alarm.ended_us is None else alarm.ended_us
+        key = alarm.key
         if key in self._open:
             self._open[key] = alarm
             if alarm.ended_us is not None:
@@ -91,19 +92,25 @@ class AlarmTracker:
         self._unreported.pop(key, None)
         if alarm.ended_us is not None:  # it belonged to another one
             return None
-        self._ended = {k: a for k, a in self._ended.items() if time_us - (a.ended_us or 0) <= self._reopen_us}
-        if alarm.stage == "changed" and (self._open or self._ended):
+        recent = [a for a in self._ended.values() if self._is_recent(a, alarm.raised_us)]
+        if alarm.stage == "changed" and (self._open or recent):
             self._unreported[key] = alarm
             return None
-        same = (
-            a
-            for a in self._ended.values()
-            if (a.parameter, a.direction) == (alarm.parameter, alarm.direction)
-        )
+        self._forget(alarm.raised_us)
+        same = (a for a in recent if (a.parameter, a.direction) == (alarm.parameter, alarm.direction))
         if (ended := next(same, None)) is not None:
             alarm = self._ended.pop(ended.key).reopened(alarm)
         self._open[alarm.key] = alarm
         return alarm
+
+    def _is_recent(self, ended: Alarm, raised_us: int) -> bool:
+        """Whether an alarm may be reopened by a change that was detected at this time, whenever that gets its name."""
+        return raised_us - (ended.ended_us or 0) <= self._reopen_us
+
+    def _forget(self, raised_us: int) -> None:
+        """Drop the ended alarms that no change can reopen, neither one detected now nor one that has no name yet."""
+        oldest_us = min([raised_us, *(a.raised_us for a in self._unreported.values())])
+        self._ended = {key: a for key, a in self._ended.items() if self._is_recent(a, oldest_us)}
 
 
 def _change(before: Alarm | None, alarm: Alarm) -> AlarmChange:

@@ -225,6 +225,16 @@ def test_the_same_cause_soon_after_the_end_is_the_same_alarm() -> None:
     assert (e.key, e.ended_us) == ((10, "kT", "up"), 90)
 
 
+def test_the_time_of_the_crossing_decides_however_late_the_name_comes() -> None:
+    book = ended_alarm()
+    assert book.take(crossing("fm", 40 + REOPEN_US)) == []
+    (change,) = book.changes(evidence(60 + REOPEN_US, 8.0, 0.0, 0.0))
+    assert (change.kind, change.alarm.key) == ("reopened", (10, "kT", "up"))
+    assert change.alarm.reopened_us == 40 + REOPEN_US
+    late = ended_alarm()
+    assert [a.stage for a in late.take(crossing("fm", 41 + REOPEN_US))] == ["changed"]
+
+
 @pytest.mark.parametrize(
     ("time_us", "d"), [(60, (0.0, 0.0, 9.0)), (60, (-9.0, 0.0, 0.0)), (200, (9.0, 0.0, 0.0))]
 )
