@@ -57,8 +57,8 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
     if not tested.any() and (uncertain := found[-1].uncertain):
         raise CalibrationError(
             f"P(0) was not found, because {listed(uncertain)} cannot be determined within a memory of"
-            f" {memory * h:.3g} s: take {'it' if len(uncertain) == 1 else 'them'} out of `monitor`, or give motion that"
-            " accelerates and has several speeds within memory_s"
+            f" {memory * h:.3g} s: take {'it' if len(uncertain) == 1 else 'them'} out of `monitor`, raise memory_s, or"
+            " give motion that accelerates and has several speeds within memory_s"
         )
     if not tested.any() and after < memory:
         needed = SEEDING_MEMORIES + FEWEST + 1

@@ -4,12 +4,12 @@
 * ``slow_history``: a year of entries in bounded memory.
 * ``trend_models``: the trends that are compared, and how the entries scatter around them.
 * ``trend``: the probabilities of the trends, level and slope.
-* ``limit_forecast``: when a limit is reached, with its interval, and quantiles at any time.
+* ``limit_forecast``: when a limit is reached, with its interval.
 """
 
 from monitor_core.trend.entries import Reading, thinned
-from monitor_core.trend.limit_forecast import COVERED, quantiles
+from monitor_core.trend.limit_forecast import COVERED
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend
 
-__all__ = ["COVERED", "Reading", "SlowHistory", "Trend", "quantiles", "thinned"]
+__all__ = ["COVERED", "Reading", "SlowHistory", "Trend", "thinned"]

@@ -5,7 +5,6 @@ sum over all trends of that of a Gaussian (for each single trend this is Fieller
 is 5 and 95 %; where F does not reach these values the interval is open, or no time is in sight.
 """
 
-from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -86,33 +85,3 @@ def _since(m: Mixture, limit: float, sign: float) -> tuple[float, float]:
 
 def _us(m: Mixture, t: float) -> int:
     return m.zero_us + round(t * 1e6)
-
-
-# --- Where the course of a parameter may be at any time, past and future: quantiles of the mixture that is left of it--
-
-
-_BEYOND = 8.0
-"""Standard deviations from every mean within which each quantile is sought."""
-_BISECTIONS = 40
-_LEFT_OUT = 1e-4
-"""Probability of all the courses together that are passed over, the least likely of thousands."""
-
-
-def quantiles(m: Mixture, t: Floats, probabilities: Sequence[float]) -> Floats:
-    """Quantiles (len(probabilities), T) of the trend of a parameter at times t.
-
-    t (T,) are seconds after ``m.zero_us``.  The 95 % quantile reaches an upper limit where the interval of its forecast
-    begins.
-    """
-    p, (mean, sd) = m.p, m.at_times(t)
-    least_first = np.argsort(p)
-    kept = least_first[np.cumsum(p[least_first]) > _LEFT_OUT]
-    p, mean, sd = p[kept] / p[kept].sum(), mean[:, kept], sd[:, kept]
-    wanted = np.asarray(probabilities)[:, None]
-    low = np.broadcast_to((mean - _BEYOND * sd).min(axis=1), (len(probabilities), len(t))).copy()
-    high = np.broadcast_to((mean + _BEYOND * sd).max(axis=1), low.shape).copy()
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        below = np.stack([ndtr((x[:, None] - mean) / sd) @ p for x in middle]) < wanted
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return np.asarray((low + high) / 2)

@@ -206,3 +206,10 @@ def test_without_the_parameter_that_cannot_be_determined(seed: int) -> None:
         "P(0) was not found, because dg cannot be determined within a memory of 0.3 s: take it out"
     )
     assert checked(replace(with_dg, monitored=("kT", "fm")), options, slow) == ""
+
+
+def test_a_longer_memory_determines_it(seed: int) -> None:
+    slow, options = moving(seed, 70.0, (0.0, 3.0)), replace(OPTIONS, memory_s=0.3, settling_time_s=0.5)
+    with_dg = replace(supervised.MODEL, monitored=("kT", "fm", "dg"), scales={}, bounds={})
+    assert "raise memory_s" in checked(with_dg, options, slow)
+    assert checked(with_dg, replace(options, memory_s=2.0), slow) == ""
