@@ -82,8 +82,7 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
     if rounding.any() or not np.isfinite(normal).all() or np.linalg.eigvalsh(normal)[0] < ROUNDING:
         return None
     V = np.linalg.inv(normal) / np.outer(scale, scale)
-    excess = float(np.mean([scatter(past, i) ** 2 for i in range(len(s))]))
-    return V @ s, excess * past.lam0 * V
+    return V @ s, float(np.mean(scatters(past) ** 2)) * past.lam0 * V
 
 
 def _said(past: Past) -> tuple[Floats, Floats]:
@@ -130,6 +129,11 @@ def scatter(past: Past, i: int) -> float:
         return 1.0
     r = min(max(1 - near / far, 0.0), 0.5)
     return max(1.0, float(np.sqrt(far * (1 + r) / (1 - r))))
+
+
+def scatters(past: Past) -> Floats:
+    """The scatter of each parameter (p,)."""
+    return np.array([scatter(past, i) for i in range(past.d.shape[1])])
 
 
 def _variance(value: Floats, sd: Floats, apart: int) -> float:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from math import hypot, log
+from math import hypot, log, sqrt
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ from monitor_core.detection.alarm import (
 )
 from monitor_core.detection.cusum.cusum_evidence import INVALID, Crossing, CusumEvent, Evidence
 from monitor_core.detection.isolation import Causes, single_faults, sizes
-from monitor_core.detection.onset import SURE, change_of
+from monitor_core.detection.onset import SURE, change_of, scatters
 
 DISMISSED = 0.05
 """An alarm is renamed when the probability of its cause falls below this."""
@@ -200,7 +200,7 @@ def _resized(e: Evidence, alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     """
     if not alarms:
         return
-    found = _sizes(e, max(map(_size_since_us, alarms)), alarms, e.allowed)
+    found = _stated_sizes(e, max(map(_size_since_us, alarms)), alarms)
     lately = _sizes(e, e.time_us, alarms, e.allowed)
     for alarm, size, (now, _) in zip(alarms, found, lately, strict=True):
         back = alarm.size is not None and now * alarm.size < alarm.size**2 / 2 and e.is_old(alarm.updated_us)
@@ -243,6 +243,20 @@ def _sizes(
     d, V = e.since(since_us)
     found = sizes(d, V + allowed, [e.parameters.index(alarm.parameter) for alarm in changed])
     return [(float(size), float(sd)) for size, sd in zip(*found, strict=True)]
+
+
+def _stated_sizes(e: Evidence, since_us: int, changed: Sequence[Alarm]) -> Iterator[tuple[float, float]]:
+    """Size and standard deviation of each, as they are reported: each with the scatter of its own estimate.
+
+    P holds the mean scatter of all parameters.
+    """
+    random = _sizes(e, since_us, changed, np.zeros_like(e.allowed))
+    total = _sizes(e, since_us, changed, e.allowed)
+    own = scatters(e.past)
+    own /= np.sqrt(np.mean(own**2))
+    for alarm, (_, sd), (size, with_allowed) in zip(changed, random, total, strict=True):
+        lasting = max(with_allowed**2 - sd**2, 0.0)
+        yield size, hypot(sd * own[e.parameters.index(alarm.parameter)], sqrt(lasting))
 
 
 def _stated(size: float, sd: float) -> dict[str, Any]:
