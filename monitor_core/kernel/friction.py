@@ -49,10 +49,11 @@ def middle_speed(p: int, W: int) -> MiddleSpeed:
 def mean_torque_share(delay: float, h: float) -> float:
     """How much of the held torque, and not of the one before, there is in the speed at the middle of the interval.
 
-    As in the mean speed of the interval: of a torque that acts from ``delay`` on, (1 - delay / h)^2.
+    As in the mean speed of the interval: of a torque that acts from ``delay`` on, (1 - delay / h)^2.  One that acts
+    before its sample has moved the drive by then, to first order as in ``switch_torque``.
     """
-    rest = 1.0 - min(max(delay, 0.0), h) / h if h > 0.0 else 1.0
-    return rest * rest
+    late = min(delay, h) / h if h > 0.0 else 0.0
+    return 1.0 - 2.0 * late + (late * late if late > 0.0 else 0.0)
 
 
 @outlined
@@ -90,8 +91,8 @@ def hold_friction(
     for q in range(F.driven.slot.size if T.late >= 0 else 0):
         if kind[F.driven.src[q]] == TORQUE and F.driven.par[q] < 0:
             for a in range(len(lanes)):
-                late = 0.0 <= delay[a] < h[a]
-                rate = 2.0 * (1.0 - delay[a] / h[a]) / h[a] if late else 0.0
+                rest = 1.0 - max(delay[a], 0.0) / h[a] if h[a] > 0.0 else 0.0
+                rate = 2.0 * rest / h[a] if rest > 0.0 else 0.0
                 dw[T.late, a] += V[F.driven.slot[q], a] * rate * (torque_before[a] - v1[a])
     for a in range(len(lanes)):
         v[a] = divisor[a] + 0.5 * h[a] * v[a]

@@ -149,6 +149,9 @@ def run_hypotheses(
     )  # fmt: skip
     psi, du, before, motion = table(0, H), np.zeros((0, m, H)), floats(H), floats(H)
     over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
+    late = floats(H)
+    for a in range(H):
+        late[a] = max(own[DELAY, a], 0.0)
     doing, last = ints(H), ints(H)
     t, ut, y, mode, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
     moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
@@ -180,7 +183,7 @@ def run_hypotheses(
                     for a in range(H):
                         before[a] = acting[c, a] if T.kind[c] == TORQUE else before[a]
                 scale_torque(lanes, T.kind, own, numbers[TORQUE_HELD, 0], acting)
-                hold_friction(lanes, T, P.u_scale, P.V0, own[DELAY], before, over, x, acting, du, middle)
+                hold_friction(lanes, T, P.u_scale, P.V0, late, before, over, x, acting, du, middle)
             if abs(h[0] - interval) <= _SAME_S:
                 propagate_nominal(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
                                   numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)

@@ -78,8 +78,9 @@ def with_friction(
     A, B = (model.drive.matrix(which, model.values(theta)) for which in "AB")  # type: ignore[arg-type]
     by = model.drive.matrix("ratio", model.nominal)[rubs, 0] / s.speed_scale
     to_speed, h, delay = sensor_speed(model), during.h, during.delay
-    late = delay if 0 < np.real(delay) < h else min(max(np.real(delay), 0.0), h)
-    old = 1 - (1 - late / h) ** 2  # part of the torque before in the mean speed of the interval
+    late = delay if np.real(delay) < h else h
+    # Part of the torque before in the mean speed of the interval; a torque that came early has moved x by as much.
+    old = 1 - (1 - late / h) ** 2 if np.real(late) > 0 else 2 * late / h
     pushed = held + np.where(drives, old * (during.torque_before - held), 0.0)
     start = y if model.drive.output == "speed" else to_speed @ x
     w = start + h / 2 * to_speed @ (A @ x + B @ pushed)
