@@ -33,7 +33,10 @@ LIMITS = {"kT": 0.002, "fv": 0.005, "fc": 0.002}
 def moved(seed: int, speed: float, scale: float, faster: float) -> tuple[Floats, Floats]:
     """Torque and angle (axes, N) of axes that follow six sines; each sees a torque and an encoder noise of its own."""
     rng = np.random.default_rng(seed)
-    t, f = H * np.arange(SAMPLES), faster * np.array([0.31, 0.57, 0.9, 1.37, 2.1, 3.3])
+    t, f = (
+        np.asarray(H * np.arange(SAMPLES), np.float64),
+        faster * np.array([0.31, 0.57, 0.9, 1.37, 2.1, 3.3]),
+    )
     phase = rng.uniform(0, 2 * np.pi, (AXES, 6, 1))
     wanted = (
         speed / (2 * np.pi * f)[:, np.newaxis] / 3**0.5 * np.sin(2 * np.pi * np.outer(f, t) + phase)
@@ -70,7 +73,7 @@ def test_neither_fit_nor_recursion_is_biased(motion: tuple[float, float, float],
     )  # fmt: skip
     fitted, tracked = [], []
     for u, y in zip(*moved(seed, *motion), strict=True):
-        record = Record(H * np.arange(SAMPLES), u, y, "angle")
+        record = Record(np.asarray(H * np.arange(SAMPLES), np.float64), u, y, "angle")
         found = fit(Problem(model.drive, VALUES, FREE, speed_scale=scale), [record])
         fitted.append([found.values[name] for name in FREE])
         block = SampleBlock(np.round(1e6 * record.t).astype(np.int64), u, y)
