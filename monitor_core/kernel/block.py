@@ -34,7 +34,7 @@ from monitor_core.kernel.cusum import (
     update_cusum,
 )
 from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, count_until_kept, gather_evidence
-from monitor_core.kernel.friction import hold_friction, middle_speed
+from monitor_core.kernel.friction import has_friction, hold_friction, middle_speed
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import check_start, reject_outliers, update_running_variance
 from monitor_core.kernel.propagate import choose_substeps, evaluate_coefficients, evaluate_inputs, propagate
@@ -232,6 +232,7 @@ def run(
         evidence = EvidenceState(theta, P, st.lam0_running, st.observed, st.left, st.noting, st.learned,
                                  con.span, con.naming_samples)
         # fmt: on
+        friction = has_friction(lanes, T, con.V0)
         count_until_kept(lanes, con.span, st.learned, until)
         copy_rows(con.V0, V)
         copy_rows(st.z, X)
@@ -253,8 +254,9 @@ def run(
                     random_walk(lanes, con.drift, st.seed_left, lam, share)
                 evaluate_coefficients(lanes, T.terms, con.V0, con.coef, theta, V)
                 copy_rows(st.u, acting)
-                if T.friction.number:
-                    hold_friction(lanes, T, con.u_scale, V, delay, st.torque_before, h, X, acting, du, middle)
+                if friction:
+                    hold_friction(lanes, T.friction, T.kind, T.late, con.u_scale, V, delay, st.torque_before, h, X,
+                                  acting, du, middle)
                 if split_at_delay(lanes, T.kind, delay, st.torque_before, acting, h, h_first, u_first):
                     evaluate_inputs(lanes, T.inputs, V, u_first, du, G)
                     choose_substeps(lanes, T.A_row, con.weight, V, h_first, steps, terms, norm)

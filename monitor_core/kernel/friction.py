@@ -17,11 +17,11 @@ was known at its beginning.
 import math
 from typing import Any, NamedTuple
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import allocating, kernel, outlined
 from monitor_core.kernel.llvm_vectors import power_of_two
 from monitor_core.kernel.recursion import add_products, predict
-from monitor_core.kernel.tables import COULOMB, TORQUE, Tables
+from monitor_core.kernel.tables import COULOMB, TORQUE, FrictionTerms, Tables
 from monitor_core.kernel.work_arrays import floats, table
 
 SMALLEST = 0.5
@@ -31,9 +31,10 @@ SMALLEST = 0.5
 class MiddleSpeed(NamedTuple):
     """Work arrays."""
 
-    v: Floats  # (W,)
+    v: Floats  # (W,) w, and then v
     v1: Floats  # (W,)
     divisor: Floats  # (W,)
+    rate: Floats  # (W,) by what v changes with w beyond it, dv = (1 + rate) dw where B is constant
     dv: Floats  # (p, W)
     dw: Floats  # (p, W)
     slope: Floats  # (p, W) d/dtheta_i of sum B_c s_c
@@ -42,7 +43,7 @@ class MiddleSpeed(NamedTuple):
 @allocating
 def middle_speed(p: int, W: int) -> MiddleSpeed:
     """Work arrays of ``hold_friction``."""
-    return MiddleSpeed(floats(W), floats(W), floats(W), table(p, W), table(p, W), table(p, W))
+    return MiddleSpeed(floats(W), floats(W), floats(W), floats(W), table(p, W), table(p, W), table(p, W))
 
 
 @kernel
@@ -57,9 +58,26 @@ def mean_torque_share(delay: float, h: float) -> float:
 
 
 @outlined
+def has_friction(lanes: Any, T: Tables, V0: Floats) -> bool:
+    """Whether a friction acts on any lane, or may as it is estimated; V0 (slots, W) of the Constants."""
+    inputs, estimated = T.inputs, T.terms.slot
+    for q in range(inputs.row.size if T.friction.number else 0):
+        if T.kind[inputs.col[q]] == COULOMB:
+            for a in range(len(lanes)):
+                if V0[inputs.slot[q], a] != 0.0:
+                    return True
+            for j in range(estimated.size):
+                if estimated[j] == inputs.slot[q]:
+                    return True
+    return False
+
+
+@outlined
 def hold_friction(
     lanes: Any,
-    T: Tables,
+    F: FrictionTerms,
+    kind: Ints,
+    late: int,
     u_scale: Floats,
     V: Floats,
     delay: Floats,
@@ -74,8 +92,10 @@ def hold_friction(
 
     u contains the other inputs held, and for friction the speed v_0 where that was measured.
     """
-    F, kind, p = T.friction, T.kind, du.shape[0]
-    v, v1, divisor, dv, dw, slope = work.v, work.v1, work.divisor, work.dv, work.dw, work.slope
+    p = du.shape[0]
+    n = X.shape[0] // (p + 1)
+    v, v1, divisor, rate = work.v, work.v1, work.divisor, work.rate
+    dv, dw, slope = work.dv, work.dw, work.slope
     # divisor and v1 hold v_0 and the torque meanwhile.
     for c in range(kind.size):
         for a in range(len(lanes)):
@@ -84,22 +104,22 @@ def hold_friction(
                 v1[a] = u[c, a]
                 u[c, a] = share * u[c, a] + (1.0 - share) * torque_before[a]
             elif kind[c] == COULOMB:
-                divisor[a] = X[p * T.n + F.state, a] if F.filtered else u[c, a]
+                divisor[a] = X[p * n + F.state, a] if F.filtered else u[c, a]
     # w = v_0 + h/2 (A x + b) and its derivatives; the step of the torque is one of them where its delay is.
     predict(lanes, F.motion, V, X, v, dw)
     add_products(lanes, F.driven, V, u, v, dw)
-    for q in range(F.driven.slot.size if T.late >= 0 else 0):
+    for q in range(F.driven.slot.size if late >= 0 else 0):
         if kind[F.driven.src[q]] == TORQUE and F.driven.par[q] < 0:
             for a in range(len(lanes)):
                 rest = 1.0 - max(delay[a], 0.0) / h[a] if h[a] > 0.0 else 0.0
-                rate = 2.0 * rest / h[a] if rest > 0.0 else 0.0
-                dw[T.late, a] += V[F.driven.slot[q], a] * rate * (torque_before[a] - v1[a])
+                more = 2.0 * rest / h[a] if rest > 0.0 else 0.0
+                dw[late, a] += V[F.driven.slot[q], a] * more * (torque_before[a] - v1[a])
     for a in range(len(lanes)):
         v[a] = divisor[a] + 0.5 * h[a] * v[a]
         divisor[a] = 1.0
     for i in range(p):
         for a in range(len(lanes)):
-            v_0 = X[i * T.n + F.state, a] if F.filtered else 0.0
+            v_0 = X[i * n + F.state, a] if F.filtered else 0.0
             dw[i, a] = dv[i, a] = v_0 + 0.5 * h[a] * dw[i, a]
             slope[i, a] = 0.0
     for c in range(kind.size):
@@ -116,7 +136,7 @@ def hold_friction(
     for a in range(len(lanes)):
         kept = divisor[a] > SMALLEST
         divisor[a] = divisor[a] if kept else SMALLEST
-        v1[a] = v[a] / divisor[a]
+        v1[a], rate[a] = v[a] / divisor[a], 0.0
         for i in range(p):
             slope[i, a] = slope[i, a] if kept else 0.0
     for c in range(kind.size):
@@ -126,15 +146,17 @@ def hold_friction(
     for q in range(F.braked.slot.size):
         s, c, j = F.braked.slot[q], F.braked.src[q], F.braked.par[q]
         for a in range(len(lanes)):
+            more = 0.5 * h[a] * V[s, a]
             if j >= 0:
-                dv[j, a] += 0.5 * h[a] * V[s, a] * u[c, a]
+                dv[j, a] += more * u[c, a]
             else:
-                v[a] += 0.5 * h[a] * V[s, a] * u[c, a]
-        for i in range(p if j < 0 else 0):
-            for a in range(len(lanes)):
-                dv1 = (dw[i, a] + 0.5 * h[a] * slope[i, a] * v1[a]) / divisor[a]
-                rate = (1.0 - u[c, a] * u[c, a]) * u_scale[c, a] * dv1
-                dv[i, a] += 0.5 * h[a] * V[s, a] * rate
+                v[a] += more * u[c, a]
+                rate[a] += more * (1.0 - u[c, a] * u[c, a]) * u_scale[c, a]
+    for a in range(len(lanes)):
+        rate[a] /= divisor[a]
+    for i in range(p):
+        for a in range(len(lanes)):
+            dv[i, a] += rate[a] * (dw[i, a] + 0.5 * h[a] * slope[i, a] * v1[a])
     for c in range(kind.size):
         if kind[c] == COULOMB:
             for a in range(len(lanes)):

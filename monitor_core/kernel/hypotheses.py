@@ -183,7 +183,7 @@ def run_hypotheses(
                     for a in range(H):
                         before[a] = acting[c, a] if T.kind[c] == TORQUE else before[a]
                 scale_torque(lanes, T.kind, own, numbers[TORQUE_HELD, 0], acting)
-                hold_friction(lanes, T, P.u_scale, P.V0, late, before, over, x, acting, du, middle)
+                hold_friction(lanes, T.friction, T.kind, -1, P.u_scale, P.V0, late, before, over, x, acting, du, middle)
             if abs(h[0] - interval) <= _SAME_S:
                 propagate_nominal(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
                                   numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
