@@ -11,7 +11,7 @@ from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY
-from monitor_core.kernel.innovations_plant import simulate_innovations
+from monitor_core.kernel.innovations_plant import PlantFriction, simulate_innovations
 from monitor_core.kernel.tables import COULOMB
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -68,8 +68,7 @@ class Plants:
         self._late = np.array([value.get(DELAY, settings.delay_s) / h for value in values])
         self._K, self._kind = settings.gain(len(drive.states)), assembly.tables.kind
         self._u_scale = assembly.model_constants(model, settings.speed_scale)["u_scale"]
-        self._speed_state, self._mean = drive.speed_state, drive.mean_state
-        self._filtered = drive.output != "speed" and COULOMB in drive.inputs
+        self._mean, self._friction = drive.mean_state, _friction(model, values, h)
 
     def run(self, which: Ints, x: Floats, u_before: Floats, u: Floats, eps: Floats) -> tuple[Floats, Floats]:
         """Outputs y (N, W) and final states (W, n) of the drives with the numbers ``which`` (W,).
@@ -79,11 +78,22 @@ class Plants:
         """
         y, x = np.empty(u.shape), np.ascontiguousarray(x).copy()
         simulate_innovations(
-            self._Ad, self._Bd, self._C, which, self._K, self._kind, self._u_scale, self._speed_state,
-            self._filtered, self._mean, self._late, x, np.array(u_before, float),
+            self._Ad, self._Bd, self._C, which, self._K, self._kind, self._u_scale, self._friction,
+            self._mean, self._late, x, np.array(u_before, float),
             np.ascontiguousarray(u), np.ascontiguousarray(eps), y,
         )  # fmt: skip
         return y, x
+
+
+def _friction(model: AxisModel, values: Sequence[Mapping[str, float]], h: float) -> PlantFriction:
+    drive, k = model.drive, model.drive.speed_state
+    unit = 0.0
+    if drive.output == "speed":
+        unit = float(drive.matrix("rest", model.nominal)[k, 0]) if k >= 0 else 1.0
+    rows = [np.hstack([drive.matrix("A", value), drive.matrix("B", value)])[k] for value in values]
+    half = (h / 2 if k >= 0 else 0.0) * np.array(rows)
+    braked = half[:, len(drive.states) :] * (np.array(drive.inputs) == COULOMB)
+    return PlantFriction(k, unit, half, braked)
 
 
 def _discretised(model: AxisModel, values: Mapping[str, float], h: float) -> tuple[Floats, Floats, Floats]:

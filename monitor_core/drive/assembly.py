@@ -12,6 +12,7 @@ from monitor_core.kernel.llvm_vectors import FOUR
 from monitor_core.kernel.tables import (
     COULOMB,
     Constants,
+    FrictionTerms,
     InputTerms,
     LaurentTerms,
     OutputTerms,
@@ -71,17 +72,14 @@ class Assembly:
 
     def _tables(self, slots: list[_Slot]) -> Tables:
         n, p = len(self.drive.states), len(self.monitored)
-        filtered = self.drive.output != "speed" and COULOMB in self.drive.inputs
         A = [s for s in slots if s.group == 0]
-        inputs = self._input_products(n, p, filtered)
+        inputs = self._input_products(n, p)
         outputs = self._output_products(n, p)
         factors = [factor for piece in self._varying for factor in piece.factors]
         return Tables(
             n=n,
             p=p,
             m=len(self.drive.inputs),
-            speed_state=self.drive.speed_state,
-            filtered_speed=int(filtered),
             mean=self.drive.mean_state,
             late=self.monitored.index(DELAY) if DELAY in self.monitored else -1,
             slots=len(slots),
@@ -90,7 +88,8 @@ class Assembly:
             A_col=_ints(s.col for s in A),
             product=self._product(n, p),
             inputs=InputTerms(*(_ints(q[k] for q in inputs) for k in range(4))),
-            outputs=OutputTerms(*(_ints(q[k] for q in outputs) for k in range(3))),
+            outputs=_output_terms(outputs),
+            friction=self._friction_terms(n, p),
             terms=LaurentTerms(
                 slot=_ints(self._index[piece.slot] for piece in self._varying),
                 start=_ints(np.cumsum([0] + [len(piece.factors) for piece in self._varying])),
@@ -124,14 +123,29 @@ class Assembly:
             part_slot=_indices(k for e in entries for _, k in e),
         )
 
-    def _input_products(self, n: int, p: int, filtered: bool) -> list[tuple[int, int, int, int]]:
+    def _input_products(self, n: int, p: int) -> list[tuple[int, int, int, int]]:
         """(element, slot, input, parameter or -1): B u for x, B_i u for z_i, and B u_i where u depends on theta."""
         products = [(p * n + s.row, k, s.col, -1) for s, k in self._index.items() if s.group == 1]
         products += [(s.par * n + s.row, k, s.col, -1) for s, k in self._index.items() if s.group == 4]
-        if filtered:
-            friction = [s for s in self._index if s.group == 1 and self.drive.inputs[s.col] == COULOMB]
-            products += [(i * n + s.row, self._index[s], s.col, i) for s in friction for i in range(p)]
-        return products
+        friction = [s for s in self._index if s.group == 1 and self.drive.inputs[s.col] == COULOMB]
+        return products + [(i * n + s.row, self._index[s], s.col, i) for s in friction for i in range(p)]
+
+    def _friction_terms(self, n: int, p: int) -> FrictionTerms:
+        """Products of the row of the speed in A, B, A_i, B_i; none where no friction needs them."""
+        state, inputs = self.drive.speed_state, self.drive.inputs
+        number = inputs.count(COULOMB)
+        row = {s: k for s, k in self._index.items() if s.row == state and number}
+        motion = [(k, p * n + s.col, s.par) for s, k in row.items() if s.group in (0, 3)]
+        motion += [(k, i * n + s.col, i) for s, k in row.items() if s.group == 0 for i in range(p)]
+        of_inputs = [(k, s.col, s.par) for s, k in row.items() if s.group in (1, 4)]
+        return FrictionTerms(
+            number=number,
+            state=state,
+            filtered=int(self.drive.output != "speed"),
+            motion=_output_terms(motion),
+            driven=_output_terms([q for q in of_inputs if inputs[q[1]] != COULOMB]),
+            braked=_output_terms([q for q in of_inputs if inputs[q[1]] == COULOMB]),
+        )
 
     def _output_products(self, n: int, p: int) -> list[tuple[int, int, int]]:
         """(slot, element, parameter or -1): C x for yhat, C z_i and C_i x for psi_i."""
@@ -184,15 +198,15 @@ def _input_scales(model: AxisModel, speed_scale: float) -> Floats:
     """Factor of the measured speed or angle in the argument of an input (m,).
 
     At nominal values a flange has ``ratio`` times the angle and speed of the sensor.  The angle is measured.  The speed
-    is measured, or it is that of the predictor: the speed at the sensor is (C A x), which depends on x[speed_state]
-    only.
+    is measured, or it is that of the predictor: the speed at the sensor is (C A x), or (C x) where the speed is the
+    output; that depends on x[speed_state] only, so the factor of friction is the one of this state.
     """
     drive = model.drive
     scale, friction = drive.matrix("ratio", model.nominal)[:, 0], np.array(drive.inputs) == COULOMB
     scale[friction] /= speed_scale
-    if drive.output != "speed" and friction.any():
+    if friction.any() and drive.speed_state >= 0:
         A, _, C = model.matrices()
-        sensor = (C @ A)[0, drive.speed_state]
+        sensor = (C if drive.output == "speed" else C @ A)[0, drive.speed_state]
         if sensor == 0:
             state = drive.states[drive.speed_state].name
             raise ValueError(f"Coulomb friction needs the speed at the sensor, which {state} is not")
@@ -206,6 +220,11 @@ def _sign(i: int, name: str) -> tuple[int, int]:
 
 def _ordered(factors: dict[int, int]) -> tuple[tuple[int, int], ...]:
     return tuple((i, e) for i, e in sorted(factors.items()) if e != 0)
+
+
+def _output_terms(products: Sequence[tuple[int, int, int]]) -> OutputTerms:
+    """Of products (slot, element, parameter or -1)."""
+    return OutputTerms(*(_ints(q[k] for q in products) for k in range(3)))
 
 
 def _ints(values: object) -> Ints:

@@ -12,6 +12,7 @@ import numpy as np
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.bode import Bode, bode_of
+from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import Watched, outlook
@@ -217,7 +218,7 @@ class IdentificationOptions:
         scheduled: parameters that follow signals of the records.
         memory_s: of the monitor.
         sized: monitored parameters whose size is given, so that their nominal value may be zero.
-        speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem.
+        speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem; then the best one is refined.
     """
 
     start: Start = "search"
@@ -258,7 +259,9 @@ def identify(
     growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
         estimate = _best(problem, records, options.start, report)
-        estimate = best_of([estimate, *_with_other_friction(estimate, records, options.speed_scales)])
+        estimate = with_best_scale(
+            estimate, options.speed_scales, lambda other: _fit(other, records, _silent)
+        )
         if options.interval_mean:
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()
@@ -329,18 +332,6 @@ def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estim
         report(f"fit, sum of squares {cost:.4g}", min(done, MOST_ITERATIONS), MOST_ITERATIONS)
 
     return fit(problem, records, most_iterations=MOST_ITERATIONS, progress=fitting)
-
-
-def _with_other_friction(
-    found: Estimate, records: Sequence[Record], scales: Sequence[float]
-) -> Iterator[Estimate]:
-    """Fits with these speed scales of Coulomb friction, from the estimates with that of the problem."""
-    for scale in scales:
-        try:
-            other = _fit(replace(found.problem, speed_scale=scale), records, _silent)
-        except ValueError:
-            continue
-        yield replace(other, started_from=found.started_from)
 
 
 def _growth(

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.llvm_vectors import power_of_two
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, Tables
 
@@ -133,23 +132,21 @@ def hold_inputs(
     lanes: Any,
     T: Tables,
     u_scale: Floats,
+    rest: Floats,
     t: Ints,
     torque: Floats,
     y: Floats,
     mode: Ints,
-    X: Floats,
     last: Ints,
     u: Floats,
-    du: Floats,
     torque_before: Floats,
 ) -> None:
-    """Hold the inputs of the sample from now on: torque, friction, constant, gravity of the measured angle.
+    """Hold the inputs of the sample from now on: torque, constant, gravity of the measured angle.
 
-    Where the angle is measured, friction uses the predicted speed, so it depends on theta: du_i = tanh' z_i.
+    Friction follows from the interval to come (friction.py).  Where the speed is measured, that is kept until then, in
+    the unit of its state: rest y.
     """
-    kind, speed_state, filtered_speed = T.kind, T.speed_state, T.filtered_speed
-    p = du.shape[0]
-    n = X.shape[0] // (p + 1)
+    kind, speed_state = T.kind, T.friction.state
     for a in range(len(lanes)):
         last[a] = t[a] if mode[a] != SKIP else last[a]
     for c in range(kind.size):
@@ -158,54 +155,18 @@ def hold_inputs(
                 before = torque[a] if mode[a] == RESTART else u[c, a]
                 torque_before[a] = before if mode[a] != SKIP else torque_before[a]
                 u[c, a] = torque[a] if mode[a] != SKIP else u[c, a]
-        elif kind[c] == COULOMB:
-            for a in range(len(lanes)):
-                speed = X[p * n + speed_state, a] if filtered_speed else y[a]
-                f = tanh(u_scale[c, a] * speed)
-                u[c, a] = f if mode[a] != SKIP else u[c, a]
-            for i in range(p if filtered_speed else 0):
-                for a in range(len(lanes)):
-                    slope = (1.0 - u[c, a] * u[c, a]) * u_scale[c, a] * X[i * n + speed_state, a]
-                    du[i, c, a] = slope if mode[a] != SKIP else du[i, c, a]
         else:
             for a in range(len(lanes)):
                 if mode[a] == SKIP:
                     continue
                 if kind[c] == ONE:
                     u[c, a] = 1.0
+                elif kind[c] == COULOMB:
+                    u[c, a] = rest[speed_state, a] * y[a] if speed_state >= 0 else y[a]
                 elif kind[c] == COSINE:
                     u[c, a] = math.cos(u_scale[c, a] * y[a])
                 elif kind[c] == SINE:
                     u[c, a] = math.sin(u_scale[c, a] * y[a])
-
-
-# --- The hyperbolic tangent as arithmetic without branches, which the compiler can do for several lanes at a time -----
-
-
-# That of the C library is called for each lane by itself and takes a tenth of the time of a whole sample.
-# tanh x = e / (e + 2),   e = exp(2 x) - 1 = 2^k (exp(r) - 1) + 2^k - 1,   2 x = k log 2 + r,   |r| <= log(2) / 2
-
-_ONE_FROM = 20.0
-"""From here on tanh is 1 to the last bit."""
-_WHOLE = 1.5 * 2.0**52
-"""Added to a number that is not large, and taken away again: rounds it to a whole number."""
-_LOG2_HIGH, _LOG2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
-"""log 2 in two parts: the first has so few digits that its products with k are exact."""
-_C = tuple(1.0 / math.factorial(k) for k in range(14))
-
-
-@kernel
-def tanh(x: float) -> float:
-    """Tanh x, with an error below three units of its last place; exactly odd."""
-    double = 2.0 * min(abs(x), _ONE_FROM)
-    k = (double * (1.0 / math.log(2.0)) + _WHOLE) - _WHOLE
-    r = (double - k * _LOG2_HIGH) - k * _LOG2_LOW
-    z = r * r
-    even = _C[2] + z * (_C[4] + z * (_C[6] + z * (_C[8] + z * (_C[10] + z * _C[12]))))
-    odd = _C[3] + z * (_C[5] + z * (_C[7] + z * (_C[9] + z * (_C[11] + z * _C[13]))))
-    power = power_of_two(k)
-    e = power * (r + z * (even + r * odd)) + (power - 1.0)
-    return math.copysign(e / (e + 2.0), x)
 
 
 # --- The conditions that an axis works under: nominal values that follow them, and gates that close -------------------

@@ -34,6 +34,7 @@ from monitor_core.kernel.cusum import (
     update_cusum,
 )
 from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, count_until_kept, gather_evidence
+from monitor_core.kernel.friction import has_friction, hold_friction, middle_speed
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import check_start, reject_outliers, update_running_variance
 from monitor_core.kernel.propagate import choose_substeps, evaluate_coefficients, evaluate_inputs, propagate
@@ -213,6 +214,7 @@ def run(
         )
         psi, Ppsi, d, nu, moved = table(p, W), table(p, W), table(p, W), table(p, W), table(p, W)
         tested, u_first, K = flags(p, W), table(T.m, W), table(n, W)
+        acting, du, middle = table(T.m, W), table(p * T.m, W).reshape(p, T.m, W), middle_speed(p, W)
         u, y, h, h_first, h_before = floats(W), floats(W), floats(W), floats(W), floats(W)
         over, ago, lam, share, norm = floats(W), floats(W), floats(W), floats(W), floats(W)
         yhat, eps, believed, S = floats(W), floats(W), floats(W), floats(W)
@@ -230,6 +232,7 @@ def run(
         evidence = EvidenceState(theta, P, st.lam0_running, st.observed, st.left, st.noting, st.learned,
                                  con.span, con.naming_samples)
         # fmt: on
+        friction = has_friction(lanes, T, con.V0)
         count_until_kept(lanes, con.span, st.learned, until)
         copy_rows(con.V0, V)
         copy_rows(st.z, X)
@@ -250,13 +253,17 @@ def run(
                 if drift:
                     random_walk(lanes, con.drift, st.seed_left, lam, share)
                 evaluate_coefficients(lanes, T.terms, con.V0, con.coef, theta, V)
-                if split_at_delay(lanes, T.kind, delay, st.torque_before, st.u, h, h_first, u_first):
-                    evaluate_inputs(lanes, T.inputs, V, u_first, st.du, G)
+                copy_rows(st.u, acting)
+                if friction:
+                    hold_friction(lanes, T.friction, T.kind, T.late, con.u_scale, V, delay, st.torque_before, h, X,
+                                  acting, du, middle)
+                if split_at_delay(lanes, T.kind, delay, st.torque_before, acting, h, h_first, u_first):
+                    evaluate_inputs(lanes, T.inputs, V, u_first, du, G)
                     choose_substeps(lanes, T.A_row, con.weight, V, h_first, steps, terms, norm)
                     propagate(lanes, F_X, V_, G_, h_first, steps, terms, X_, work, more)
                 if T.late >= 0:
-                    switch_torque(lanes, T.inputs, T.kind, T.late, T.p, V, delay, u_first, st.u, h_first, h, X)
-                evaluate_inputs(lanes, T.inputs, V, st.u, st.du, G)
+                    switch_torque(lanes, T.inputs, T.kind, T.late, T.p, V, delay, u_first, acting, h_first, h, X)
+                evaluate_inputs(lanes, T.inputs, V, acting, du, G)
                 if T.mean >= 0 and split_at_mean(lanes, con.interval, h_first, h, h_before, over, lost):
                     choose_substeps(lanes, T.A_row, con.weight, V, h_before, steps, terms, norm)
                     propagate(lanes, F_X, V_, G_, h_before, steps, terms, X_, work, more)
@@ -294,7 +301,7 @@ def run(
                     note_crossings(lanes, tests, cusum, t, d, tested, a0, reset, events)
                 gather_evidence(lanes, evidence, t, until, d, tracks, a0, kept_t, kept_d, events.filled, noted)
             restart_predictor(lanes, mode, con.rest, y, X)
-            hold_inputs(lanes, T, con.u_scale, t, u, y, mode, X, st.t, st.u, st.du, st.torque_before)
+            hold_inputs(lanes, T, con.u_scale, con.rest, t, u, y, mode, st.t, st.u, st.torque_before)
             if trace.eps.size:
                 _record(lanes, k, a0, roles, eps, psi, cusum, st.observed, trace)
         # fmt: on

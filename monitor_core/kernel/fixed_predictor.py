@@ -4,15 +4,19 @@
     x  = Ad x+ + Bd u,   z_i  = Ad z_i+ + dAd_i x+ + dBd_i u + Bd du_i
 
 with Ad, Bd and their derivatives computed once for each distinct interval (matrix_exponential.py).  K = 0 simulates.
+Friction is that of the speed at the middle of the interval (friction.py).
+
 The p columns z_i are stored side by side; only the first q have derivatives of Ad, Bd, C and of inputs.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import array_function, entry, outlined
+from monitor_core.kernel.friction import SMALLEST, tanh
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 
 FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
@@ -20,6 +24,23 @@ FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
 missing), the state of the speed at the sensor, or the predicted output."""
 
 _DIVERGED = 1e100
+
+
+class MotionInputs(NamedTuple):
+    """Inputs that depend on the motion, of m in all; m' = m + 1 where the last is the torque of the sample before.
+
+    The speed at the middle of an interval is v = v_0 + half (x, u) + sum of braked_c tanh(scale_c v).
+    """
+
+    kind: Ints  # (m,)
+    source: Ints  # (m,)
+    state: int  # of the speed at the sensor
+    scale: Floats  # (L, m) factors of the angle or speed
+    dscale: Floats  # (L, m, q)
+    half: Floats  # (G, n + m') half an interval times the acceleration, by x and the inputs but friction
+    dhalf: Floats  # (G, n + m', q)
+    braked: Floats  # (G, m) the same by each friction
+    dbraked: Floats  # (G, m, q)
 
 
 @outlined
@@ -51,53 +72,85 @@ def _correct(K: Floats, dK: Floats, eps: float, k: int, psi: Floats, x: Floats, 
 
 
 @outlined
-def _function(kind: int, a: float) -> tuple[float, float]:
-    """An input that depends on the motion, and its derivative."""
-    if kind == COULOMB:
-        f = math.tanh(a)
-        return f, 1.0 - f * f
-    if kind == COSINE:
-        return math.cos(a), -math.sin(a)
-    return math.sin(a), math.cos(a)
-
-
-@outlined
-def _of_motion(
-    c: int,
-    kind: int,
-    source: int,
-    state: int,
-    measured: bool,
-    y: float,
-    j: int,
-    scale: Floats,
-    dscale: Floats,
-    C: Floats,
-    dC: Floats,
-    x: Floats,
-    b: int,
-    Z: Floats,
+def _motion(
+    source: int, state: int, measured: bool, y: float, j: int, C: Floats, dC: Floats, x: Floats, b: int, Z: Floats,
     slope: Floats,
-) -> float:
-    """Input c, f(scale v) of the angle or speed v, with its derivatives into row n + c of Z.
-
-    ``slope`` (1, p) is scratch.
-    """
-    to, v = x.size + c, y
+) -> float:  # fmt: skip
+    """Angle or speed now that an input depends on, with its gradient into the first row of ``slope``."""
     for i in range(slope.shape[1]):
         slope[0, i] = 0.0
     if source == FROM_STATE:
-        v = x[state]
         for i in range(slope.shape[1]):
             slope[0, i] = Z[b, state, i]
-    elif source != FROM_RECORD or not measured:
-        v = _output(j, C, dC, True, x, b, Z, 0, slope)
-    f, rate = _function(kind, scale[j, c] * v)
+        return float(x[state])
+    if source == FROM_RECORD and measured:
+        return y
+    return _output(j, C, dC, True, x, b, Z, 0, slope)
+
+
+@outlined
+def _gravity(
+    c: int, j: int, M: MotionInputs, angle: float, n: int, b: int, Z: Floats, slope: Floats
+) -> float:
+    """Input c, cosine or sine of the angle, with its derivatives into row n + c of Z."""
+    a = M.scale[j, c] * angle
+    f, rate = (math.cos(a), -math.sin(a)) if M.kind[c] == COSINE else (math.sin(a), math.cos(a))
     for i in range(slope.shape[1]):
-        Z[b, to, i] = rate * scale[j, c] * slope[0, i]
-    for i in range(dscale.shape[2]):
-        Z[b, to, i] += rate * v * dscale[j, c, i]
+        Z[b, n + c, i] = rate * M.scale[j, c] * slope[0, i]
+    for i in range(M.dscale.shape[2]):
+        Z[b, n + c, i] += rate * angle * M.dscale[j, c, i]
     return f
+
+
+@outlined
+def _hold_friction(
+    g: int, j: int, M: MotionInputs, speed: float, x: Floats, w: Floats, b: int, Z: Floats, slope: Floats
+) -> None:
+    """Friction of the speed at the middle of interval g, into w and its derivatives into Z, where the others are.
+
+    ``slope`` (3, p): the gradient of the speed now, which becomes that of w of friction.py, those of v and v_1.
+    """
+    n, m, p, q = x.size, M.kind.size, slope.shape[1], M.dscale.shape[2]
+    v, divisor = speed, 1.0
+    for e in range(M.half.shape[1]):
+        half, factor = M.half[g, e], x[e] if e < n else w[e]
+        v += half * factor
+        if half != 0.0 and e < n + m:
+            for i in range(p):
+                slope[0, i] += half * Z[b, e, i]
+        for i in range(q):
+            slope[0, i] += M.dhalf[g, e, i] * factor
+    for i in range(p):
+        slope[1, i] = slope[0, i]
+        slope[2, i] = 0.0
+    for c in range(m):
+        if M.kind[c] == COULOMB:
+            divisor -= M.braked[g, c] * M.scale[j, c]
+            for i in range(q):
+                slope[2, i] -= M.dbraked[g, c, i] * M.scale[j, c] + M.braked[g, c] * M.dscale[j, c, i]
+    kept = divisor > SMALLEST
+    divisor = divisor if kept else SMALLEST
+    v1 = v / divisor
+    for i in range(p):
+        slope[2, i] = (slope[0, i] - (v1 * slope[2, i] if kept else 0.0)) / divisor
+    for c in range(m):
+        if M.kind[c] == COULOMB:
+            f = tanh(M.scale[j, c] * v1)
+            rate = M.braked[g, c] * (1.0 - f * f)
+            v += M.braked[g, c] * f
+            for i in range(p):
+                slope[1, i] += rate * M.scale[j, c] * slope[2, i]
+            for i in range(q):
+                slope[1, i] += rate * v1 * M.dscale[j, c, i] + M.dbraked[g, c, i] * f
+    for c in range(m):
+        if M.kind[c] == COULOMB:
+            f = tanh(M.scale[j, c] * v)
+            rate = 1.0 - f * f
+            w[n + c] = f
+            for i in range(p):
+                Z[b, n + c, i] = rate * M.scale[j, c] * slope[1, i]
+            for i in range(q):
+                Z[b, n + c, i] += rate * v * M.dscale[j, c, i]
 
 
 @entry
@@ -143,15 +196,16 @@ def _varies(slopes: Floats) -> bool:
 
 
 @outlined
-def _moves(kind: Ints, source: Ints, measured: Ints, dscale: Floats) -> bool:
-    """Whether an input has derivatives: of predicted motion, or of measured motion scaled by a parameter."""
+def _moves(M: MotionInputs, measured: Ints) -> bool:
+    """Whether an input has derivatives: friction, gravity of a predicted angle or with an estimated factor."""
     complete = True
     for k in range(measured.size):
         complete &= measured[k] != 0
-    for c in range(kind.size):
-        if kind[c] != TORQUE and kind[c] != ONE and not (source[c] == FROM_RECORD and complete):
+    for c in range(M.kind.size):
+        known = M.source[c] == FROM_RECORD and complete and M.kind[c] != COULOMB
+        if M.kind[c] != TORQUE and M.kind[c] != ONE and not known:
             return True
-    return _varies(dscale)
+    return _varies(M.dscale)
 
 
 @entry
@@ -161,11 +215,7 @@ def predict_record(
     u: Floats,
     y: Floats,
     measured: Ints,
-    kind: Ints,
-    source: Ints,
-    state: int,
-    scale: Floats,
-    dscale: Floats,
+    motion: MotionInputs,
     X: Floats,
     dX: Floats,
     C: Floats,
@@ -180,20 +230,20 @@ def predict_record(
     """Prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where y was not measured.
 
     ``step`` (N,) is the index of the held X (G, n, n + m') and dX (G, n + m', n q) that lead to the next sample,
-    ``level`` (N,) the index of the outputs C (L, n), dC (L, n, q) and input scales scale (L, m), dscale (L, m, q).
-    Where X has one input more than there are kinds, m' = m + 1, that is the torque of the sample before.
+    ``level`` (N,) the index of the outputs C (L, n), dC (L, n, q).  Where X has one input more than there are kinds,
+    m' = m + 1, that is the torque of the sample before.
 
     Returns whether all values are finite; if not, the rest of the record is left out.
     """
-    (n, p), m = Z0.shape, kind.size
-    wide = width(p)
+    (n, p), kind = Z0.shape, motion.kind
+    m, wide = kind.size, width(p)
     Ad, slopes = padded(X), padded_slopes(dX, n, wide)
     flat = np.zeros((2, room(n + m) * wide))
     Z = flat.reshape((2, room(n + m), wide))
     Z[0, :n, :p] = Z0
-    x, w, slope = x0.copy(), np.zeros(slopes.shape[1]), np.zeros((1, p))
+    x, w, slope = x0.copy(), np.zeros(slopes.shape[1]), np.zeros((3, p))
     corrects, varies = _corrects(K, dK), _varies(dC)
-    rows = room(n + m) if _moves(kind, source, measured, dscale) else room(n)
+    rows = room(n + m) if _moves(motion, measured) else room(n)
     for k in range(u.size):
         b, j = k & 1, level[k]
         if k > 0:
@@ -213,18 +263,24 @@ def predict_record(
         else:
             for i in range(p):
                 psi[k, i] = 0.0
+        if X.shape[2] > n + m:
+            w[n + m] = u[max(k - 1, 0)]
+        friction = -1
         for c in range(m):
             if kind[c] == TORQUE:
                 w[n + c] = u[k]
             elif kind[c] == ONE:
                 w[n + c] = 1.0
+            elif kind[c] == COULOMB:
+                friction = c
             else:
-                w[n + c] = _of_motion(
-                    c, kind[c], source[c], state, measured[k] != 0, y[k],
-                    j, scale, dscale, C, dC, x, b, Z, slope,
-                )  # fmt: skip
-        if X.shape[2] > n + m:
-            w[n + m] = u[max(k - 1, 0)]
+                v = _motion(motion.source[c], motion.state, measured[k] != 0, y[k], j, C, dC, x, b, Z, slope)
+                w[n + c] = _gravity(c, j, motion, v, n, b, Z, slope)
+        if friction >= 0:
+            v = _motion(
+                motion.source[friction], motion.state, measured[k] != 0, y[k], j, C, dC, x, b, Z, slope
+            )
+            _hold_friction(step[k], j, motion, v, x, w, b, Z, slope)
     return True
 
 

@@ -31,9 +31,11 @@ from monitor_core.kernel.admission import (
 )
 from monitor_core.kernel.admission import GATED as CLOSED
 from monitor_core.kernel.compile import entry, kernel, outlined
+from monitor_core.kernel.friction import hold_friction, middle_speed
 from monitor_core.kernel.likelihood import G, log_likelihood_ratios, restart_paths, update_sums
 from monitor_core.kernel.outliers import check_start, reject_outliers
 from monitor_core.kernel.predictors import (
+    DELAY,
     FARTHEST,
     GAP,
     INTERVAL,
@@ -51,13 +53,14 @@ from monitor_core.kernel.predictors import (
     propagate_interval,
     propagate_nominal,
     restart_diverged,
+    scale_torque,
 )
 from monitor_core.kernel.recursion import predict
 from monitor_core.kernel.sample_interval import divide_by_interval, restart_integral
 from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
 from monitor_core.kernel.state import OUTLIER as OUTLIER_COUNT
-from monitor_core.kernel.tables import Tables
-from monitor_core.kernel.work_arrays import floats, ints, table
+from monitor_core.kernel.tables import TORQUE, Tables
+from monitor_core.kernel.work_arrays import copy_rows, floats, ints, table
 
 _SAME_S = 1e-6
 """An interval that differs from the nominal one by less is taken for it."""
@@ -138,13 +141,17 @@ def run_hypotheses(
     lane = (0,)
     n, m, H = T.n, T.m, len(lanes)
     x, u, own, axis = M.x, M.u, P.own, P.axis
-    X, flat_u, new = x.reshape(x.size), u.reshape(u.size), floats(n * H)
+    acting, middle = table(m, H), middle_speed(0, H)
+    X, flat_u, new = x.reshape(x.size), acting.reshape(acting.size), floats(n * H)
     move, taps, constant, acts = (
         P.move.reshape(P.move.size), P.taps.reshape(P.taps.size), P.constant.reshape(P.constant.size),
         P.acts.reshape(P.acts.size),
     )  # fmt: skip
-    psi, du, no_torque, motion = table(0, H), np.zeros((0, m, H)), floats(H), floats(H)
+    psi, du, before, motion = table(0, H), np.zeros((0, m, H)), floats(H), floats(H)
     over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
+    late = floats(H)
+    for a in range(H):
+        late[a] = max(own[DELAY, a], 0.0)
     doing, last = ints(H), ints(H)
     t, ut, y, mode, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
     moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
@@ -168,13 +175,22 @@ def run_hypotheses(
         if mode[0] >= SETTLE:
             for a in range(H):
                 over[a] = h[0]
+            if P.moving.size:
+                copy_rows(u, acting)
+            if P.moving.size and T.friction.number:
+                scale_torque(lanes, T.kind, own, numbers[TORQUE_BEFORE, 0], acting)
+                for c in range(m):
+                    for a in range(H):
+                        before[a] = acting[c, a] if T.kind[c] == TORQUE else before[a]
+                scale_torque(lanes, T.kind, own, numbers[TORQUE_HELD, 0], acting)
+                hold_friction(lanes, T.friction, T.kind, -1, P.u_scale, P.V0, late, before, over, x, acting, du, middle)
             if abs(h[0] - interval) <= _SAME_S:
                 propagate_nominal(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
                                   numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
                 K_now = nominal_K
             else:
-                propagate_interval(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], u, x,
-                                   over, K)
+                propagate_interval(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], acting,
+                                   x, over, K)
                 K_now = K
             predict(lanes, T.outputs, P.V0, x, yhat, psi)
             if T.mean >= 0:
@@ -217,7 +233,7 @@ def run_hypotheses(
                 for a in range(H):
                     motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
                     doing[a] = TRACK
-                hold_inputs(lanes, T, P.u_scale, last, motion, motion, doing, x, last, u, du, no_torque)
+                hold_inputs(lanes, T, P.u_scale, P.rest, last, motion, motion, doing, last, u, before)
             integers[LAST, 0] = t[0]
             numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
             numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = ut[0], y[0]

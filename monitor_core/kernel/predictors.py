@@ -64,7 +64,7 @@ def propagate_nominal(
 
 
 @kernel
-def _torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) -> None:
+def scale_torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) -> None:
     """The torque that acts under each hypothesis, from the measured one."""
     for c in range(kind.size):
         if kind[c] == TORQUE:
@@ -94,7 +94,7 @@ def _over(
         return
     GX, du = table(n, H), np.zeros((0, T.m, H))
     steps, terms, norm = ints(H), ints(H), floats(H)
-    _torque(lanes, T.kind, P.own, torque, u)
+    scale_torque(lanes, T.kind, P.own, torque, u)
     evaluate_inputs(lanes, T.inputs, P.V0, u, du, GX)
     choose_substeps(lanes, T.A_row, P.weight, P.V0, h, steps, terms, norm)
     F, V, G, X_flat = (

@@ -17,12 +17,18 @@ from monitor_core.kernel.tables import OutputTerms
 @kernel
 def predict(lanes: Any, outputs: OutputTerms, V: Floats, X: Floats, yhat: Floats, psi: Floats) -> None:
     """Prediction yhat = C x (W,) and its gradient psi_i = C z_i + C_i x (p, W)   (eq. 16-17)."""
-    slot, src, par = outputs.slot, outputs.src, outputs.par
     for a in range(len(lanes)):
         yhat[a] = 0.0
     for i in range(psi.shape[0]):
         for a in range(len(lanes)):
             psi[i, a] = 0.0
+    add_products(lanes, outputs, V, X, yhat, psi)
+
+
+@kernel
+def add_products(lanes: Any, terms: OutputTerms, V: Floats, X: Floats, yhat: Floats, psi: Floats) -> None:
+    """Add products of a row of A, B or C, and of its derivatives, to a number (W,) and its gradient (p, W)."""
+    slot, src, par = terms.slot, terms.src, terms.par
     for q in range(slot.size):
         s, c, i = slot[q], src[q], par[q]
         if i < 0:

@@ -16,7 +16,7 @@ from monitor_core.kernel.tables import GAINS, Constants, Tables
 NEVER = np.iinfo(np.int64).min
 """Time stamp of something that has not happened."""
 
-SCHEMA = 6
+SCHEMA = 7
 """Version of the order below; part of the key of every checkpoint."""
 
 COUNTERS = (
@@ -61,8 +61,7 @@ class State(NamedTuple):
     theta: Floats  # (p, W)
     P: Floats  # (p, p, W)
     g: Floats  # (2, p, W) CUSUM for an increase and for a decrease
-    u: Floats  # (m, W) inputs held since the last sample
-    du: Floats  # (p, m, W) their derivatives (friction of the predicted speed)
+    u: Floats  # (m, W) inputs held since the last sample; for friction the speed, where that was measured
     torque_before: Floats  # (W,) torque of the sample before, acts during the delay
     lam0_running: Floats  # (W,) running innovation variance
     P_nom: Floats  # (p, W) commissioned P_ii: P(0), summed up while it is found
@@ -94,8 +93,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
     c = b + p
     d = c + p * p
     e = d + 2 * p
-    f = e + m
-    g = f + p * m
+    g = e + m
     s = g + 2 + p
     r = 3 + 2 * p
     return State(
@@ -104,8 +102,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         F[b:c],
         F[c:d].reshape(p, p, W),
         F[d:e].reshape(2, p, W),
-        F[e:f],
-        F[f:g].reshape(p, m, W),
+        F[e:g],
         F[g],
         F[g + 1],
         F[g + 2 : s],
@@ -132,7 +129,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
 
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Number of rows of the float array and of the integer array."""
-    floats = n + p * n + p + p * p + 2 * p + m + p * m + 4 + 3 * p
+    floats = n + p * n + p + p * p + 2 * p + m + 4 + 3 * p
     return floats, 10 + 4 * p + len(COUNTERS)
 
 

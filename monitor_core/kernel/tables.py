@@ -57,6 +57,20 @@ class OutputTerms(NamedTuple):
     par: Ints  # psi of this parameter, or -1: to yhat
 
 
+class FrictionTerms(NamedTuple):
+    """Products for the speed that Coulomb friction depends on: row ``state`` of A, B and of their derivatives.
+
+    In each list ``par`` is the parameter of z_i, A_i, B_i, or -1: x, A, B.
+    """
+
+    number: int  # inputs that are Coulomb friction
+    state: int  # index in x of the speed at the sensor, up to a factor; -1: no state is, and that speed is measured
+    filtered: int  # 1: the speed in x is used (angle or mean speed is measured), 0: the measured speed
+    motion: OutputTerms  # A on z_i and x, A_i on x; src is an element of (z_1 .. z_p, x)
+    driven: OutputTerms  # B and B_i on the other inputs; src is the input
+    braked: OutputTerms  # B and B_i on the frictions
+
+
 class LaurentTerms(NamedTuple):
     """Terms c * prod theta_i^e_i with a monitored parameter."""
 
@@ -76,10 +90,6 @@ class Tables(NamedTuple):
     n: int  # states
     p: int  # monitored parameters
     m: int  # inputs
-    speed_state: int  # index in x of the speed at the sensor (up to a factor), where friction uses it
-    filtered_speed: (
-        int  # 1: friction uses the speed in x (angle or mean speed is measured), 0: the measured speed
-    )
     mean: int  # index in x of the angle since the last sample, of which a mean speed is made; -1: none is measured
     late: int  # which parameter is the delay of the torque, -1: none
     slots: int  # length of V; V[slots] is an extra 0
@@ -89,6 +99,7 @@ class Tables(NamedTuple):
     product: Product
     inputs: InputTerms
     outputs: OutputTerms
+    friction: FrictionTerms
     terms: LaurentTerms
 
 

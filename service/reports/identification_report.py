@@ -112,7 +112,7 @@ class IdentificationReport:
     def _friction(self) -> Iterator[str]:
         if self.result.options.speed_scales:
             scale = self.result.estimate.problem.speed_scale
-            yield f"friction_speed_scale is not given: of those tried, {scale:.3g} rad/s explains the records best."
+            yield f"friction_speed_scale is not given: {scale:.3g} rad/s explains the records best."
 
     def _held(self) -> Iterator[str]:
         held = self.result.held

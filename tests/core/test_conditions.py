@@ -57,7 +57,7 @@ def test_the_predictor_moves_with_its_conditions(seed: int) -> None:
     for k in range(1, SAMPLES):
         A, B, _ = model.matrices(model.theta0 + shift[k])
         h = (rec.t_us[k] - rec.t_us[k - 1]) * 1e-6
-        x = held_over(A, B @ inputs(model, s, rec.u[k - 1], rec.y[k - 1], x), x, h)
+        x = held_over(A, B @ inputs(model, rec.u[k - 1], rec.y[k - 1]), x, h)
     np.testing.assert_allclose(monitor.batch.state.x[:, 0], x, rtol=1e-9)
     np.testing.assert_allclose(monitor.batch.state.theta[:, 0], model.theta0 + shift[-1], rtol=1e-13)
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.kernel.admission import tanh
 from monitor_core.kernel.compile import entry
+from monitor_core.kernel.friction import tanh
 
 SIZES = (1e-300, 1e-12, 1e-3, 0.1, 0.3, 1.0, 3.0, 10.0, 1e6)
 EDGES = (0.0, 5e-324, 19.0, 19.0625, 20.0, 20.0625, 1e308, np.inf)

@@ -14,11 +14,18 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
+from monitor_core.identification.predictor.middle_speed import MiddleSpeed, middle_speed
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
 from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records.record import Record
-from monitor_core.kernel.fixed_predictor import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
+from monitor_core.kernel.fixed_predictor import (
+    FROM_OUTPUT,
+    FROM_RECORD,
+    FROM_STATE,
+    MotionInputs,
+    predict_record,
+)
 from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.samples import forward_fill
 
@@ -172,13 +179,12 @@ class Predictor:
         dK = np.zeros((self.n, P))
         dK[:, : K.dK.shape[1]] = K.dK
         X, dX = self._held(point, s, levels, self._torque[acts])
-        scale, dscale = self._scales(levels, self._kinds[acts], dX.shape[2] // self.n)
+        motion = self._motion_inputs(point, s, levels, acts, dX.shape[2] // self.n)
         C = np.array([system.C for system in levels])
         dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
         eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
         good = predict_record(
-            s.step, s.level, s.u, s.y, s.measured, self._kinds[acts], self._source[acts], self.drive.speed_state,
-            scale, dscale, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
+            s.step, s.level, s.u, s.y, s.measured, motion, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
         )  # fmt: skip
         return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
 
@@ -208,20 +214,14 @@ class Predictor:
         self, point: Point, s: Series, levels: Sequence[Linear], torque: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         """X (G, n, n + m) and dX (G, n + m, n q) for the pairs of the series."""
-        parts = [
-            self._held_level(point, s.pairs[s.pairs[:, 1] == j, 0] * 1e-6, system, torque)
-            for j, system in enumerate(levels)
-        ]
-        order = np.argsort(np.concatenate([np.flatnonzero(s.pairs[:, 1] == j) for j in range(len(levels))]))
-        X = np.concatenate([part[0] for part in parts])[order]
-        dX = np.concatenate([part[1] for part in parts])[order]
+        parts = [self._held_level(point, s.intervals_s(j), system, torque) for j, system in enumerate(levels)]
+        X, dX = (s.in_order([part[k] for part in parts]) for k in range(2))
         return X, np.ascontiguousarray(dX.transpose(0, 3, 2, 1)).reshape(len(X), X.shape[2], -1)
 
     def _held_level(
         self, point: Point, intervals_s: Floats, system: Linear, torque: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
-        late_s = max(point.delay_s - self._whole_s, 0.0)
-        late = late_s if self.layout.free_delay or late_s else None
+        late = self._late_s(point)
         if self.drive.mean_state >= 0:
             X, dX = hold_mean(system, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
         else:
@@ -229,6 +229,31 @@ class Predictor:
                 hold(system, intervals_s) if late is None else hold_late(system, torque, intervals_s, late)
             )
         return X, dX if late is None or self.layout.free_delay else dX[:, :-1]
+
+    def _late_s(self, point: Point) -> float | None:
+        """Delay of the torque beyond whole intervals; None: there is none and will be none."""
+        late_s = max(point.delay_s - self._whole_s, 0.0)
+        return late_s if self.layout.free_delay or late_s else None
+
+    def _motion_inputs(
+        self, point: Point, s: Series, levels: Sequence[Linear], acts: NDArray[np.bool_], q: int
+    ) -> MotionInputs:
+        kinds, source = self._kinds[acts], self._source[acts]
+        state = self.drive.speed_state if self.drive.output != "speed" else None
+        late = self._late_s(point)
+        parts = [
+            middle_speed(system, kinds, state, s.intervals_s(j), late) for j, system in enumerate(levels)
+        ]
+        middle = MiddleSpeed(*(s.in_order(list(part)) for part in zip(*parts, strict=True)))
+        if (
+            self.drive.speed_state < 0
+        ):  # the acceleration is not known: friction is that of the measured speed
+            middle = MiddleSpeed(*(0 * part for part in middle))
+        scale, dscale = self._scales(levels, kinds, q)
+        return MotionInputs(
+            kinds, source, self.drive.speed_state, scale, dscale,
+            middle.half, middle.dhalf[..., :q], middle.braked, middle.dbraked[..., :q],
+        )  # fmt: skip
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""
@@ -297,6 +322,15 @@ class Series:
     def first(self) -> float:
         """The first output that was measured."""
         return float(self.y[np.argmax(self.measured)])
+
+    def intervals_s(self, level: int) -> Floats:
+        """Distinct intervals of a level, s."""
+        return np.asarray(self.pairs[self.pairs[:, 1] == level, 0] * 1e-6)
+
+    def in_order(self, of_levels: Sequence[Floats]) -> Floats:
+        """Values for the intervals of one level after the other, in the order of the pairs."""
+        places = [np.flatnonzero(self.pairs[:, 1] == j) for j in range(len(of_levels))]
+        return np.concatenate(of_levels)[np.argsort(np.concatenate(places))]
 
 
 def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:

@@ -6,6 +6,7 @@ Innovations form, friction, offset, torque delay and the rules for gaps as in th
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,18 @@ from numpy.typing import NDArray
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import stable_limits
 from monitor_core.drive.structure import DELAY
-from monitor_core.kernel.tables import COULOMB, GAINS, TORQUE
+from monitor_core.kernel.tables import GAINS, TORQUE
 from monitor_core.settings import Settings
-from tests.core.oracle.system import LOST, Array, derivatives, held_over, inputs, sensor_speed
+from tests.core.oracle.system import (
+    LOST,
+    STEP,
+    Array,
+    Interval,
+    derivatives,
+    held_over,
+    inputs,
+    with_friction,
+)
 
 
 @dataclass
@@ -40,7 +50,7 @@ class Paper:
         self.P = np.diag(s.P0) if P_start is None else P_start.copy()
         self.x, self.z = np.zeros(n), np.zeros((p, n))
         self.u, self.du = np.zeros(m), np.zeros((p, m))
-        self.torque = self.torque_before = 0.0
+        self.torque = self.torque_before = self.y = 0.0
         self.g = np.zeros((2, p))
         self.onset = np.zeros((2, p), dtype=np.int64)
         self.t: int | None = None
@@ -85,16 +95,24 @@ class Paper:
         self.torque_before = u
 
     def _hold(self, u: float, y: float) -> None:
-        """Inputs from this sample on, and their derivatives where friction hangs on the predicted speed."""
-        self.torque_before, self.torque = self.torque, u
-        self.u = inputs(self.model, self.s, u, y, self.x)
-        if self.model.drive.output == "speed":
-            return
-        ratio = self.model.drive.matrix("ratio", self.model.nominal)[:, 0]
-        for c, kind in enumerate(self.model.drive.inputs):
-            if kind == COULOMB:
-                slope = (1 - self.u[c] ** 2) * ratio[c] / self.s.speed_scale
-                self.du[:, c] = slope * (self.z @ sensor_speed(self.model))
+        """Inputs from this sample on; friction follows from how long they are held."""
+        self.torque_before, self.torque, self.y = self.torque, u, y
+        self.u = inputs(self.model, u, y)
+
+    def _rub(self, h: float, delay: float) -> None:
+        """Friction of the interval, and its derivatives by the complex step: of theta, and of x with it."""
+
+        def of(theta: NDArray[Any], x: NDArray[Any], delay: Any) -> NDArray[Any]:
+            during = Interval(h, delay, self.torque_before)
+            return with_friction(self.model, self.s, theta, self.u, self.y, x, during)
+
+        late = self.model.monitored.index(DELAY) if DELAY in self.model.monitored else -1
+        for i, z in enumerate(self.z):
+            step = 1j * STEP * max(1.0, abs(self.theta[i]))
+            theta = self.theta + step * np.eye(len(self.theta))[i]
+            moved = of(theta, self.x + step * z, delay + (step if i == late else 0))
+            self.du[i] = np.imag(moved) / abs(step)
+        self.u = of(self.theta, self.x, delay)
 
     def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
         assert self.t is not None
@@ -108,6 +126,7 @@ class Paper:
         self.lam = self.s.lam ** (h / self.s.interval_s)
         self.A, self.B, C = self.model.matrices(self.theta)
         self.dA, self.dB, dC = (derivatives(self.model, which, self.theta) for which in "ABC")
+        self._rub(h, delay)
         self._propagate(late, self.torque_before)
         if DELAY in monitored:
             self._step_of_torque(min(delay, 0.0), monitored.index(DELAY))

@@ -7,7 +7,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
-from tests.core.oracle.system import LOST, Array, held_over, inputs
+from tests.core.oracle.system import LOST, Array, Interval, held_over, inputs, with_friction
 
 
 def prediction(
@@ -20,9 +20,11 @@ def prediction(
     delay = theta[model.monitored.index(DELAY)] if DELAY in model.monitored else s.delay_s
     mean = model.drive.mean_state
     x = model.drive.matrix("rest", model.nominal)[:, 0] * y[0] + 0 * A[0]
-    yhat, before, held = [C[0] @ x], u[0], inputs(model, s, u[0], y[0], x)
+    yhat, before = [C[0] @ x], u[0]
     for j in range(1, len(u)):
         h = (t_us[j] - t_us[j - 1]) * 1e-6
+        held = inputs(model, u[j - 1], y[j - 1])
+        held = with_friction(model, s, theta, held, y[j - 1], x, Interval(h, delay, before))
         late, ahead = (min(delay, h, key=np.real), 0.0) if np.real(delay) > 0 else (0.0, delay)
         x = x + ahead * B @ np.where(kinds == TORQUE, before - u[j - 1], 0.0)
         lost = mean >= 0 and h > LOST * s.interval_s
@@ -37,5 +39,5 @@ def prediction(
         x = x + K * (y[j] - yhat[-1])
         if mean >= 0:
             x[mean] = 0.0
-        before, held = u[j - 1], inputs(model, s, u[j], y[j], x)
+        before = u[j - 1]
     return np.array(yhat)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,13 +40,20 @@ def held_over(F: NDArray[np.generic], f: NDArray[np.generic], w: NDArray[np.gene
     return np.asarray((d * (expm(balanced * h) @ (np.append(w, 1.0) / d)))[:size])
 
 
-def inputs(model: AxisModel, s: Settings, u: float, y: float, x: NDArray[Any]) -> NDArray[Any]:
-    """What acts after a sample (u, y), x being the state after its correction: torque, friction, offset, gravity."""
+class Interval(NamedTuple):
+    """An interval before it is over: how long, how much later the torque acts, and which acts until then."""
+
+    h: float
+    delay: Any
+    torque_before: float
+
+
+def inputs(model: AxisModel, u: float, y: float) -> NDArray[Any]:
+    """What acts after a sample (u, y) but friction: torque, offset, gravity."""
     ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
-    speed = y if model.drive.output == "speed" else sensor_speed(model) @ x
     functions: dict[int, Callable[[float], Any]] = {
         TORQUE: lambda _: u,
-        COULOMB: lambda ratio: np.tanh(ratio * speed / s.speed_scale),
+        COULOMB: lambda _: 0.0,
         ONE: lambda _: 1.0,
         COSINE: lambda ratio: math.cos(ratio * y),
         SINE: lambda ratio: math.sin(ratio * y),
@@ -54,7 +61,37 @@ def inputs(model: AxisModel, s: Settings, u: float, y: float, x: NDArray[Any]) -
     return np.array([functions[kind](r) for kind, r in zip(model.drive.inputs, ratio, strict=True)])
 
 
+def with_friction(
+    model: AxisModel,
+    s: Settings,
+    theta: NDArray[Any],
+    held: NDArray[Any],
+    y: float,
+    x: NDArray[Any],
+    during: Interval,
+) -> NDArray[Any]:
+    """The inputs with Coulomb friction of the speed at the middle of the interval; theta and x may be complex."""
+    kinds = np.array(model.drive.inputs)
+    rubs, drives = kinds == COULOMB, kinds == TORQUE
+    if not rubs.any():
+        return held
+    A, B = (model.drive.matrix(which, model.values(theta)) for which in "AB")  # type: ignore[arg-type]
+    by = model.drive.matrix("ratio", model.nominal)[rubs, 0] / s.speed_scale
+    to_speed, h, delay = sensor_speed(model), during.h, during.delay
+    late = delay if np.real(delay) < h else h
+    # Part of the torque before in the mean speed of the interval; a torque that came early has moved x by as much.
+    old = 1 - (1 - late / h) ** 2 if np.real(late) > 0 else 2 * late / h
+    pushed = held + np.where(drives, old * (during.torque_before - held), 0.0)
+    start = y if model.drive.output == "speed" else to_speed @ x
+    w = start + h / 2 * to_speed @ (A @ x + B @ pushed)
+    b = h / 2 * to_speed @ B[:, rubs]
+    first = np.tanh(by * w / (1 - b @ by))
+    out = np.array(held, dtype=np.result_type(held, w))
+    out[rubs] = np.tanh(by * (w + b @ first))
+    return out
+
+
 def sensor_speed(model: AxisModel) -> Array:
-    """The row of the speed at an angle sensor, y' = C A x (the inputs have no direct effect on it), at nominal."""
+    """The row of the speed at the sensor, y or y' = C A x (the inputs have no direct effect on it), at nominal."""
     A, _, C = model.matrices()
-    return np.asarray((C @ A)[0])
+    return np.asarray(C[0] if model.drive.output == "speed" else (C @ A)[0])

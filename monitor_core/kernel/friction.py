@@ -1,0 +1,195 @@
+"""Coulomb friction over an interval: that of the speed at its middle, as the model predicts it.
+
+Friction of the speed at the beginning would be half an interval late.  With the acceleration of the drive at the
+beginning, b of the inputs but friction and B_c for each of those, the speed at the middle is the v of
+
+    v = v_0 + h/2 (A x + b + sum B_c tanh(s_c v))          (row of the speed in A, B)
+
+s_c is the factor of the speed in friction c.  One step of v = w + h/2 sum B_c tanh(s_c v) that starts from the solution
+with tanh(s v) = s v is enough; that is also exact, and stable for any interval, where the axis stands still:
+
+    v_1 = w / (1 - h/2 sum B_c s_c),     v = w + h/2 sum B_c tanh(s_c v_1),     u_c = tanh(s_c v)
+
+The interval is known only when it has passed.  So friction is formed with the sample that ends the interval, of what
+was known at its beginning.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from monitor_core.arrays import Floats, Ints
+from monitor_core.kernel.compile import allocating, kernel, outlined
+from monitor_core.kernel.llvm_vectors import power_of_two
+from monitor_core.kernel.recursion import add_products, predict
+from monitor_core.kernel.tables import COULOMB, TORQUE, FrictionTerms, Tables
+from monitor_core.kernel.work_arrays import floats, table
+
+SMALLEST = 0.5
+"""Of the divisor of v_1: a friction that is negative by much, which would drive the axis, does not turn its sign."""
+
+
+class MiddleSpeed(NamedTuple):
+    """Work arrays."""
+
+    v: Floats  # (W,) w, and then v
+    v1: Floats  # (W,)
+    divisor: Floats  # (W,)
+    rate: Floats  # (W,) by what v changes with w beyond it, dv = (1 + rate) dw where B is constant
+    dv: Floats  # (p, W)
+    dw: Floats  # (p, W)
+    slope: Floats  # (p, W) d/dtheta_i of sum B_c s_c
+
+
+@allocating
+def middle_speed(p: int, W: int) -> MiddleSpeed:
+    """Work arrays of ``hold_friction``."""
+    return MiddleSpeed(floats(W), floats(W), floats(W), floats(W), table(p, W), table(p, W), table(p, W))
+
+
+@kernel
+def mean_torque_share(delay: float, h: float) -> float:
+    """How much of the held torque, and not of the one before, there is in the speed at the middle of the interval.
+
+    As in the mean speed of the interval: of a torque that acts from ``delay`` on, (1 - delay / h)^2.  One that acts
+    before its sample has moved the drive by then, to first order as in ``switch_torque``.
+    """
+    late = min(delay, h) / h if h > 0.0 else 0.0
+    return 1.0 - 2.0 * late + (late * late if late > 0.0 else 0.0)
+
+
+@outlined
+def has_friction(lanes: Any, T: Tables, V0: Floats) -> bool:
+    """Whether a friction acts on any lane, or may as it is estimated; V0 (slots, W) of the Constants."""
+    inputs, estimated = T.inputs, T.terms.slot
+    for q in range(inputs.row.size if T.friction.number else 0):
+        if T.kind[inputs.col[q]] == COULOMB:
+            for a in range(len(lanes)):
+                if V0[inputs.slot[q], a] != 0.0:
+                    return True
+            for j in range(estimated.size):
+                if estimated[j] == inputs.slot[q]:
+                    return True
+    return False
+
+
+@outlined
+def hold_friction(
+    lanes: Any,
+    F: FrictionTerms,
+    kind: Ints,
+    late: int,
+    u_scale: Floats,
+    V: Floats,
+    delay: Floats,
+    torque_before: Floats,
+    h: Floats,
+    X: Floats,
+    u: Floats,
+    du: Floats,
+    work: MiddleSpeed,
+) -> None:
+    """Friction in u (m, W) over an interval h (W,), and its derivatives du (p, m, W).
+
+    u contains the other inputs held, and for friction the speed v_0 where that was measured.
+    """
+    p = du.shape[0]
+    n = X.shape[0] // (p + 1)
+    v, v1, divisor, rate = work.v, work.v1, work.divisor, work.rate
+    dv, dw, slope = work.dv, work.dw, work.slope
+    # divisor and v1 hold v_0 and the torque meanwhile.
+    for c in range(kind.size):
+        for a in range(len(lanes)):
+            if kind[c] == TORQUE:
+                share = mean_torque_share(delay[a], h[a])
+                v1[a] = u[c, a]
+                u[c, a] = share * u[c, a] + (1.0 - share) * torque_before[a]
+            elif kind[c] == COULOMB:
+                divisor[a] = X[p * n + F.state, a] if F.filtered else u[c, a]
+    # w = v_0 + h/2 (A x + b) and its derivatives; the step of the torque is one of them where its delay is.
+    predict(lanes, F.motion, V, X, v, dw)
+    add_products(lanes, F.driven, V, u, v, dw)
+    for q in range(F.driven.slot.size if late >= 0 else 0):
+        if kind[F.driven.src[q]] == TORQUE and F.driven.par[q] < 0:
+            for a in range(len(lanes)):
+                rest = 1.0 - max(delay[a], 0.0) / h[a] if h[a] > 0.0 else 0.0
+                more = 2.0 * rest / h[a] if rest > 0.0 else 0.0
+                dw[late, a] += V[F.driven.slot[q], a] * more * (torque_before[a] - v1[a])
+    for a in range(len(lanes)):
+        v[a] = divisor[a] + 0.5 * h[a] * v[a]
+        divisor[a] = 1.0
+    for i in range(p):
+        for a in range(len(lanes)):
+            v_0 = X[i * n + F.state, a] if F.filtered else 0.0
+            dw[i, a] = dv[i, a] = v_0 + 0.5 * h[a] * dw[i, a]
+            slope[i, a] = 0.0
+    for c in range(kind.size):
+        if kind[c] == TORQUE:
+            for a in range(len(lanes)):
+                u[c, a] = v1[a]
+    for q in range(F.braked.slot.size):
+        s, c, i = F.braked.slot[q], F.braked.src[q], F.braked.par[q]
+        for a in range(len(lanes)):
+            if i < 0:
+                divisor[a] -= 0.5 * h[a] * V[s, a] * u_scale[c, a]
+            else:
+                slope[i, a] += V[s, a] * u_scale[c, a]
+    for a in range(len(lanes)):
+        kept = divisor[a] > SMALLEST
+        divisor[a] = divisor[a] if kept else SMALLEST
+        v1[a], rate[a] = v[a] / divisor[a], 0.0
+        for i in range(p):
+            slope[i, a] = slope[i, a] if kept else 0.0
+    for c in range(kind.size):
+        if kind[c] == COULOMB:
+            for a in range(len(lanes)):
+                u[c, a] = tanh(u_scale[c, a] * v1[a])
+    for q in range(F.braked.slot.size):
+        s, c, j = F.braked.slot[q], F.braked.src[q], F.braked.par[q]
+        for a in range(len(lanes)):
+            more = 0.5 * h[a] * V[s, a]
+            if j >= 0:
+                dv[j, a] += more * u[c, a]
+            else:
+                v[a] += more * u[c, a]
+                rate[a] += more * (1.0 - u[c, a] * u[c, a]) * u_scale[c, a]
+    for a in range(len(lanes)):
+        rate[a] /= divisor[a]
+    for i in range(p):
+        for a in range(len(lanes)):
+            dv[i, a] += rate[a] * (dw[i, a] + 0.5 * h[a] * slope[i, a] * v1[a])
+    for c in range(kind.size):
+        if kind[c] == COULOMB:
+            for a in range(len(lanes)):
+                u[c, a] = tanh(u_scale[c, a] * v[a])
+            for i in range(p):
+                for a in range(len(lanes)):
+                    du[i, c, a] = (1.0 - u[c, a] * u[c, a]) * u_scale[c, a] * dv[i, a]
+
+
+# --- The hyperbolic tangent as arithmetic without branches, which the compiler can do for several lanes at a time -----
+
+
+# That of the C library is called for each lane by itself and takes a tenth of the time of a whole sample.
+# tanh x = e / (e + 2),   e = exp(2 x) - 1 = 2^k (exp(r) - 1) + 2^k - 1,   2 x = k log 2 + r,   |r| <= log(2) / 2
+
+_ONE_FROM = 20.0
+"""From here on tanh is 1 to the last bit."""
+_WHOLE = 1.5 * 2.0**52
+"""Added to a number that is not large, and taken away again: rounds it to a whole number."""
+_LOG2_HIGH, _LOG2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+"""log 2 in two parts: the first has so few digits that its products with k are exact."""
+_C = tuple(1.0 / math.factorial(k) for k in range(14))
+
+
+@kernel
+def tanh(x: float) -> float:
+    """Tanh x, with an error below three units of its last place; exactly odd."""
+    double = 2.0 * min(abs(x), _ONE_FROM)
+    k = (double * (1.0 / math.log(2.0)) + _WHOLE) - _WHOLE
+    r = (double - k * _LOG2_HIGH) - k * _LOG2_LOW
+    z = r * r
+    even = _C[2] + z * (_C[4] + z * (_C[6] + z * (_C[8] + z * (_C[10] + z * _C[12]))))
+    odd = _C[3] + z * (_C[5] + z * (_C[7] + z * (_C[9] + z * (_C[11] + z * _C[13]))))
+    power = power_of_two(k)
+    e = power * (r + z * (even + r * odd)) + (power - 1.0)
+    return math.copysign(e / (e + 2.0), x)
