@@ -8,6 +8,7 @@
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
 * ``recommended_settings``: settings for a real axis.
+* ``warm_up``: the heat of an axis without a thermometer, as its estimates show it.
 * ``trend_monitor``: long-term trends of an axis, and alarms about limits.
 """
 
@@ -43,6 +44,7 @@ from monitor_core.monitoring.recommended_settings import (
     short_memory,
 )
 from monitor_core.monitoring.trend_monitor import Limit, ParameterTrend, TrendMonitor
+from monitor_core.monitoring.warm_up import WarmUp, conditioned_records
 
 __all__ = [
     "DEFAULT_MEMORY_S",
@@ -82,6 +84,8 @@ __all__ = [
     "Status",
     "Trace",
     "TrendMonitor",
+    "WarmUp",
+    "conditioned_records",
     "ranges",
     "recommended_settings",
     "short_memory",

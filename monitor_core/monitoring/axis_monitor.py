@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import Alarm, DetectorName, alarms_from_array, alarms_to_array
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
 from monitor_core.detection.cusum.cusum_evidence import HELD, INVALID, BatchEvent
@@ -57,6 +58,17 @@ _NOT_PART_OF_STATE: dict[str, Any] = {
 }
 """Settings that may change between two runs without making a saved state invalid."""
 Arrays = dict[str, NDArray[np.generic]]
+
+
+class Deviations(NamedTuple):
+    """What estimates show: theta - theta_0(s) (p,), NaN where not observed, and its covariance (p, p)."""
+
+    d: Floats
+    covariance: Floats
+    tolerated: Floats
+    """nu (p,): deviation per sample that the tests tolerate"""
+    allowance: Floats
+    """(p,) what healthy records differ by"""
 
 
 class AxisMonitor:
@@ -188,13 +200,46 @@ class AxisMonitor:
 
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
         """The events of the multi-model detector in these samples, if it runs."""
-        return self.multimodel.bank.run(*samples[:5]) if self.multimodel else ()
+        return self.multimodel.bank.run(*self.judged(samples)[:5]) if self.multimodel else ()
 
     def multimodel_events_traced(
         self, samples: SampleBlock
     ) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
         """As ``multimodel_events``, with the values of every hypothesis at every sample."""
-        return self.multimodel.bank.run_traced(*samples[:5]) if self.multimodel else ((), None)
+        return self.multimodel.bank.run_traced(*self.judged(samples)[:5]) if self.multimodel else ((), None)
+
+    def judged(self, samples: SampleBlock) -> SampleBlock:
+        """The samples for the multi-model detector: with a closed gate while estimates are only made."""
+        if self.batch.judged[self.lane]:
+            return samples
+        return samples._replace(gate=np.zeros(samples.size, np.bool_))
+
+    def judge(self, on: bool) -> None:
+        """Whether estimates are tested from now on; otherwise they are only made."""
+        self.batch.judge(self.lane, on)
+
+    @property
+    def learned(self) -> int:
+        """Number of samples from which theta has been updated."""
+        return int(self.batch.state.counts[USED, self.lane])
+
+    def deviations(self) -> Deviations | None:
+        """What the estimates show now; None: P(0) is not found yet."""
+        st, a = self.batch.state, self.lane
+        if st.seed_left[a] or st.t[a] == NEVER:
+            return None
+        d = st.theta[:, a] - self.model.theta0 - st.shift[:, a]
+        P, size = st.P[:, :, a], np.asarray(self.model.scale)
+        return Deviations(
+            np.where(st.observed[:, a] == UNSEEN, math.nan, d),
+            self.settings.lam0 * P / self.settings.divisor,
+            np.array([self._nu(i, float(P[i, i])) for i in range(len(d))]),
+            self.settings.tests(len(size))[2] * size,
+        )
+
+    def move_nominal(self, step: Floats) -> None:
+        """Move the nominal values by a step (p,) under the estimates, which stay."""
+        self.batch.move_nominal(self.lane, step)
 
     def apply(
         self,
@@ -263,6 +308,7 @@ class AxisMonitor:
             NotTested.UNIDENTIFIABLE: self.settings.unidentifiable,
             NotTested.SETTLING: st.t[a] < st.settled[a],
             NotTested.CONDITIONS: st.mode[a] == GATED,
+            NotTested.WARM_UP: not self.batch.judged[a],
             NotTested.NOT_OBSERVED: unseen and (st.mode[a] == IDLE or not st.seed_left[a]),
             NotTested.UNCERTAIN: (again and unseen) or (not seeding and self._is_uncertain(i)),
             NotTested.BLOCKED: blocked,
