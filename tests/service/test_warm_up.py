@@ -1,0 +1,68 @@
+"""Warm-up without a thermometer, by the commands: cold records, two days of monitoring, faults, restarts."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration import CalibrationOptions
+from tests.core.test_mismatch import FOUND
+from tests.core.warming import Warming, WarmingPlant
+from tests.service.warming_axis import Watcher, after_fault, calibrated, identified, write
+
+QUICK = Warming(fast_s=60.0, slow_s=200.0)
+DAY_S, NIGHT_S = 480.0, 8 * 3600.0
+OPTIONS = CalibrationOptions(3.15e7, 30.0, (0.3,), 1, copies=2_000_000, bank_copies=50_000)
+
+
+class Made(NamedTuple):
+    """An axis that has been commissioned on two days, cold in the morning."""
+
+    plant: WarmingPlant
+    records: list[Path]
+    config: Path
+    said: str
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Made:
+    folder = tmp_path_factory.mktemp("warming")
+    plant, records = WarmingPlant(np.random.default_rng(seed), warming=QUICK), list[Path]()
+    for name in ("monday.csv", "tuesday.csv"):
+        records.append(write(folder / name, plant.take(DAY_S)))
+        plant.rest(NIGHT_S)
+    words = ("--start", "values", "--free", "kT,fm,fc,tau0")
+    config, said = identified(folder, FOUND, records, *words)
+    return Made(plant, records, calibrated(config, records, OPTIONS), said)
+
+
+def test_identify_finds_that_friction_falls(made: Made) -> None:
+    found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
+    assert 60 < found["thermal"]["time_constant_s"] < 250
+    falls = {
+        s["parameter"]: s["slope"] * found["thermal"]["largest_w"] / found["values"][s["parameter"]]
+        for s in found["schedule"]
+    }
+    assert set(falls) == {"fm", "fc"}
+    # Of the plant they fall by 38 and 25 %, from cold on, at a warmth of 0.95.
+    assert -0.65 < falls["fm"] < -0.3
+    assert -0.45 < falls["fc"] < -0.1
+    assert {s["signal"] for s in found["schedule"]} == {"heat"}
+    conditions = tomllib.loads((made.config.parent / "thresholds.toml").read_text(encoding="utf-8"))["range"]
+    assert [c["condition"] for c in conditions] == ["rms speed", "heat"]
+
+
+def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:
+    plant, watcher = made.plant, Watcher(made.config)
+    for _ in range(2):
+        assert watcher.take(plant.take(DAY_S)) == []
+        for name, factor in (("kT", 1.2), ("fm", 1.5)):
+            (alarm,) = after_fault(plant, watcher, {name: factor}, 60.0)
+            assert (alarm.parameter, alarm.direction) == (name, "up"), alarm
+        plant.rest(NIGHT_S)
+        watcher = watcher.restarted()
+    assert watcher.monitor.status().untested_so_far() == {}
