@@ -29,7 +29,15 @@ from monitor_core.identification.starting import (
     masses_of,
 )
 from monitor_core.identification.verdict import Quality, Verdict, verdict_of
-from monitor_core.identification.warm_up import FRICTION, FoundWarmUp, find_warm_up, following, heated_as
+from monitor_core.identification.warm_up import (
+    FRICTION,
+    LEAST_MOTION_S,
+    FoundWarmUp,
+    find_warm_up,
+    following,
+    heated_as,
+    moving_s,
+)
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 _SIGNIFICANT = 3.0
@@ -274,8 +282,7 @@ def identify(
             estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
         warm_up, seen = None, options.scheduled
         if options.thermal is not None:
-            report("warm-up", 0, 1)
-            warm_up, estimate, records, seen = _warming(estimate, records, options)
+            warm_up, estimate, records, seen = _warming(estimate, records, options, report)
             if warm_up is not None:
                 following_heat = [term for term in seen if term.term == HEAT]
                 validation = heated_as(estimate, warm_up, following_heat, validation)
@@ -310,19 +317,22 @@ def identify(
 
 
 def _warming(
-    found: Estimate, records: Sequence[Record], options: IdentificationOptions
+    found: Estimate, records: Sequence[Record], options: IdentificationOptions, report: Progress
 ) -> tuple[FoundWarmUp | None, Estimate, Sequence[Record], tuple[ScheduledTerm, ...]]:
     """The warm-up that the records show, the fit with it, the records with their heat, and what follows it."""
     watched = {split_name(name)[0] for name in options.monitored}
     free = set(found.problem.free) - set(found.problem.varying)
     followers = [name for name in FRICTION if name in free and name in watched]
     assert options.thermal is not None
+    if not followers or moving_s(records) < LEAST_MOTION_S:
+        return None, found, records, options.scheduled
+    report("warm-up", 0, 1)
     warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)
     if warm_up is None:
         return None, found, records, options.scheduled
     try:
         again, heated, scheduled = following(
-            found, warm_up, records, lambda problem, own: _fit(problem, own, _silent)
+            found, warm_up, records, lambda problem, own: _fit(problem, own, report)
         )
     except ValueError:
         return None, found, records, options.scheduled

@@ -81,7 +81,7 @@ def find_warm_up(
         begins_s: clock times of the first samples [s]; None, or none at all: unknown.
     """
     fm, fc = (max(float(found.values.get(name, 0.0)), 0.0) for name in FRICTION)
-    if not followers or not fm + fc > 0 or not moving_s(records) > LEAST_MOTION_S:
+    if not followers or not fm + fc > 0:
         return None
     unit = ThermalModel(1.0, fm, fc, 1.0)
     names, windows = windows_of(found, records, unit)

@@ -36,11 +36,12 @@ Observer = Callable[[str, SampleBlock, AxisTrace], None]
 
 
 class Heat(NamedTuple):
-    """How warm an axis is, as friction power [W] that would keep it so; ``known``: enough to test its friction."""
+    """How warm an axis is, as the friction power that would keep it so, and its standard deviation [W]."""
 
-    watts: float
-    sd: float
+    heat_w: float
+    sd_w: float
     known: bool
+    """Well enough to test its friction"""
 
 
 class AxisMonitors:

@@ -16,7 +16,7 @@ from tests.service.warming_axis import Watcher, after_fault, calibrated, identif
 
 QUICK = Warming(fast_s=60.0, slow_s=200.0)
 DAY_S, NIGHT_S = 480.0, 8 * 3600.0
-OPTIONS = CalibrationOptions(3.15e7, 30.0, (0.3,), 1, copies=2_000_000, bank_copies=50_000)
+OPTIONS = CalibrationOptions(3.15e7, 30.0, (0.3,), 1, copies=300_000, bank_copies=20_000)
 
 
 class Made(NamedTuple):
@@ -35,7 +35,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Made:
     for name in ("monday.csv", "tuesday.csv"):
         records.append(write(folder / name, plant.take(DAY_S)))
         plant.rest(NIGHT_S)
-    words = ("--start", "values", "--free", "kT,fm,fc,tau0")
+    words = ("--start", "values", "--free", "fm,fc")
     config, said = identified(folder, FOUND, records, *words)
     return Made(plant, records, calibrated(config, records, OPTIONS), said)
 

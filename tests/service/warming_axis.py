@@ -42,6 +42,7 @@ estimator = {{ memory_s = 5.0 }}
 detector = {{ alarm_source = "cusum", shadow = false }}
 [robot.axis.model]
 drive = "three-mass"
+friction_speed_scale = 1.0
 monitor = {list(PARAMETERS)}
 conditions = "others stand still"
 """
