@@ -22,6 +22,7 @@ from tests.service.command_line import axiswatch
 
 PARAMETERS = ("kT", "fc", "fm")
 AXIS_ID = "cell1.axis1"
+CUSUM = 'alarm_source = "cusum", shadow = false'
 BUS = f"""\
 [[bus]]
 name = "can0"
@@ -39,7 +40,7 @@ time = {{ column = "t" }}
 torque = {{ column = "torque" }}
 angle = {{ column = "angle", resolution = {STEP} }}
 estimator = {{ memory_s = 5.0 }}
-detector = {{ alarm_source = "cusum", shadow = false }}
+detector = {{ {CUSUM} }}
 [robot.axis.model]
 drive = "three-mass"
 friction_speed_scale = 1.0

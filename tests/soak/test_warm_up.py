@@ -8,6 +8,7 @@ axes, ``AXISWATCH_DAYS`` that of days.  Each fault is tried on the first, the fo
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +17,8 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration import CalibrationError, CalibrationOptions
-from tests.core.mismatch import FaultAlarm, R
+from monitor_core.excitation import multisine
+from tests.core.mismatch import INTERVAL_S, FaultAlarm
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import WarmingPlant, redrawn_warming
 from tests.service.warming_axis import RefusedError, Watcher, after_fault, calibrated, identified, write
@@ -24,8 +26,8 @@ from tests.service.warming_axis import RefusedError, Watcher, after_fault, calib
 pytestmark = pytest.mark.soak
 
 PLANTS, DAYS = (int(os.environ.get(f"AXISWATCH_{of}", most)) for of, most in (("PLANTS", 20), ("DAYS", 10)))
-RECORD_S, DAY_S, NIGHT_S, LUNCH_S = 3600.0, 7200.0, 14 * 3600.0, 1800.0
-"""Two records of an hour; days of two hours with a pause in the middle."""
+EXCITE_S, RECORD_S, DAY_S, NIGHT_S, LUNCH_S = 60.0, 2700.0, 7200.0, 14 * 3600.0, 1800.0
+"""Two records of three quarters of an hour; days of two hours with a pause in the middle."""
 FAULTS: dict[str, tuple[str, float, float]] = {
     "kT +20 %": ("kT", 1.2, 60.0),
     "kT -20 %": ("kT", 0.8, 60.0),
@@ -69,13 +71,18 @@ def commissioned(number: int, seed: int, folder: Path) -> tuple[WarmingPlant, Pa
     rng = np.random.default_rng([seed, number])
     truth, warming = redrawn_warming(rng)
     plant, records = WarmingPlant(rng, truth, warming), list[Path]()
+    signal = multisine(rng, round(EXCITE_S / INTERVAL_S), INTERVAL_S, (0.5, 30.0), 1.5)
+    excited = write(folder / "excite.csv", plant.take(EXCITE_S, test=signal))
+    plant.rest(NIGHT_S)
     for name in ("monday.csv", "tuesday.csv"):
         records.append(write(folder / name, plant.take(RECORD_S)))
         plant.rest(NIGHT_S)
-    values = {**FOUND, "kT": 1.0, "r": R}
-    config, said = identified(folder, values, records, "--start", "values", "--free", "Jm,kT,fm,fc,tau0")
+    # The masses from an excitation of a minute, and what is watched from the motion of operation.
+    config, _ = identified(folder, FOUND, [excited], "--thermal", "off")
+    found = tomllib.loads((folder / "nominal.toml").read_text(encoding="utf-8"))["values"]
+    config, said = identified(folder, found, records, "--start", "values", "--free", "kT,fm,fc,tau0")
     print(f"\nplant {number}: {warming}")
-    print("\n".join(line for line in said.splitlines() if "follows heat" in line))
+    print("\n".join(line for line in said.splitlines() if "follows heat" in line), flush=True)
     return plant, calibrated(config, records, BUDGET)
 
 
