@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import tomllib
 from pathlib import Path
 from typing import NamedTuple
@@ -9,9 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from monitor_core.monitoring import NotTested
+from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import Warming, WarmingPlant
-from tests.service.warming_axis import CUSUM, Watcher, after_fault, identified, write
+from tests.service.command_line import shown
+from tests.service.warming_axis import CUSUM, Watcher, after_fault, identified, on_a_bus, write
 
 QUICK = Warming(fast_s=60.0, slow_s=200.0)
 DAY_S, NIGHT_S = 240.0, 8 * 3600.0
@@ -55,7 +59,7 @@ def test_identify_finds_that_friction_falls(made: Made) -> None:
 
 
 def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:
-    plant, watcher = made.plant, Watcher(made.config)
+    plant, watcher = copy.deepcopy(made.plant), Watcher(made.config)
     for _ in range(2):
         assert watcher.take(plant.take(DAY_S)) == []
         for name, factor in (("kT", 1.2), ("fm", 1.5)):
@@ -64,3 +68,44 @@ def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:
         plant.rest(NIGHT_S)
         watcher = watcher.restarted()
     assert watcher.monitor.status().untested_so_far() == {}
+
+
+def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> None:
+    """The one that has always watched knows the heat, another one finds it; until then nothing is tested."""
+    plant, knows = copy.deepcopy(made.plant), Watcher(made.config)
+    knows.take(plant.take(DAY_S))
+    finds = Watcher(made.config)
+    finds.take(plant.take(20.0))
+    reasons = {p.not_tested for p in finds.monitor.status().parameters}
+    assert reasons == {NotTested.WARM_UP}
+    assert finds.heat is not None
+    assert not finds.heat.known
+    block = plant.take(100.0)
+    for one in (knows, finds):
+        one.take(block)
+    assert finds.heat.known
+    assert {p.not_tested for p in finds.monitor.status().parameters} == {None}
+    assert knows.heat is not None
+    assert abs(finds.heat.heat_w - knows.heat.heat_w) < 4 * np.hypot(finds.heat.sd_w, knows.heat.sd_w)
+
+
+def test_the_heat_does_not_depend_on_the_cuts_between_blocks(made: Made) -> None:
+    block = copy.deepcopy(made.plant).take(120.0)
+    whole, parts = Watcher(made.config), Watcher(made.config)
+    whole.take(block)
+    for start in range(0, block.y.size, 777):
+        cut = slice(start, start + 777)
+        parts.take(Block(block.t_us[cut], block.u[cut], block.y[cut], block.temperature[cut]))
+    assert whole.heat is not None
+    assert whole.heat.known
+    assert whole.heat == parts.heat
+    for mine, other in zip(
+        whole.monitor.to_arrays().values(), parts.monitor.to_arrays().values(), strict=True
+    ):
+        np.testing.assert_array_equal(mine, other)
+
+
+def test_replay_says_how_warm_it_is(made: Made) -> None:
+    said = shown("replay", made.records[0], "--config", on_a_bus(made.config))
+    assert "cell1.axis1: its heat is " in said
+    assert "No alarms." in said
