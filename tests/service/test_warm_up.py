@@ -78,11 +78,13 @@ def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> N
     finds.take(plant.take(20.0))
     reasons = {p.not_tested for p in finds.monitor.status().parameters}
     assert reasons == {NotTested.WARM_UP}
-    assert finds.heat is not None
-    assert not finds.heat.known
+    before = finds.heat
+    assert before is not None
+    assert not before.known
     block = plant.take(100.0)
     for one in (knows, finds):
         one.take(block)
+    assert finds.heat is not None
     assert finds.heat.known
     assert {p.not_tested for p in finds.monitor.status().parameters} == {None}
     assert knows.heat is not None
