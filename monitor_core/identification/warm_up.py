@@ -94,8 +94,10 @@ def find_warm_up(
     if fit is None:
         return None
     slopes = {names[i]: (float(s), float(sd)) for i, s, sd in zip(fit.which, fit.slopes, fit.sd, strict=True)}
-    largest = float(np.concatenate(fit.heats).max())
-    return FoundWarmUp(ThermalModel(fit.tau_s, fm, fc, largest), slopes, tuple(fit.starts.tolist()))
+    starts, model = tuple(fit.starts.tolist()), ThermalModel(fit.tau_s, fm, fc, 1.0)
+    heats = [with_heat(record, model, start) for record, start in zip(records, starts, strict=True)]
+    largest = max(float(record.signals[HEAT].max()) for record in heats)
+    return FoundWarmUp(replace(model, largest=largest), slopes, starts)
 
 
 def following(
