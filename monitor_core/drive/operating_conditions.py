@@ -198,6 +198,10 @@ class Operating:
             self._last = s[-1].copy(), float(speed[-1])
         return shift, gate, s
 
+    def following(self, signal: str) -> tuple[str, ...]:
+        """Monitored parameters that follow this signal, or a function of it."""
+        return tuple(f.name for f in self._followers if any(x.term.signal == signal for x in f.follows))
+
     def alike(self, t_us: NDArray[np.int64]) -> int:
         """Number of the first samples (of N) between which no pause makes the heat unknown, or could."""
         if self.thermal is None:

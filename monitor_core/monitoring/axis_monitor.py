@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -118,6 +118,8 @@ class AxisMonitor:
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
         self.cusum = CusumDetector(self.model.monitored, batch.state.g[:, :, lane], batch.thresholds[:, lane])
         self._tracker = AlarmTracker(reopen_us=self._reopen_us)
+        self.look_alike: Mapping[str, str] = {}
+        """What else a change of a parameter may be, for its alarms, by its name"""
 
     @property
     def open_alarms(self) -> tuple[Alarm, ...]:
@@ -252,9 +254,11 @@ class AxisMonitor:
         ``samples``: those of the events, which state whether the axis was in the conditions of its calibration.
         """
         if self.alarm_source == "multimodel" and self.multimodel is not None:
-            return self._tracker.update(multimodel, _marked(self.multimodel.interpret, samples))
+            interpret = _marked(self.multimodel.interpret, samples)
+            return self._tracker.update(multimodel, _with_alike(interpret, self.look_alike))
         found = (event for event in cusum if not isinstance(event, Reading))
-        return self._tracker.update(found, _marked(self.cusum.interpret, samples))
+        marked = _marked(self.cusum.interpret, samples)
+        return self._tracker.update(found, _with_alike(marked, self.look_alike))
 
     def status(self) -> AxisStatus:
         """Status of the axis now."""
@@ -424,6 +428,24 @@ def _marked(interpret: _Interpret[_E], samples: SampleBlock | None) -> _Interpre
                 yield replace(alarm, inside_calibration=bool(inside[at[0]]) if at.size else None)
 
     return marked
+
+
+def _with_alike(interpret: _Interpret[_E], look_alike: Mapping[str, str]) -> _Interpret[_E]:
+    """As ``interpret``; causes state what else they may be."""
+    if not look_alike:
+        return interpret
+
+    def stated(event: _E, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        for alarm in interpret(event, open_alarms):
+            causes = (
+                cause._replace(alike=(*cause.alike, look_alike[cause.parameter]))
+                if cause.parameter in look_alike and look_alike[cause.parameter] not in cause.alike
+                else cause
+                for cause in alarm.causes
+            )
+            yield replace(alarm, causes=tuple(causes))
+
+    return stated
 
 
 def _model_key(model: AxisModel) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Conditions, Operating
-from monitor_core.drive.thermal_state import GAP_S, ThermalState
+from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalState
 from monitor_core.monitoring.axis_monitor import AxisMonitor, Deviations
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
@@ -32,6 +32,8 @@ MEMORIES = 4
 """Of motion that is learned from, until estimates are those of the present heat."""
 SHARE = 0.5
 """Of what the tests tolerate: the uncertainty of the heat may move a nominal value by so much."""
+LOOKS_ALIKE = "a warmer or colder gearbox"
+"""Than its motion makes it: what a change of a parameter that follows the heat may also be, for alarms."""
 _STEP = 1e-3
 """Of the largest heat: for slopes."""
 
@@ -52,6 +54,7 @@ class WarmUp:
             raise ValueError("these conditions have no thermal model")
         self._operating, self._monitor = operating, monitor
         self._thermal: ThermalState = operating.thermal
+        monitor.look_alike = dict.fromkeys(operating.following(HEAT), LOOKS_ALIKE)
         s = monitor.settings
         self._every_us = max(1, round(1e6 * s.memory * s.interval_s / LOOKS_PER_MEMORY))
         self._needed = round(MEMORIES * s.memory)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import NotTested
+from service.texts import episode_words
 from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import Warming, WarmingPlant
@@ -68,6 +69,17 @@ def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:
         plant.rest(NIGHT_S)
         watcher = watcher.restarted()
     assert watcher.monitor.status().untested_so_far() == {}
+
+
+@pytest.mark.parametrize(("name", "factor"), [("kT", 1.2), ("fm", 1.5)])
+def test_an_alarm_of_friction_says_what_would_look_the_same(made: Made, name: str, factor: float) -> None:
+    plant, watcher = copy.deepcopy(made.plant), Watcher(made.config)
+    watcher.take(plant.take(150.0))
+    plant.break_down({name: factor})
+    *_, alarm = watcher.take(plant.take(60.0))
+    assert (alarm.stage, alarm.parameter) == ("named", name)
+    words = episode_words(alarm, 1.0, "1")
+    assert ("a warmer or colder gearbox would look the same" in words) == (name == "fm")
 
 
 def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> None:
