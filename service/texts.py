@@ -176,6 +176,7 @@ _WHY: dict[NotTested, str] = {
     NotTested.NO_SAMPLE: "no sample has been received",
     NotTested.SETTLING: "the predictor is settling after a start, a gap or lost samples",
     NotTested.CONDITIONS: "operating conditions exclude the samples",
+    NotTested.WARM_UP: "how warm the axis is after a start or a pause is not known yet; its friction tells",
     NotTested.UNIDENTIFIABLE: "the record of the nominal values does not determine them",
     NotTested.SEEDING: "P(0) was found only shortly before the end",
     NotTested.NOT_OBSERVED: "the motion contains almost no information",
@@ -188,6 +189,7 @@ _NEEDED: dict[NotTested, str] = {
     NotTested.NO_SAMPLE: "torque and motion of this axis; `axiswatch listen` shows what is received",
     NotTested.SETTLING: "samples without gaps for longer than settling_time_s",
     NotTested.CONDITIONS: "samples at which every gate is open and every signal is known and within its range",
+    NotTested.WARM_UP: "some memories (memory_s) of motion",
     NotTested.UNIDENTIFIABLE: "nominal values from a record of several speeds and accelerations, or from `axiswatch"
     " identify --fix` with one of them, which is then held at its value in the configuration",
     NotTested.SEEDING: "a longer record",

@@ -1,7 +1,8 @@
 """A drive as numbers: parameters, units, bounds; A, B, C as data; stability, Kalman gain.
 
 * ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
-* ``operating_conditions``: nominal values that follow signals, gates.
+* ``operating_conditions``: nominal values that follow signals, gates.  ``thermal_state``: warm-up without a
+  thermometer.  ``measured_speed``.
 * ``assembly``, ``discretization``: what the kernel takes.  ``kalman``: the predictor.
 """
 
@@ -10,6 +11,7 @@ from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
+from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, ThermalState
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 __all__ = [
@@ -17,6 +19,7 @@ __all__ = [
     "COULOMB",
     "DELAY",
     "FUNCTIONS",
+    "HEAT",
     "ONE",
     "SINE",
     "TORQUE",
@@ -30,6 +33,9 @@ __all__ = [
     "Output",
     "Parameter",
     "Term",
+    "ThermalModel",
+    "ThermalStart",
+    "ThermalState",
     "slowest_time_constant",
     "split_name",
 ]

@@ -6,8 +6,10 @@ f is a term: a measured signal, a function of a sum of signals, or a product of 
 slopes are those of Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is the reciprocal of that sum, exactly.  A
 gate is open while its signal has the right value; while a gate is closed, nothing is learned and no test runs.
 
-Every value of a sample depends on that sample alone (and, for the speed of an axis that measures its angle, on the
-sample before): blocks may be split anywhere.
+A signal may also be derived: the heat of an axis without a thermometer (``thermal_state``), which parameters follow as
+they follow a measured one.
+
+Every value of a sample depends on the samples up to that one: blocks may be split anywhere.
 """
 
 from __future__ import annotations
@@ -22,8 +24,11 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import split_name
+from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalModel, ThermalState
+from monitor_core.samples import SampleBlock
 
 Bools = NDArray[np.bool_]
 
@@ -74,12 +79,19 @@ class Conditions:
     """Operating conditions of an axis.  ``signals`` names the columns of the measured signals.
 
     ``min_speed``: nothing is learned while the axis turns more slowly (rad/s, at the sensor); 0: no limit.
+    ``thermal``: how the axis warms up; its heat is one more signal, the last one.  None: there is none.
     """
 
     signals: tuple[str, ...] = ()
     follows: tuple[Follow, ...] = ()
     gates: tuple[Gate, ...] = ()
     min_speed: float = 0.0
+    thermal: ThermalModel | None = None
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All signals, the measured ones first."""
+        return self.signals if self.thermal is None else (*self.signals, HEAT)
 
     def __bool__(self) -> bool:
         return bool(self.follows or self.gates or self.min_speed > 0)
@@ -96,7 +108,7 @@ class Operating:
 
     def __init__(self, model: AxisModel, conditions: Conditions) -> None:
         self._model, self._conditions = model, conditions
-        self._column = {name: k for k, name in enumerate(conditions.signals)}
+        self._column = {name: k for k, name in enumerate(conditions.columns)}
         self._followers = [
             _follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)
         ]
@@ -105,7 +117,9 @@ class Operating:
         }
         if missing := wanted - self._column.keys():
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
-        self._before: tuple[int, float] | None = None
+        self._speed = MeasuredSpeed(model.drive.output)
+        self.thermal = None if conditions.thermal is None else ThermalState(conditions.thermal)
+        """The heat of the axis; None: it has no thermal model"""
         self._last: tuple[Floats, float] | None = None
 
     def take(self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None) -> tuple[Floats, Bools]:
@@ -116,19 +130,79 @@ class Operating:
             y: measured output (N,), rad or rad/s.
             signals: the signals at the samples (N, S); NaN, or None for all of them: unknown.
         """
+        shift, gate, _ = self._take(t_us, y, signals)
+        return shift, gate
+
+    def conditioned(self, block: SampleBlock) -> SampleBlock:
+        """The samples with shift, gate, and all signals, the derived ones too."""
+        shift, gate, signals = self._take(block.t_us, block.y, block.signals)
+        if self.thermal is None:
+            signals = block.signals
+        return block._replace(shift=shift, gate=gate, signals=signals)
+
+    def _take(
+        self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None
+    ) -> tuple[Floats, Bools, Floats | None]:
         N, c = len(t_us), self._conditions
         s = np.full((N, len(c.signals)), math.nan) if signals is None else signals
+        speed = np.zeros(N)
+        if c.min_speed > 0 or self.thermal is not None:
+            steps = self._speed.take(t_us, y)
+            speed = steps.speed
+            if self.thermal is not None:
+                s = np.column_stack([s, self.thermal.take(t_us, steps)])
         shift = np.zeros((N, len(self._model.monitored)))
         for follower in self._followers:
             shift[:, follower.i] = follower.shift(s, self._column)
         gate = np.ones(N, np.bool_)
         for entry in c.gates:
             gate &= entry.open(s[:, self._column[entry.signal]])
-        speed = self._speeds(t_us, y) if c.min_speed > 0 else np.zeros(N)
-        gate &= speed >= c.min_speed
+        if c.min_speed > 0:
+            gate &= speed >= c.min_speed
         if N:
             self._last = s[-1].copy(), float(speed[-1])
-        return shift, gate
+        return shift, gate, s
+
+    def following(self, signal: str) -> tuple[str, ...]:
+        """Monitored parameters that follow this signal, or a function of it."""
+        return tuple(f.name for f in self._followers if any(signal in x.term.signals for x in f.follows))
+
+    def alike(self, t_us: NDArray[np.int64]) -> int:
+        """Number of the first samples (of N) between which no pause makes the heat unknown, or could."""
+        if self.thermal is None:
+            return len(t_us)
+        pauses = np.flatnonzero(np.abs(np.diff(t_us)) > GAP_S * 1e6)
+        return int(pauses[0]) + 1 if pauses.size else len(t_us)
+
+    def shift_at_heat(self, heat: float) -> Floats:
+        """Shift (p,) at the last signals, were the heat another one [W]; NaN where it is unknown."""
+        shift = np.zeros(len(self._model.monitored))
+        if self._last is None or self.thermal is None:
+            return shift
+        s = self._last[0].copy()
+        s[self._column[HEAT]] = heat
+        for follower in self._followers:
+            shift[follower.i] = follower.shift(s[np.newaxis], self._column)[0]
+        return shift
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]] | None:
+        """What must be saved to carry on after a restart: arrays by name; None: nothing."""
+        if self.thermal is None or self._speed.before is None:
+            return None
+        return {"heat": self.thermal.to_array(), "before": np.array(self._speed.before, np.float64)}
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Continue from a saved state.
+
+        Raises:
+            KeyError: an array is missing.
+            ValueError: an array is no such state.
+        """
+        heat, before = (np.asarray(arrays[name], np.float64) for name in ("heat", "before"))
+        if self.thermal is None or before.shape != (2,) or not np.isfinite(before).all():
+            raise ValueError("this is no state of a warm-up")
+        self.thermal.restore(heat)
+        self._speed.before = int(before[0]), float(before[1])
 
     @property
     def reason(self) -> str:
@@ -143,23 +217,10 @@ class Operating:
             value = s[self._column[gate.signal]]
             if not gate.open(np.array([value])).all():
                 yield _at(gate.signal, value)
-        if not speed >= c.min_speed:
+        if c.min_speed > 0 and not speed >= c.min_speed:
             yield f"slower than {c.min_speed:g} rad/s"
         for follower in self._followers:
             yield from follower.reasons(s[np.newaxis], self._column)
-
-    def _speeds(self, t_us: NDArray[np.int64], y: Floats) -> Floats:
-        """Magnitude of the speed (N,) at the sensor; from an angle the mean since the sample before."""
-        if self._model.drive.output != "angle":
-            return np.abs(y)
-        speeds = np.full(len(y), math.nan)
-        for k, (t, angle) in enumerate(zip(t_us.tolist(), y.tolist(), strict=True)):
-            if not math.isfinite(angle):
-                continue
-            if self._before is not None and t > self._before[0]:
-                speeds[k] = abs(angle - self._before[1]) / (t - self._before[0]) * 1e6
-            self._before = t, angle
-        return speeds
 
 
 class _Follower(NamedTuple):

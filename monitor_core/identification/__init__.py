@@ -2,7 +2,8 @@
 
 * ``identification_procedure``: the whole way, ``identify``, and what it returns; ``problem``, ``parameter_selection``:
   what is estimated; ``holding``: what the records do not determine; ``verdict`` on the fit; ``outlook``: what can be
-  watched with it; ``bode``: the drive beside black boxes and the record.
+  watched with it; ``bode``: the drive beside black boxes and the record;
+  ``warm_up``: friction that follows a heat which nobody measures.
 * ``records``: records, and whether they can be used.
 * ``predictor``: prediction errors of a drive; ``greybox``: its fit.
 * ``starting``: values to start from, and the number of masses.
@@ -46,6 +47,7 @@ from monitor_core.identification.records import (
 )
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, Verdict
+from monitor_core.identification.warm_up import FoundWarmUp
 
 __all__ = [
     "LEVEL",
@@ -58,6 +60,7 @@ __all__ = [
     "Disturbance",
     "Effect",
     "Finding",
+    "FoundWarmUp",
     "FrequencyResponse",
     "Growth",
     "IdentificationError",

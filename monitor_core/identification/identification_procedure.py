@@ -11,6 +11,7 @@ import numpy as np
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.drive.thermal_state import HEAT, ThermalStart
 from monitor_core.identification.bode import Bode, bode_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit, traces_of
@@ -29,6 +30,15 @@ from monitor_core.identification.starting import (
     masses_of,
 )
 from monitor_core.identification.verdict import Quality, Verdict, verdict_of
+from monitor_core.identification.warm_up import (
+    FRICTION,
+    LEAST_MOTION_S,
+    FoundWarmUp,
+    find_warm_up,
+    following,
+    heated_as,
+    moving_s,
+)
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 _SIGNIFICANT = 3.0
@@ -90,6 +100,7 @@ class IdentificationResult:
         verdict: on the fit.
         held: why parameters are held that the records do not determine.
         watched: which of the monitored parameters can be watched; empty: none were named.
+        warm_up: how the axis warms up, where friction follows a heat that nobody measures; None: it does not.
     """
 
     start: Problem
@@ -103,6 +114,7 @@ class IdentificationResult:
     verdict: Verdict
     held: Mapping[str, str]
     watched: tuple[Watched, ...]
+    warm_up: FoundWarmUp | None = None
 
     def model(self, monitored: Sequence[str]) -> AxisModel:
         """The axis with the estimates as its nominal values.
@@ -219,6 +231,9 @@ class IdentificationOptions:
         memory_s: of the monitor.
         sized: monitored parameters whose size is given, so that their nominal value may be zero.
         speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem; then the best one is refined.
+        thermal: how the axis begins the first record, where friction may follow a heat that nobody measures; None: it
+            is not asked whether it does.
+        begins_s: clock times of the first samples of the records [s]; None, or none at all: unknown.
     """
 
     start: Start = "search"
@@ -231,6 +246,8 @@ class IdentificationOptions:
     memory_s: float = 1.0
     sized: tuple[str, ...] = ()
     speed_scales: tuple[float, ...] = ()
+    thermal: ThermalStart | None = None
+    begins_s: tuple[float | None, ...] = ()
 
 
 def identify(
@@ -266,6 +283,13 @@ def identify(
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()
             estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
+        warm_up, seen = None, options.scheduled
+        if options.thermal is not None:
+            warm_up, estimate, records, seen = _warming(estimate, records, options, report)
+            if warm_up is not None:
+                following_heat = [term for term in seen if term.term == HEAT]
+                validation = heated_as(estimate, warm_up, following_heat, validation)
+                options = replace(options, scheduled=seen)
         configured = {name: v for name, v in problem.nominal.items() if name not in options.unknown}
         estimate, held = hold_undetermined(
             estimate, configured, options.monitored, lambda fewer: _fit(fewer, records, _silent)
@@ -291,7 +315,33 @@ def identify(
         verdict,
         held,
         outlook(estimate, options.monitored, records, options.memory_s, options.sized),
+        warm_up,
     )
+
+
+def _warming(
+    found: Estimate, records: Sequence[Record], options: IdentificationOptions, report: Progress
+) -> tuple[FoundWarmUp | None, Estimate, Sequence[Record], tuple[ScheduledTerm, ...]]:
+    """The warm-up that the records show, the fit with it, the records with their heat, and what follows it."""
+    watched = {split_name(name)[0] for name in options.monitored}
+    free = set(found.problem.free) - set(found.problem.varying)
+    followers = [name for name in FRICTION if name in free and name in watched]
+    assert options.thermal is not None
+    if not followers or moving_s(records) < LEAST_MOTION_S:
+        return None, found, records, options.scheduled
+    report("warm-up", 0, 1)
+    warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)
+    if warm_up is None:
+        return None, found, records, options.scheduled
+    try:
+        again, heated, scheduled = following(
+            found, warm_up, records, lambda problem, own: _fit(problem, own, report)
+        )
+    except ValueError:
+        return None, found, records, options.scheduled
+    if not (again.converged and again.cost < found.cost):
+        return None, found, records, options.scheduled
+    return warm_up, again, heated, (*options.scheduled, *scheduled)
 
 
 def _silent(*_: object) -> None:

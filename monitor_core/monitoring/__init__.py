@@ -8,6 +8,7 @@
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
 * ``recommended_settings``: settings for a real axis.
+* ``heat_observer``: the heat of an axis without a thermometer, as its estimates show it.
 * ``trend_monitor``: long-term trends of an axis, and alarms about limits.
 """
 
@@ -34,6 +35,7 @@ from monitor_core.monitoring.calibrated_range import (
     ranges,
 )
 from monitor_core.monitoring.fleet import AxisTrace, Fleet
+from monitor_core.monitoring.heat_observer import WarmUp, conditioned_records
 from monitor_core.monitoring.not_tested import NotTested, Remedy
 from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,
@@ -82,6 +84,8 @@ __all__ = [
     "Status",
     "Trace",
     "TrendMonitor",
+    "WarmUp",
+    "conditioned_records",
     "ranges",
     "recommended_settings",
     "short_memory",

@@ -61,6 +61,9 @@ class AxisBatch:
         self.state: State = state_views(*self._parts, t.n, t.p, t.m)
         """Named views into the state, axis last.  Writing to them changes the monitors."""
         named = constant_views(self._constants, t)
+        self._tested = named.tested
+        self.judged: Bools = np.ones(W, np.bool_)
+        """Whether the estimates of each axis are tested; ``judge`` changes it"""
         pairs = list(enumerate(zip(models, settings, strict=True)))
         self.thresholds: Floats = named.h
         """h (p, W)"""
@@ -165,7 +168,8 @@ class AxisBatch:
             yield from (self._event(events, k) for k in range(done, before))
             done = before
             a = int(noted.what[1, c])
-            yield a, self._judges[a].reading(noted, c)
+            if self.judged[a]:
+                yield a, self._judges[a].reading(noted, c)
             yield a, self._judges[a].evidence(noted, c)
         yield from (self._event(events, k) for k in range(done, int(events.filled[0])))
 
@@ -175,6 +179,16 @@ class AxisBatch:
         name = self.models[a].monitored[i]
         sd = standard_deviation(self.settings[a], float(P_ii))
         return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
+
+    def judge(self, a: int, on: bool) -> None:
+        """Whether the estimates of an axis are tested from now on, and are readings for its trend."""
+        self.judged[a] = on
+        self._tested[a] = on and not self.settings[a].unidentifiable
+
+    def move_nominal(self, a: int, step: Floats) -> None:
+        """Move theta_0(s) of an axis by a step (p,), but not its estimates; former deviations are forgotten."""
+        self.state.shift[:, a] += step
+        self._kept[0][:, a] = NEVER
 
     def column(self, a: int) -> tuple[Floats, Ints]:
         """A copy of the whole state of one axis: floats and integers."""

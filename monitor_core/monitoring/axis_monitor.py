@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import Alarm, DetectorName, alarms_from_array, alarms_to_array
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
 from monitor_core.detection.cusum.cusum_evidence import HELD, INVALID, BatchEvent
@@ -59,6 +60,17 @@ _NOT_PART_OF_STATE: dict[str, Any] = {
 Arrays = dict[str, NDArray[np.generic]]
 
 
+class Deviations(NamedTuple):
+    """What estimates show: theta - theta_0(s) (p,), NaN where not observed, and its covariance (p, p)."""
+
+    d: Floats
+    covariance: Floats
+    tolerated: Floats
+    """nu (p,): deviation per sample that the tests tolerate"""
+    allowance: Floats
+    """(p,) what healthy records differ by"""
+
+
 class AxisMonitor:
     """Estimates, tests and alarms of one axis.
 
@@ -106,6 +118,8 @@ class AxisMonitor:
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
         self.cusum = CusumDetector(self.model.monitored, batch.state.g[:, :, lane], batch.thresholds[:, lane])
         self._tracker = AlarmTracker(reopen_us=self._reopen_us)
+        self.look_alike: Mapping[str, str] = {}
+        """What else a change of a parameter may be, for its alarms, by its name"""
 
     @property
     def open_alarms(self) -> tuple[Alarm, ...]:
@@ -188,13 +202,46 @@ class AxisMonitor:
 
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
         """The events of the multi-model detector in these samples, if it runs."""
-        return self.multimodel.bank.run(*samples[:5]) if self.multimodel else ()
+        return self.multimodel.bank.run(*self.judged(samples)[:5]) if self.multimodel else ()
 
     def multimodel_events_traced(
         self, samples: SampleBlock
     ) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
         """As ``multimodel_events``, with the values of every hypothesis at every sample."""
-        return self.multimodel.bank.run_traced(*samples[:5]) if self.multimodel else ((), None)
+        return self.multimodel.bank.run_traced(*self.judged(samples)[:5]) if self.multimodel else ((), None)
+
+    def judged(self, samples: SampleBlock) -> SampleBlock:
+        """The samples for the multi-model detector: with a closed gate while estimates are only made."""
+        if self.batch.judged[self.lane]:
+            return samples
+        return samples._replace(gate=np.zeros(samples.size, np.bool_))
+
+    def judge(self, on: bool) -> None:
+        """Whether estimates are tested from now on; otherwise they are only made."""
+        self.batch.judge(self.lane, on)
+
+    @property
+    def learned(self) -> int:
+        """Number of samples from which theta has been updated."""
+        return int(self.batch.state.counts[USED, self.lane])
+
+    def deviations(self) -> Deviations | None:
+        """What the estimates show now; None: P(0) is not found yet."""
+        st, a = self.batch.state, self.lane
+        if st.seed_left[a] or st.t[a] == NEVER:
+            return None
+        d = st.theta[:, a] - self.model.theta0 - st.shift[:, a]
+        P, size = st.P[:, :, a], np.asarray(self.model.scale)
+        return Deviations(
+            np.where(st.observed[:, a] == UNSEEN, math.nan, d),
+            self.settings.lam0 * P / self.settings.divisor,
+            np.array([self._nu(i, float(P[i, i])) for i in range(len(d))]),
+            self.settings.tests(len(size))[2] * size,
+        )
+
+    def move_nominal(self, step: Floats) -> None:
+        """Move the nominal values by a step (p,) under the estimates, which stay."""
+        self.batch.move_nominal(self.lane, step)
 
     def apply(
         self,
@@ -207,9 +254,11 @@ class AxisMonitor:
         ``samples``: those of the events, which state whether the axis was in the conditions of its calibration.
         """
         if self.alarm_source == "multimodel" and self.multimodel is not None:
-            return self._tracker.update(multimodel, _marked(self.multimodel.interpret, samples))
+            interpret = _marked(self.multimodel.interpret, samples)
+            return self._tracker.update(multimodel, _with_alike(interpret, self.look_alike))
         found = (event for event in cusum if not isinstance(event, Reading))
-        return self._tracker.update(found, _marked(self.cusum.interpret, samples))
+        marked = _marked(self.cusum.interpret, samples)
+        return self._tracker.update(found, _with_alike(marked, self.look_alike))
 
     def status(self) -> AxisStatus:
         """Status of the axis now."""
@@ -263,6 +312,7 @@ class AxisMonitor:
             NotTested.UNIDENTIFIABLE: self.settings.unidentifiable,
             NotTested.SETTLING: st.t[a] < st.settled[a],
             NotTested.CONDITIONS: st.mode[a] == GATED,
+            NotTested.WARM_UP: not self.batch.judged[a],
             NotTested.NOT_OBSERVED: unseen and (st.mode[a] == IDLE or not st.seed_left[a]),
             NotTested.UNCERTAIN: (again and unseen) or (not seeding and self._is_uncertain(i)),
             NotTested.BLOCKED: blocked,
@@ -378,6 +428,24 @@ def _marked(interpret: _Interpret[_E], samples: SampleBlock | None) -> _Interpre
                 yield replace(alarm, inside_calibration=bool(inside[at[0]]) if at.size else None)
 
     return marked
+
+
+def _with_alike(interpret: _Interpret[_E], look_alike: Mapping[str, str]) -> _Interpret[_E]:
+    """As ``interpret``; causes state what else they may be."""
+    if not look_alike:
+        return interpret
+
+    def stated(event: _E, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        for alarm in interpret(event, open_alarms):
+            causes = (
+                cause._replace(alike=(*cause.alike, look_alike[cause.parameter]))
+                if cause.parameter in look_alike and look_alike[cause.parameter] not in cause.alike
+                else cause
+                for cause in alarm.causes
+            )
+            yield replace(alarm, causes=tuple(causes))
+
+    return stated
 
 
 def _model_key(model: AxisModel) -> str:

@@ -24,6 +24,7 @@ class NotTested(StrEnum):
     NO_SAMPLE = "no sample"
     SETTLING = "settling"  # the predictor has just (re)started
     CONDITIONS = "operating conditions"  # a gate is closed, or a signal is unknown or out of its range
+    WARM_UP = "warm-up state"  # how warm the axis is, is not known yet
     UNIDENTIFIABLE = "unidentifiable"  # the record of the nominal values does not determine them
     SEEDING = "seeding"  # P(0) is being found
     NOT_OBSERVED = "not observed"  # the motion contains no information on it

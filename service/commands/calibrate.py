@@ -126,7 +126,7 @@ def calibrate_axis(
     records, sources = read(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
     result = find_thresholds(model, settings, records, options, progress, Background)
     alarms: DetectorName = "cusum" if result.bank is None else alarm_source_of(axis.config, True)
-    found = ranges(model.drive.output, settings, conditions_of(axis).signals, records)
+    found = ranges(model.drive.output, settings, conditions_of(axis).columns, records)
     cautions = (*warnings(result), *one_sided(records, found))
     return Calibration(axis, result, sources, cautions, provenance, alarms, tuple(found))
 

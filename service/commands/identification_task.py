@@ -7,10 +7,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from monitor_core.drive import COULOMB, AxisModel, Drive, split_name
+from monitor_core.drive import COULOMB, HEAT, AxisModel, Drive, ThermalStart, split_name
 from monitor_core.identification import (
     Disturbance,
     IdentificationError,
@@ -64,6 +65,8 @@ class Request:
         start: where the fit starts; None: "search" if nominal values are known, else "records".
         schedule: parameters that follow signals, "fm: temperature".
         masses: compare chains of up to this number of masses; None: do not.
+        thermal: how warm the axis is at the beginning of the first record, where friction may follow a heat that nobody
+            measures; "off": it does not; None: cold, and off where parameters follow signals.
     """
 
     free: tuple[str, ...] = ()
@@ -75,6 +78,7 @@ class Request:
     start: Start | None = None
     schedule: tuple[str, ...] = ()
     masses: int | None = None
+    thermal: Literal["cold", "unknown", "off"] | None = None
 
 
 @dataclass(frozen=True)
@@ -154,6 +158,8 @@ def prepare(
         axis.config.sample_interval_s / (1 - axis.config.forgetting),
         tuple(axis.config.model.scales),
         tuple(scales),
+        _thermal_start(request, axis.config),
+        tuple(item.source.begins_s for item in used),
     )
     return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
 
@@ -221,6 +227,21 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
                 raise IdentificationError(f"{parameter} follows {name} twice")
             schedule[parameter] = (*schedule.get(parameter, ()), name)
     return schedule
+
+
+def _thermal_start(request: Request, axis: AxisConfig) -> ThermalStart | None:
+    """How the first record begins; None: nothing follows a heat."""
+    named = any(signal.name == HEAT for signal in axis.signal)
+    if request.thermal is None:
+        return None if request.schedule or named else "cold"
+    if request.thermal == "off":
+        return None
+    if named:
+        raise IdentificationError(
+            f"--thermal {request.thermal}: a signal of the configuration is called {HEAT}, as what friction would"
+            " follow: give it another name"
+        )
+    return request.thermal
 
 
 # --- the problem ------------------------------------------------------------------------------------------

@@ -80,6 +80,15 @@ MassesOption = Annotated[
         help="Also say how many masses in a row the records ask for: rows of up to five (auto) or N are compared.",
     ),
 ]
+Thermal = Annotated[
+    Literal["cold", "unknown", "off"] | None,
+    typer.Option(
+        "--thermal",
+        help="How warm the axis is at the beginning of the first record. Records of more than three minutes of motion"
+        " are searched for friction that falls as the axis warms up; off: they are not. Default: cold; with --schedule"
+        " off.",
+    ),
+]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the nominal values.")]
 
 
@@ -97,6 +106,7 @@ def identify(
     robust: Robust = False,
     start: StartOption = None,
     masses: MassesOption = None,
+    thermal: Thermal = None,
     output: Output = Path("nominal.toml"),
     report: ReportFile = None,
     json: JsonFile = None,
@@ -129,6 +139,7 @@ def identify(
             start=start,
             schedule=tuple(varying or ()),
             masses=_masses(masses),
+            thermal=thermal,
         )
         task = prepare(read, chosen, records, validate or [], request)
         with steps_bar(chosen.id) as progress:

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from monitor_core.drive import AxisModel, Conditions, Follow, Operating, Term, split_name
+from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, split_name
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
-from service.config.conditions import Schedule, follow_of, term_of, varying_of
+from service.config.conditions import Schedule, follow_of, signal_names, term_of, varying_of
 from service.config.model_rules import decided_model
 from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, RobotConfig
@@ -45,6 +45,13 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
 def sources(axis: AxisConfig) -> Iterator[Finding]:
     """Auxiliary signals have different names, and each states its source once."""
     yield from same_names("signal", axis.signal)
+    if axis.model.nominal_file is not None and axis.model.nominal_file.thermal is not None:
+        for n, s in enumerate(axis.signal):
+            if s.name == HEAT:
+                message = (
+                    f"{HEAT} is what parameters follow by the nominal_file: give this signal another name"
+                )
+                yield Finding(("signal", n, "name"), message)
     for n, s in enumerate(axis.signal):
         path: Keys = ("signal", n)
         if s.axis is not None:
@@ -73,7 +80,7 @@ def gates(axis: AxisConfig) -> Iterator[Finding]:
 
 def _no_signal(name: str, axis: AxisConfig) -> str:
     """Why that is no signal of the axis; empty if it is one."""
-    names = _names(axis)
+    names = [s.name for s in axis.signal]
     try:
         return "" if name in names or term_of(name, names).is_signal else "must be a signal itself"
     except ValueError as error:
@@ -87,7 +94,7 @@ def schedules(axis: AxisConfig) -> Iterator[Finding]:
         if v.range is not None and not v.range[0] < v.range[1]:
             yield Finding(_key(path, "range"), "must be [lowest, highest] with lowest < highest")
         try:
-            term = str(term_of(v.signal, _names(axis)))
+            term = str(term_of(v.signal, signal_names(axis)))
         except ValueError as error:
             yield Finding(_key(path, "signal"), f"{v.parameter} follows {v.signal}: {error}")
             continue
@@ -154,13 +161,9 @@ def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("model", "conditions"), message, path)
 
 
-def _names(axis: AxisConfig) -> list[str]:
-    return [s.name for s in axis.signal]
-
-
 def _signals(v: Schedule, axis: AxisConfig) -> tuple[str, ...]:
     try:
-        return term_of(v.signal, _names(axis)).signals
+        return term_of(v.signal, signal_names(axis)).signals
     except ValueError:  # which another check reports
         raise Undecidable("signal") from None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from monitor_core.drive import FUNCTIONS, Conditions, Follow, Gate, Term
+from monitor_core.drive import FUNCTIONS, HEAT, Conditions, Follow, Gate, Term, ThermalModel
 from monitor_core.wording import did_you_mean
 from service.config.nominal_file import ScheduleTable
 from service.config.problems import Keys
@@ -66,7 +66,25 @@ def conditions_of(axis: NamedAxis) -> Conditions:
         tuple(follow_of(v) for _, v in varying_of(axis.config)),
         tuple(_gate(gate) for gate in axis.config.gate),
         axis.config.min_speed or 0.0,
+        thermal_of(axis.config),
     )
+
+
+def thermal_of(axis: AxisConfig) -> ThermalModel | None:
+    """How an axis warms up; None: nothing follows its heat."""
+    found = axis.model.nominal_file
+    table = None if found is None else found.thermal
+    if table is None or all(HEAT not in Term.read(v.signal).signals for _, v in varying_of(axis)):
+        return None
+    friction = table.viscous_friction, table.coulomb_friction
+    return ThermalModel(table.time_constant_s, *friction, table.largest_w, axis.thermal.start)
+
+
+def signal_names(axis: AxisConfig) -> list[str]:
+    """Names of the signals that parameters of an axis may follow."""
+    found = axis.model.nominal_file
+    derived = [HEAT] if found is not None and found.thermal is not None else []
+    return [*(s.name for s in axis.signal), *derived]
 
 
 def needed(axis: NamedAxis) -> tuple[Source, ...]:

@@ -70,6 +70,21 @@ class ScheduleTable(FoundTable):
     range: tuple[Real, Real]
 
 
+class ThermalTable(FoundTable):
+    """[thermal]: the heat that parameters follow, heat' = (P - heat) / tau, P = fm w^2 + fc |w| [W]."""
+
+    time_constant_s: Positive
+    viscous_friction: NotNegative
+    coulomb_friction: NotNegative
+    largest_w: Positive
+
+    @model_validator(mode="after")
+    def _some_friction(self) -> ThermalTable:
+        if not self.viscous_friction + self.coulomb_friction > 0:
+            raise ValueError("viscous_friction and coulomb_friction are both 0: nothing would warm up")
+        return self
+
+
 class CorrelationTable(FoundTable):
     """[correlation] of the estimates."""
 
@@ -93,6 +108,7 @@ class NominalFile(FoundFile):
     noise: NoiseTable
     values: dict[str, Real] = Field(min_length=1)
     schedule: tuple[ScheduleTable, ...] = ()
+    thermal: ThermalTable | None = None
     standard_deviations: dict[str, NotNegative] = Field(default_factory=dict)
     correlation: CorrelationTable = CorrelationTable()
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from monitor_core.drive import Output
+from monitor_core.drive import Output, ThermalStart
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
@@ -102,6 +102,14 @@ class TimeConfig(Table):
     by its own clock, which is fitted to them"""
 
 
+class ThermalConfig(Table):
+    """[robot.axis.thermal]: an axis whose friction follows its heat, which nobody measures (nominal_file)."""
+
+    start: ThermalStart = "unknown"
+    """how warm it is where no checkpoint tells: "unknown", its first motion tells, until then nothing is tested; or
+    "cold" """
+
+
 # --- Service, buses, robots, axes -------------------------------------------------------------------------------------
 
 
@@ -175,6 +183,8 @@ class AxisConfig(Table):
     """the axis is monitored only while all of these are open, [[robot.axis.gate]]"""
     min_speed: Positive | None = None
     """the axis is not monitored while its motor turns more slowly than this [rad/s]"""
+    thermal: ThermalConfig = Field(default_factory=ThermalConfig)
+    """warm-up without a thermometer"""
     model: ModelConfig
     """drive, nominal values and monitored parameters"""
     estimator: EstimatorConfig = Field(default_factory=EstimatorConfig)

@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import AxisModel, Operating
+from monitor_core.drive import AxisModel
+from monitor_core.monitoring import conditioned_records
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
+from service.config.axis_settings import axis_settings
 from service.config.conditions import needed
 from service.ingest.axis_records import axis_record, sha256_of, wanted
 
@@ -48,7 +50,7 @@ def read(
         block = axis_record(want.path, config, axis, needed(axis), part).block
         if not block.size:
             raise RecordError(f"{want.path}: no samples of axis {axis.id}")
-        block = _with_conditions(block._replace(name=want.path.name), axis, model)
+        block = block._replace(name=want.path.name)
         since = (block.t_us - block.t_us[0]) * 1e-6
         start, end = np.searchsorted(
             since, [want.start_s or 0.0, np.inf if want.end_s is None else want.end_s]
@@ -59,12 +61,7 @@ def read(
         samples.append(block)
         seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
         sources.append(Source(text, sha256_of(want.path), block.size, seconds))
-    return samples, sources
-
-
-def _with_conditions(block: SampleBlock, axis: NamedAxis, model: AxisModel) -> SampleBlock:
     conditions = conditions_of(axis)
-    shift = gate = None
     if conditions:
-        shift, gate = Operating(model, conditions).take(block.t_us, block.y, block.signals)
-    return block._replace(shift=shift, gate=gate)
+        samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)
+    return samples, sources

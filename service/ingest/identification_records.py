@@ -33,6 +33,8 @@ class Source:
     start_s: float
     end_s: float
     dropped: Mapping[str, int]
+    begins_s: float | None = None
+    """Time of the first sample used, by the clock of the file [s]; None: it is not known"""
 
     @property
     def words(self) -> str:
@@ -73,7 +75,10 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     full = _record(block, [signal.name for signal in signals], axis, want.path.name)
     record = _in_range(full, want)
     start_s, end_s = (float(t - full.t[0]) for t in record.t[[0, -1]])
-    source = Source(want.path, sha256_of(want.path), len(full), len(record), start_s, end_s, dropped)
+    begins_s = float(block.t_us[0]) * 1e-6 + start_s
+    source = Source(
+        want.path, sha256_of(want.path), len(full), len(record), start_s, end_s, dropped, begins_s
+    )
     return Loaded(record, source)
 
 

@@ -1,6 +1,7 @@
 """Monitors of all configured axes: samples by axis in, changed alarms out; and from the frames of all buses to them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from monitor_core.monitoring import (
     ConditionTracker,
     Fleet,
     Range,
+    WarmUp,
 )
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -31,6 +33,15 @@ Samples = Mapping[str, SampleBlock]
 
 Observer = Callable[[str, SampleBlock, AxisTrace], None]
 """Gets the samples of each axis, and what was computed at each of them."""
+
+
+class Heat(NamedTuple):
+    """How warm an axis is, as the friction power that would keep it so, and its standard deviation [W]."""
+
+    heat_w: float
+    sd_w: float
+    known: bool
+    """Well enough to test its friction"""
 
 
 class AxisMonitors:
@@ -61,8 +72,13 @@ class AxisMonitors:
         self._resumed = False
         conditions = [(axis.id, m, conditions_of(axis)) for axis, m in zip(axes, models, strict=True)]
         self._operating = {axis_id: Operating(m, c) for axis_id, m, c in conditions if c}
+        self._warm_ups = {
+            axis_id: WarmUp(operating, self.by_id[axis_id])
+            for axis_id, operating in self._operating.items()
+            if operating.thermal is not None
+        }
         self._calibrated = {
-            axis.id: _calibrated_range(axis, s, c.signals)
+            axis.id: _calibrated_range(axis, s, c.columns)
             for axis, s, (_, _, c) in zip(axes, settings, conditions, strict=True)
             if axis.config.model.thresholds_file is not None and axis.config.model.thresholds_file.range
         }
@@ -70,14 +86,22 @@ class AxisMonitors:
 
     def update(self, samples: Samples, observer: Observer | None = None) -> list[AxisAlarm]:
         """Let every axis take its samples; returns the alarms that changed, axis by axis."""
-        unwrapped = self._unwrapped(samples) if self._turns else samples
-        blocks = {a: self._block(i, unwrapped[i]) for a, i in enumerate(self._ids) if i in unwrapped}
+        rest: Samples = self._unwrapped(samples) if self._turns else samples
+        changed, begun = list[AxisAlarm](), False
+        while rest or not begun:
+            parts = {a: self._part(a, rest[a]) for a in self._ids if a in rest}
+            changed += self._update({a: part for a, (part, _) in parts.items()}, observer)
+            rest, begun = {a: more for a, (_, more) in parts.items() if more is not None}, True
+        return changed
+
+    def _update(self, samples: Samples, observer: Observer | None) -> list[AxisAlarm]:
+        blocks = {a: samples[i] for a, i in enumerate(self._ids) if i in samples}
         changed: list[AxisAlarm] = []
         together = self._deferred is None
         for a, update in self._fleet.update(blocks, traced=observer is not None, multimodel=together).items():
-            axis_id = self._ids[a]
-            if self._deferred is not None and self._fleet.monitors[a].multimodel is not None:
-                self._deferred.append((a, blocks[a]))
+            axis_id, monitor = self._ids[a], self._fleet.monitors[a]
+            if self._deferred is not None and monitor.multimodel is not None:
+                self._deferred.append((a, monitor.judged(blocks[a])))
             self.trends.take(axis_id, update.readings)
             if observer is not None and update.trace is not None:
                 observer(axis_id, blocks[a], update.trace)
@@ -102,18 +126,30 @@ class AxisMonitors:
         """Number of samples that wait for a multi-model detector."""
         return sum(block.size for _, block in self._deferred or ())
 
-    def _block(self, axis_id: str, block: SampleBlock) -> SampleBlock:
-        """Samples with the nominal values and the gate that their operating conditions require."""
+    def _part(self, axis_id: str, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
+        """The first samples, with the nominal values and the gate that their conditions require; and the others."""
         operating, calibrated = self._operating.get(axis_id), self._calibrated.get(axis_id)
-        if operating is not None:
-            shift, gate = operating.take(block.t_us, block.y, block.signals)
-            block = block._replace(shift=shift, gate=gate)
+        more: SampleBlock | None = None
+        if axis_id in self._warm_ups:
+            block, more = self._warm_ups[axis_id].part(block)
+        elif operating is not None:
+            block = operating.conditioned(block)
         if calibrated is not None:
             inside = calibrated.take(block)
             block = block._replace(inside=inside)
             if axis_id in self._waiting:
                 block = block._replace(gate=inside if block.gate is None else block.gate & inside)
-        return block
+        return block, more
+
+    def operating(self, axis_id: str) -> Operating | None:
+        """The operating conditions of an axis; None: it has none."""
+        return self._operating.get(axis_id)
+
+    def heat(self, axis_id: str) -> Heat | None:
+        """How warm an axis is; None: it has no thermal model."""
+        operating = self._operating.get(axis_id)
+        thermal = None if operating is None else operating.thermal
+        return None if thermal is None else Heat(thermal.heat, thermal.sd, thermal.known)
 
     def outside_calibration(self, axis_id: str) -> tuple[str, ...]:
         """Conditions of the last sample of an axis that are outside the range of its calibration, in words."""

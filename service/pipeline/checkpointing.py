@@ -1,6 +1,7 @@
 """Checkpoints of all monitors, at an interval and at the end; and the restart from them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from time import monotonic
 from typing import Literal, NamedTuple
@@ -10,6 +11,7 @@ import structlog
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
+from monitor_core.drive import Operating
 from monitor_core.monitoring import Arrays, AxisMonitor
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import listed
@@ -22,7 +24,10 @@ from service.store.journal import Journal
 
 log = structlog.get_logger(__name__)
 
-Part = Literal["estimates", "multimodel", "history"]
+THERMAL_SCHEMA = "thermal schema=1"
+"""Beginning of the key of a saved warm-up state; the rest is its thermal model, without how it starts."""
+
+Part = Literal["estimates", "multimodel", "thermal", "history"]
 
 
 class SavedState(NamedTuple):
@@ -36,8 +41,8 @@ class SavedState(NamedTuple):
     restore: Callable[[Arrays], None]
 
 
-def states_of(axis_id: str, monitor: AxisMonitor) -> Iterator[SavedState]:
-    """The states of a monitor: estimates, and the evidence of its multi-model detector."""
+def states_of(axis_id: str, monitor: AxisMonitor, operating: Operating | None = None) -> Iterator[SavedState]:
+    """The states of a monitor: estimates, the evidence of its multi-model detector, and how warm the axis is."""
     yield SavedState("estimates", axis_id, monitor.key, monitor.to_arrays, monitor.from_arrays)
     multimodel = monitor.multimodel
     if multimodel is not None:
@@ -48,6 +53,10 @@ def states_of(axis_id: str, monitor: AxisMonitor) -> Iterator[SavedState]:
             lambda: multimodel.bank.to_arrays() if multimodel.made else None,
             lambda arrays: multimodel.bank.from_arrays(arrays),
         )
+    if operating is not None and operating.thermal is not None:
+        key = f"{THERMAL_SCHEMA} {replace(operating.thermal.model, start='cold')}"
+        name = f"{axis_id} (warm-up state)"
+        yield SavedState("thermal", name, key, operating.to_arrays, operating.from_arrays)
 
 
 class Checkpointer:
@@ -97,7 +106,7 @@ class Checkpointer:
 
     def _states(self) -> Iterator[AxisState]:
         for axis_id, monitor in self._monitors.by_id.items():
-            for state in states_of(axis_id, monitor):
+            for state in states_of(axis_id, monitor, self._monitors.operating(axis_id)):
                 arrays = state.arrays()
                 if arrays is not None:
                     yield AxisState(state.name, state.key, arrays)
@@ -109,6 +118,7 @@ class Checkpointer:
 PART_NAMES: Mapping[Part, str] = {
     "estimates": "the estimates",
     "multimodel": "the evidence of the multi-model detector",
+    "thermal": "the warm-up state",
     "history": "the long-term history",
 }
 
@@ -176,7 +186,7 @@ def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, 
     opened: list[AxisAlarm] = []
     changes: list[AxisAlarm] = []
     for axis_id, monitor in monitors.by_id.items():
-        for state in states_of(axis_id, monitor):
+        for state in states_of(axis_id, monitor, monitors.operating(axis_id)):
             at = Loss(axis_id, state.part, "")
             found = loader.load(at, state.name, state.key)
             if found is not None and loader.use(at, state.name, state.restore, found.arrays):

@@ -10,7 +10,7 @@ from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
 from service.config import NamedAxis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarms import Alarms
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axis_monitors import FramePipeline, Heat
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,8 @@ class AxisSnapshot:
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
     outside_calibration: tuple[str, ...] = ()
     """Conditions that are outside the range of its calibration, in words"""
+    heat: Heat | None = None
+    """How warm it is; None: nothing follows its heat"""
     stamps: Stamps = NOT_KNOWN
     """Jitter of its time stamps"""
     other_causes: tuple[str, ...] = ()
@@ -176,6 +178,7 @@ class AxisView:
             history=self._history.points,
             gated_by=monitors.waits_for(axis.id),
             outside_calibration=monitors.outside_calibration(axis.id),
+            heat=monitors.heat(axis.id),
             stamps=source.stamps,
             other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),
             trends=monitors.trends.for_axis(axis.id),

@@ -5,8 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from monitor_core.drive import DELAY, split_name
-from monitor_core.identification import FrequencyResponse, Growth, ParameterRow, Slope, Trace, Verdict
+from monitor_core.drive import DELAY, HEAT, split_name
+from monitor_core.identification import (
+    FoundWarmUp,
+    FrequencyResponse,
+    Growth,
+    ParameterRow,
+    Slope,
+    Trace,
+    Verdict,
+)
 from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
 from service.ingest.identification_records import Source
@@ -44,6 +52,8 @@ def _tables(report: IdentificationReport) -> Iterator[str]:
     yield toml_table("[values]", e.values, remarks={name: _about(name, rows, report) for name in e.values})
     for slope in report.result.slopes():
         yield _schedule_table(slope)
+    if report.result.warm_up is not None:
+        yield _thermal_table(report.result.warm_up)
     deviations = dict(zip(e.names, e.sd.tolist(), strict=True))
     about = "Standard deviations of what was estimated, in the same units."
     yield toml_table("[standard_deviations]", deviations, about, rough=deviations)
@@ -132,11 +142,22 @@ def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationRe
 def _schedule_table(s: Slope) -> str:
     f = s.scheduled
     remarks = {
-        "signal": "of [[robot.axis.signal]] in the configuration",
+        "signal": "of [thermal] below" if f.term == HEAT else "of [[robot.axis.signal]] in the configuration",
         "range": "of the signal in the records",
     }
     about = f"{one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
     return toml_table("[[schedule]]", _slope(s), about, remarks, rough=("standard_deviation", "range"))
+
+
+def _thermal_table(found: FoundWarmUp) -> str:
+    remarks = {
+        "time_constant_s": "tau",
+        "viscous_friction": "fm of the power [N m s/rad]",
+        "coulomb_friction": "fc of the power [N m]",
+        "largest_w": "heat in the records, at the most",
+    }
+    about = "heat' = (P - heat) / tau, P = fm w^2 + fc |w| of the motor speed w: the signal heat [W], 0 when cold."
+    return toml_table("[thermal]", _thermal(found), about, remarks)
 
 
 _OF_RECORDS = {
@@ -158,6 +179,16 @@ def _slope(s: Slope) -> Json:
         "standard_deviation": s.sd,
         "reference": f.reference,
         "range": [f.low, f.high],
+    }
+
+
+def _thermal(found: FoundWarmUp) -> Json:
+    m = found.model
+    return {
+        "time_constant_s": m.tau_s,
+        "viscous_friction": m.fm,
+        "coulomb_friction": m.fc,
+        "largest_w": m.largest,
     }
 
 
@@ -196,6 +227,7 @@ def as_json(report: IdentificationReport) -> str:
             "outlook": outlook_words(report),
             "parameters": [_parameter(row) for row in result.rows()],
             "schedule": [_slope(slope) for slope in result.slopes()],
+            "thermal": _thermal(result.warm_up) if result.warm_up else None,
             "masses": _growth(result.growth) if result.growth else None,
             "names": e.names,
             "covariance": e.covariance,

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from monitor_core.monitoring import ParameterStatus, Status
+from service.pipeline.axis_monitors import Heat
 from service.reports.formats import Table, for_terminal, json_text, percent, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
 from service.reports.replay_result import Replayed, ReplayedAxis
@@ -29,6 +30,8 @@ def print_text(replayed: Replayed, console: Console) -> None:
         console.print(
             f"{axis.id}: {axis.status.samples} samples{f', {gated} of them gated' if gated else ''}"
         )
+        if axis.snapshot.heat is not None:
+            console.print(f"{axis.id}: {heat_words(axis.snapshot.heat)}")
     console.print(for_terminal(estimates(axes), "Estimates at the end"))
     alarms = alarm_table(axes)
     still_open = [n for n, alarm in enumerate(alarm for a in axes for alarm in a.alarms) if alarm.active]
@@ -59,6 +62,14 @@ def not_tested(axis: ReplayedAxis) -> Iterator[str]:
     """What was not tested, why, and what would be needed."""
     sentences = not_tested_sentences(axis.untested, axis.status, axis.snapshot.gated_by)
     return (f"{axis.id}: {words}" for words in sentences)
+
+
+def heat_words(heat: Heat) -> str:
+    """How warm an axis is at the end: "its heat is 12.3 W at the end"."""
+    unsure = f" ± {plain(heat.sd_w, 2)}" if heat.sd_w > 0 else ""
+    return (
+        f"its heat is {plain(heat.heat_w, 3)}{unsure} W at the end{'' if heat.known else ', not known yet'}"
+    )
 
 
 def of_what(axes: Sequence[ReplayedAxis]) -> str:

@@ -127,6 +127,7 @@ class Replay:
             history=(),
             gated_by=monitors.waits_for(axis.id),
             outside_calibration=monitors.outside_calibration(axis.id),
+            heat=monitors.heat(axis.id),
             stamps=stamps,
             trends=monitors.trends.for_axis(axis.id),
         )

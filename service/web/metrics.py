@@ -62,6 +62,8 @@ _GAUGES = {
         "innovation_variance": "Running variance of the prediction error, in the square of the output's unit (rad or "
         "rad/s).",
         "axis_gated": "1 while operating conditions exclude the samples from estimation, else 0.",
+        "axis_heat_watts": "Friction power that would keep the axis as warm as it is, in watts; absent where nothing "
+        "follows the heat of the axis.",
         "stamp_scatter_seconds": "Standard deviation of receipt time minus sample time, in seconds; where the receipt "
         "time is the sample time, that of the intervals divided by the square root of two.",
         "last_sample_age_seconds": "Time since the last sample, in seconds; +Inf before the first.",
@@ -215,6 +217,8 @@ def _detectors(axes: _Axes) -> Iterator[Metric]:
 def _samples(axes: _Axes, now_us: int) -> Iterator[Metric]:
     yield _family("innovation_variance", (((a.id,), a.status.innovation_variance) for a in axes))
     yield _family("axis_gated", (((a.id,), bool(a.gated_by)) for a in axes))
+    heats = ((a.id, a.heat) for a in axes)
+    yield _family("axis_heat_watts", (((axis,), heat.heat_w) for axis, heat in heats if heat is not None))
     yield _family("samples", (((a.id,), a.status.samples) for a in axes))
     yield _by_reason("samples_by_fate", ((a.id, a.status.counters) for a in axes))
     yield _by_reason("values_dropped", ((a.id, a.dropped) for a in axes))

@@ -73,6 +73,7 @@ class Parameter(Body):
     )
     not_tested_reason: NotTested | None = Field(
         description="why it is not tested now; null: it is tested. no sample; settling: after a start or a gap; "
+        "warm-up state: it is not known yet how warm the axis is; "
         "operating conditions: a gate is closed, or a signal is unknown or out of range; unidentifiable: the record of "
         "the nominal values does not determine them; seeding: P(0) is being found, in ten memories of motion; not "
         "observed, uncertain: no or hardly any information in the motion; blocked: P(0) is not found, because another "
@@ -126,6 +127,14 @@ class Detector(Body):
     evidence: Number = Field(description="test statistic of that cause divided by its threshold")
 
 
+class Heat(Body):
+    """How warm an axis is whose friction follows its heat, which nobody measures."""
+
+    heat_w: Number = Field(description="friction power that would keep the axis as warm as it is [W]")
+    sd_w: Number = Field(description="its standard deviation [W]")
+    known: bool = Field(description="whether it is known well enough to test the parameters that follow it")
+
+
 class Axis(Body):
     """The present state of an axis."""
 
@@ -156,6 +165,7 @@ class Axis(Body):
         description="conditions that are outside their range in the calibration records now, where the false-alarm "
         "budget is not kept; e.g. temperature = 41, calibrated from 20 to 35; empty: none, or no range is known"
     )
+    heat: Heat | None = Field(description="null: nothing follows the heat of this axis")
     not_tested: list[str] = Field(
         description="parameters that are not tested now, why, and what would help, in sentences; empty: all are tested"
     )

@@ -51,6 +51,7 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         not_tested=list(not_tested_sentences(a.status.untested(), a.status, a.gated_by)),
         open_alarms=list(dict.fromkeys(e.parameter for e in a.open_alarms if e.kind != "forecast")),
         model=_body(models.Model, a, nominal=constants),
+        heat=None if a.heat is None else models.Heat(**a.heat._asdict()),
     )
 
 

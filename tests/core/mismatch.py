@@ -144,18 +144,30 @@ class MismatchPlant:
         warm = COLD + WARMER * (1 - np.exp(-t / truth.warming_s))
         healthy = np.exp(-THIRD * (warm - COLD) / WARMER)
         viscous = np.asarray(truth.values["fm"] * (broken["fm"] * healthy - 1), np.float64)
-        self._plan(t[-1] + INTERVAL_S)
         friction = np.array([truth.values["fc"] * broken["fc"], truth.stribeck, truth.values["tau0"]])
-        u, y = np.empty(N), np.empty(N)
-        _simulate(
-            self._Ad, self._Bd, self._angle, self._speed, self._gains, self._moves, t, viscous, friction,
-            broken["kT"] * truth.values["kT"], truth.ripple, self._phase, truth.disturbance,
-            self._rng.standard_normal(N), np.zeros(N) if test is None else test, self._held, self._x, u, y,
-        )  # fmt: skip
-        self._at += N
+        u, y = self._moved(viscous, friction, broken["kT"], test)
         return Block(
             np.round(k * INTERVAL_S * 1e6).astype(np.int64), u, np.round(y / STEP) * STEP, np.round(warm, 1)
         )
+
+    def _moved(
+        self, viscous: Floats, friction: Floats, kT: float, test: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Torque and angle of the next samples (N,); ``viscous`` (N,) is what is added to fm.
+
+        ``friction`` is fc, the Stribeck part and the offset; ``kT`` a factor.
+        """
+        truth, N = self._truth, len(viscous)
+        t = np.asarray((self._at + np.arange(N)) * INTERVAL_S, np.float64)
+        self._plan(t[-1] + INTERVAL_S)
+        u, y = np.empty(N), np.empty(N)
+        _simulate(
+            self._Ad, self._Bd, self._angle, self._speed, self._gains, self._moves, t, viscous, friction,
+            kT * truth.values["kT"], truth.ripple, self._phase, truth.disturbance,
+            self._rng.standard_normal(N), np.zeros(N) if test is None else test, self._held, self._x, u, y,
+        )  # fmt: skip
+        self._at += N
+        return u, y
 
     def _plan(self, until: float) -> None:
         """Moves (begin, duration, from, distance) up to a time; those that are over are forgotten."""

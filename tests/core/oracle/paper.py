@@ -102,7 +102,7 @@ class Paper:
     def _rub(self, h: float, delay: float) -> None:
         """Friction of the interval, and its derivatives by the complex step: of theta, and of x with it."""
 
-        def of(theta: NDArray[Any], x: NDArray[Any], delay: Any) -> NDArray[Any]:
+        def inputs_at(theta: NDArray[Any], x: NDArray[Any], delay: Any) -> NDArray[Any]:
             during = Interval(h, delay, self.torque_before)
             return with_friction(self.model, self.s, theta, self.u, self.y, x, during)
 
@@ -110,9 +110,9 @@ class Paper:
         for i, z in enumerate(self.z):
             step = 1j * STEP * max(1.0, abs(self.theta[i]))
             theta = self.theta + step * np.eye(len(self.theta))[i]
-            moved = of(theta, self.x + step * z, delay + (step if i == late else 0))
+            moved = inputs_at(theta, self.x + step * z, delay + (step if i == late else 0))
             self.du[i] = np.imag(moved) / abs(step)
-        self.u = of(self.theta, self.x, delay)
+        self.u = inputs_at(self.theta, self.x, delay)
 
     def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
         assert self.t is not None

@@ -24,6 +24,7 @@ from monitor_core.monitoring import (
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
+from service.pipeline.axis_monitors import Heat
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
@@ -128,6 +129,7 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         history=history(100),
         stamps=Stamps("cyclic", 0.00041, 0.0050002),
         trends=slow_courses(),
+        heat=Heat(12.5, 0.25, known=True),
     )
 
 

@@ -1,0 +1,174 @@
+"""Warm-up found in records: the time constant of the heat, and how friction follows it.
+
+The drive is fitted with constant friction first.  Near that fit the prediction errors are linear in the parameters,
+
+    eps(t) = psi(t)' delta(t),     delta(t) = c + s (heat(t) - mean),
+
+with a constant part c of every parameter and slopes s of the friction that follows the heat.  All that the records say
+of this is in sums over short windows, psi psi' and psi eps, within which the heat is constant.  So c and s are a least
+squares problem for each time constant and each heat at the start of a record, which are searched for.
+
+A first record that begins cold makes the slopes certain: with a motion that is always alike, a record that begins at an
+unknown heat shows how friction falls, but not from which heat.  A record that follows another one in time, without a
+motion in between, begins with what the pause has left of its heat; any other one begins with an unknown heat.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from monitor_core.drive.measured_speed import MeasuredSpeed
+from monitor_core.drive.structure import Output
+from monitor_core.drive.thermal_state import HEAT, MOVED, ThermalModel, ThermalStart, ThermalState
+from monitor_core.identification.greybox import Estimate
+from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.warm_up_search import Search, chosen, heat_course, speeds_of, windows_of
+
+FRICTION = ("fm", "fc")
+"""Parameters that may follow the heat, by name."""
+LEAST_MOTION_S = 180.0
+"""Records with less motion are not searched for a warm-up."""
+_STANDS = 0.05
+"""Of the root mean square of the speed: an axis that is slower stands."""
+
+
+@dataclass(frozen=True)
+class FoundWarmUp:
+    """A warm-up that the records show.
+
+    Attributes:
+        model: time constant, friction for the power, largest heat.
+        slopes: of the parameters that follow the heat, by name, with their standard deviations.
+        starts: heat at the first sample of each record [W].
+    """
+
+    model: ThermalModel
+    slopes: dict[str, tuple[float, float]]
+    starts: tuple[float, ...]
+
+
+def moving_s(records: Sequence[Record]) -> float:
+    """Time for which the axis moves in records [s]."""
+    total = 0.0
+    for record in records:
+        speed, h = speeds_of(record)
+        size = math.sqrt(float(np.mean(speed**2))) if speed.size else 0.0
+        total += float(h[speed > _STANDS * size].sum())
+    return total
+
+
+def find_warm_up(
+    found: Estimate,
+    records: Sequence[Record],
+    followers: Sequence[str],
+    start: ThermalStart = "cold",
+    begins_s: Sequence[float | None] = (),
+) -> FoundWarmUp | None:
+    """The warm-up in records, from a fit of them with constant friction; None: they do not show one.
+
+    Args:
+        found: the fit.
+        records: those of the fit.
+        followers: free parameters that may follow the heat.
+        start: how the first record begins.
+        begins_s: clock times of the first samples [s]; None, or none at all: unknown.
+    """
+    fm, fc = (max(float(found.values.get(name, 0.0)), 0.0) for name in FRICTION)
+    if not followers or not fm + fc > 0:
+        return None
+    unit = ThermalModel(1.0, fm, fc, 1.0)
+    names, windows = windows_of(found, records, unit)
+    index = [names.index(name) for name in followers if name in names]
+    carried = _carried(records, [*begins_s, *[None] * len(records)][: len(records)], found.drive.output)
+    search = Search(windows, index, carried, start)
+    if search.highest <= 0:
+        return None
+    fit = chosen(search, [found.values[names[i]] for i in index])
+    if fit is None:
+        return None
+    slopes = {names[i]: (float(s), float(sd)) for i, s, sd in zip(fit.which, fit.slopes, fit.sd, strict=True)}
+    starts, model = tuple(fit.starts.tolist()), ThermalModel(fit.tau_s, fm, fc, 1.0)
+    heats = [with_heat(record, model, start) for record, start in zip(records, starts, strict=True)]
+    largest = max(float(record.signals[HEAT].max()) for record in heats)
+    return FoundWarmUp(replace(model, largest=largest), slopes, starts)
+
+
+def following(
+    found: Estimate,
+    warm_up: FoundWarmUp,
+    records: Sequence[Record],
+    refit: Callable[[Problem, Sequence[Record]], Estimate],
+) -> tuple[Estimate, tuple[Record, ...], tuple[ScheduledTerm, ...]]:
+    """The fit again, with friction that follows the heat; the records with their heat; and what follows it.
+
+    Raises:
+        ValueError: the fit cannot start.
+    """
+    heated = [
+        with_heat(record, warm_up.model, start) for record, start in zip(records, warm_up.starts, strict=True)
+    ]
+    before, schedule = found.problem, dict.fromkeys(warm_up.slopes, (HEAT,))
+    scheduled = scheduled_terms(schedule, heated)
+    heated = [with_terms(record, scheduled) for record in heated]
+    slopes = {f"{name} per {HEAT}": slope for name, (slope, _) in warm_up.slopes.items()}
+    problem = replace(before, varying={**before.varying, **schedule}, slopes={**before.slopes, **slopes})
+    again = refit(problem, heated)
+    return replace(again, started_from=found.started_from), tuple(heated), scheduled
+
+
+def heated_as(
+    found: Estimate, warm_up: FoundWarmUp, scheduled: Sequence[ScheduledTerm], records: Sequence[Record]
+) -> tuple[Record, ...]:
+    """Further records with their heat, from the one at the start with which friction explains them best."""
+    return tuple(
+        with_terms(with_heat(record, warm_up.model, _start_of(found, warm_up, scheduled, record)), scheduled)
+        for record in records
+    )
+
+
+def _start_of(
+    found: Estimate, warm_up: FoundWarmUp, scheduled: Sequence[ScheduledTerm], record: Record
+) -> float:
+    """Heat at the first sample of a record [W], with the slopes of a fit."""
+    varying = {name: terms for name, terms in found.problem.varying.items() if terms != (HEAT,)}
+    problem = replace(found.problem, varying=varying)
+    names, (w,) = windows_of(replace(found, problem=problem), [record], replace(warm_up.model, tau_s=1.0))
+    values = dict(zip(found.names, found.theta.tolist(), strict=True))
+    index, s = [names.index(term.parameter) for term in scheduled], [values[term.slope] for term in scheduled]
+    I, b = w.information[:, index][:, :, index], w.score[:, index]
+    kept = np.exp(-w.middle_s / warm_up.model.tau_s)
+    heat, _ = heat_course(w.power, 0.0, warm_up.model.tau_s)
+    slope = np.array(s)
+    off = b - np.einsum("wij,wj->wi", I, (heat - scheduled[0].reference)[:, np.newaxis] * slope)
+    weight = float(np.einsum("w,i,wij,j->", kept**2, slope, I, slope))
+    start = float(kept @ (off @ slope)) / weight if weight > 0 else 0.0
+    return min(max(start, 0.0), warm_up.model.largest)
+
+
+def with_heat(record: Record, model: ThermalModel, start: float) -> Record:
+    """The record with its heat as a further signal, from that at its first sample [W]."""
+    state, t_us = ThermalState(replace(model, start="cold")), np.rint(record.t * 1e6).astype(np.int64)
+    state.heat = start
+    heat = state.take(t_us, MeasuredSpeed(record.quantity).take(t_us, record.y))
+    return replace(record, signals={**record.signals, HEAT: heat})
+
+
+def _carried(
+    records: Sequence[Record], begins_s: Sequence[float | None], output: Output
+) -> list[float | None]:
+    """Pause before each record that follows the one before it [s]; None: it follows none."""
+    pauses: list[float | None] = [None]
+    for k, (before, record) in enumerate(pairwise(records)):
+        begun, begins = begins_s[k], begins_s[k + 1]
+        pause = None if begun is None or begins is None else begins - begun - before.duration_s
+        way = abs(record.y[record.measured][0] - before.y[before.measured][-1])
+        stood = pause is not None and pause >= 0 and not (output == "angle" and way > MOVED)
+        pauses.append(pause if stood else None)
+    return pauses

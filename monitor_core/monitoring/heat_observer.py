@@ -1,0 +1,193 @@
+"""The heat of an axis as its own estimates show it, where nothing else tells it (``drive.thermal_state``).
+
+After a start or a pause of which nothing is known, the heat is uncertain by its whole range.  The parameters that
+follow it are then estimated, but not tested.  From their deviation d, the covariance C of the estimates and the slopes
+s of the nominal values over the heat, the heat is corrected as by a Kalman filter,
+
+    heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(allowance^2),
+
+until what is left of its uncertainty moves no nominal value by more than a part of what the tests tolerate.  Only the
+parameters that follow the heat are looked at: a change of another one does not pull it.  A change of friction that is
+there already cannot be told from heat, unless it is larger than heat could be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.operating_conditions import Conditions, Operating
+from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalState
+from monitor_core.monitoring.axis_monitor import AxisMonitor, Deviations
+from monitor_core.samples import SampleBlock, concatenate
+from monitor_core.settings import Settings
+
+LOOKS_PER_MEMORY = 2
+"""So often it is looked whether there is enough to observe the heat."""
+MEMORIES = 4
+"""Of motion that is learned from, until estimates are those of the present heat."""
+SHARE = 0.5
+"""Of what the tests tolerate: the uncertainty of the heat may move a nominal value by so much."""
+LOOKS_ALIKE = "a warmer or colder gearbox"
+"""Than its motion makes it: what a change of a parameter that follows the heat may also be, for alarms."""
+_STEP = 1e-3
+"""Of the largest heat: for slopes."""
+
+
+class WarmUp:
+    """Lets an axis take its samples part by part, so that its heat is observed at times that depend on them alone.
+
+    Args:
+        operating: the conditions of the axis, with a thermal model.
+        monitor: the monitor that gets the samples.
+
+    Raises:
+        ValueError: there is no thermal model.
+    """
+
+    def __init__(self, operating: Operating, monitor: AxisMonitor) -> None:
+        if operating.thermal is None:
+            raise ValueError("these conditions have no thermal model")
+        self._operating, self._monitor = operating, monitor
+        self._thermal: ThermalState = operating.thermal
+        monitor.look_alike = dict.fromkeys(operating.following(HEAT), LOOKS_ALIKE)
+        s = monitor.settings
+        self._every_us = max(1, round(1e6 * s.memory * s.interval_s / LOOKS_PER_MEMORY))
+        self._needed = round(MEMORIES * s.memory)
+        self._since_us: int | None = None  # when the heat that is being observed became unknown
+        self._learned = 0  # samples, at that time or at the last observation
+        self._due_us: int | None = None
+        self._last_us: int | None = None
+
+    def part(self, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
+        """The first samples of a block, with their conditions, for the monitor; and the others, if any.
+
+        The monitor must take the part before the next one is asked for.
+        """
+        if not block.size:
+            return self._operating.conditioned(block), None
+        self._look(int(block.t_us[0]))
+        n = self._alike(block)
+        taken = self._operating.conditioned(block.select(slice(n)))
+        self._last_us = int(block.t_us[n - 1])
+        if not self._thermal.known and self._thermal.since_us != self._since_us:
+            self._since_us, self._learned = self._thermal.since_us, self._monitor.learned
+        self._monitor.judge(self._thermal.known)
+        return taken, block.select(slice(n, None)) if n < block.size else None
+
+    def _alike(self, block: SampleBlock) -> int:
+        """Number of samples before the next look, and before a pause."""
+        if self._last_us is not None and abs(int(block.t_us[0]) - self._last_us) > GAP_S * 1e6:
+            return 1
+        n = self._operating.alike(block.t_us)
+        if self._thermal.known:
+            return n
+        due = np.flatnonzero(block.t_us[:n] >= self._next_look(int(block.t_us[0])))
+        return int(due[0]) if due.size else n
+
+    def _next_look(self, now_us: int) -> int:
+        since = now_us if self._thermal.since_us is None else self._thermal.since_us
+        return since + ((now_us - since) // self._every_us + 1) * self._every_us
+
+    def _look(self, now_us: int) -> None:
+        """Observe the heat when it is time to, before the sample at ``now_us``."""
+        if self._thermal.known or self._last_us is None or self._last_us >= now_us:
+            return
+        if self._next_look(self._last_us) > now_us or (found := self._monitor.deviations()) is None:
+            return
+        heat, sd, slopes = self._thermal.heat, self._thermal.sd, self._slopes()
+        if self._monitor.learned - self._learned >= self._needed:
+            heat, sd = corrected(heat, sd, slopes, found)
+            self._learned = self._monitor.learned
+        known = bool(np.all(np.abs(slopes) * sd <= SHARE * found.tolerated))
+        if known or heat != self._thermal.heat:
+            before = self._operating.shift_at_heat(self._thermal.heat)
+            self._thermal.observed(heat, sd, known)
+            step = self._operating.shift_at_heat(self._thermal.heat) - before
+            self._monitor.move_nominal(np.where(np.isfinite(step), step, 0.0))
+            self._since_us = self._thermal.since_us
+
+    def _slopes(self) -> Floats:
+        """Change of the nominal values (p,) for each watt."""
+        h, heat = _STEP * self._thermal.model.largest, self._thermal.heat
+        step = self._operating.shift_at_heat(heat + h) - self._operating.shift_at_heat(heat - h)
+        return np.where(np.isfinite(step), step / (2 * h), 0.0)
+
+
+def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tuple[float, float]:
+    """Heat and its standard deviation [W] after what the estimates show; slopes (p,) of the nominal values."""
+    which = np.flatnonzero((slopes != 0) & np.isfinite(found.d))
+    if not which.size or not sd > 0:
+        return heat, sd
+    M = found.covariance[np.ix_(which, which)] + np.diag(found.allowance[which] ** 2)
+    weighted = np.linalg.solve(M, slopes[which])
+    variance = 1 / (1 / sd**2 + float(weighted @ slopes[which]))
+    return heat + variance * float(weighted @ found.d[which]), float(np.sqrt(variance))
+
+
+# --- Records, whose first heat is found afterwards --------------------------------------------------------------------
+
+
+def conditioned_records(
+    model: AxisModel, settings: Settings, conditions: Conditions, records: Sequence[SampleBlock]
+) -> list[SampleBlock]:
+    """Records of an axis in a row with shift, gate and all signals, as its monitor would get them.
+
+    Where the heat at the first sample of a record is not known it is computed back from what is observed later, so that
+    no part of the record is lost; where nothing is observed, the gate is closed throughout.
+    """
+    operating, found = Operating(model, conditions), list[SampleBlock]()
+    for record in records:
+        if operating.thermal is None or record.size < 2:
+            found.append(operating.conditioned(record))
+        else:
+            found.append(_conditioned(model, settings, conditions, operating, record))
+    return found
+
+
+def _conditioned(
+    model: AxisModel, settings: Settings, conditions: Conditions, operating: Operating, record: SampleBlock
+) -> SampleBlock:
+    thermal = operating.thermal
+    assert thermal is not None
+    first = operating.conditioned(record.select(slice(1)))
+    if thermal.known:
+        return concatenate([first, operating.conditioned(record.select(slice(1, None)))])
+    start = _first_heat(model, settings, conditions, record)
+    if start is not None:
+        thermal.observed(*start, known=True)
+    rest = operating.conditioned(record.select(slice(1, None)))
+    joined = concatenate([first, rest])
+    assert joined.gate is not None
+    return joined._replace(gate=joined.gate & (start is not None))
+
+
+def _first_heat(
+    model: AxisModel, settings: Settings, conditions: Conditions, record: SampleBlock
+) -> tuple[float, float] | None:
+    """Heat at the first sample of a record and its standard deviation [W]; None: it cannot be observed."""
+    assert conditions.thermal is not None
+    unknown = replace(conditions, thermal=replace(conditions.thermal, start="unknown"))
+    observed, plain = Operating(model, unknown), Operating(model, unknown)
+    monitor = AxisMonitor(model, settings)
+    warm_up, rest, taken = WarmUp(observed, monitor), record, 0
+    thermal, alone = observed.thermal, plain.thermal
+    assert thermal is not None
+    assert alone is not None
+    while not thermal.known:
+        part, more = warm_up.part(rest)
+        taken += part.size
+        if more is None and not thermal.known:
+            return None
+        monitor.update(part)
+        rest = more if more is not None else rest
+    plain.take(record.t_us[:taken], record.y[:taken], None)
+    if alone.since_us != int(record.t_us[0]):
+        return None  # a pause in between, of which nothing is known
+    # What was observed is a difference to the heat without, which has decayed since the first sample.
+    kept = thermal.model.kept((int(record.t_us[taken - 1]) - int(record.t_us[0])) * 1e-6)
+    return thermal.model.largest / 2 + (thermal.heat - alone.heat) / kept, thermal.sd / kept

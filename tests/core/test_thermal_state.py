@@ -1,0 +1,157 @@
+"""The heat of an axis without a thermometer: its equation, pauses, what is not known, and parameters that follow it."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, ThermalModel
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.samples import SampleBlock
+
+TURNING = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "fm"))
+MODEL = AxisModel(three_mass("angle"), REFERENCE_VALUES, ("kT", "fm"))
+COLD = ThermalModel(600.0, 0.05, 0.4, 30.0, "cold")
+UNKNOWN = ThermalModel(600.0, 0.05, 0.4, 30.0)
+FRICTION = Follow("fm", Term.read(HEAT), -0.001, 10.0, 0.0, 30.0)
+H_US = 100_000
+
+
+def operating(thermal: ThermalModel, model: AxisModel = TURNING) -> Operating:
+    return Operating(model, Conditions((), (FRICTION,), thermal=thermal))
+
+
+def heat_of(axis: Operating, t_us: np.ndarray, y: np.ndarray) -> np.ndarray:
+    block = axis.conditioned(SampleBlock(t_us, np.zeros(len(y)), y))
+    assert block.signals is not None
+    return np.asarray(block.signals[:, -1])
+
+
+def warmed(heat: float, power: float, ends: tuple[float, float]) -> float:
+    """The heat after the time between two ends, by a solver of differential equations."""
+    run = solve_ivp(lambda _, x: (power - x) / COLD.tau_s, ends, [heat], rtol=1e-11, atol=1e-12)
+    return float(run.y[0, -1])
+
+
+def test_heat_is_the_exact_solution_for_a_power_that_is_held() -> None:
+    rng = np.random.default_rng(1)
+    t_us = np.cumsum(rng.integers(20_000, 600_000, 200))
+    y = rng.normal(0, 15, 200)
+    found = heat_of(operating(COLD), t_us, y)
+    heat = 0.0
+    for k in range(1, 200):
+        power = 0.05 * y[k] ** 2 + 0.4 * abs(y[k])
+        ends = t_us[k - 1] * 1e-6, t_us[k] * 1e-6
+        heat = warmed(heat, power, ends)
+        assert found[k] == pytest.approx(heat, rel=1e-8)
+
+
+def test_a_lasting_motion_is_as_warm_as_its_friction_power() -> None:
+    t_us = np.arange(60_000) * H_US  # ten time constants
+    for axis, y in (
+        (operating(COLD), np.full(t_us.size, 10.0)),
+        (operating(COLD, MODEL), t_us * 1e-5),
+    ):
+        assert heat_of(axis, t_us, y)[-1] == pytest.approx(9.0, rel=1e-3)
+
+
+def test_a_pause_cools() -> None:
+    axis = operating(COLD, MODEL)
+    t_us = np.arange(6000) * H_US
+    warm = heat_of(axis, t_us, t_us * 1e-5)[-1]
+    pause_us = np.array([t_us[-1] + 300_000_000])
+    assert heat_of(axis, pause_us, np.array([t_us[-1] * 1e-5]))[0] == pytest.approx(warm * math.exp(-0.5))
+    assert axis.thermal is not None
+    assert axis.thermal.known
+
+
+@pytest.mark.parametrize(("later_s", "way"), [(300.0, 1.5), (-100.0, 0.0)], ids=["it moved", "clock set"])
+def test_after_a_pause_in_which_it_moved_the_heat_is_unknown(later_s: float, way: float) -> None:
+    axis = operating(COLD, MODEL)
+    t_us = np.arange(3000) * H_US
+    heat_of(axis, t_us, t_us * 1e-5)
+    thermal = axis.thermal
+    assert thermal is not None
+    assert (thermal.known, thermal.sd) == (True, 0.0)
+    heat_of(axis, np.array([t_us[-1] + round(later_s * 1e6)]), np.array([t_us[-1] * 1e-5 + way]))
+    assert (thermal.known, thermal.heat, thermal.sd) == (False, 15.0, 15.0)
+
+
+def test_an_unknown_heat_is_forgotten_with_the_time_constant() -> None:
+    axis, cold = operating(UNKNOWN), operating(COLD)
+    t_us = np.arange(6000) * H_US
+    y = np.full(t_us.size, 10.0)
+    apart = heat_of(axis, t_us, y)[-1] - heat_of(cold, t_us, y)[-1]
+    thermal = axis.thermal
+    assert thermal is not None
+    assert not thermal.known
+    assert apart == pytest.approx(15.0 * math.exp(-599.9 / 600))
+    assert thermal.sd == pytest.approx(15.0 * math.exp(-599.9 / 600))
+
+
+def test_a_parameter_follows_the_heat_as_a_measured_signal() -> None:
+    axis = operating(COLD)
+    t_us = np.arange(6000) * H_US
+    shift, gate = axis.take(t_us, np.full(t_us.size, 10.0), None)
+    measured = Operating(TURNING, Conditions((HEAT,), (FRICTION,)))
+    heat = heat_of(operating(COLD), t_us, np.full(t_us.size, 10.0))
+    expected, _ = measured.take(t_us, np.full(t_us.size, 10.0), heat[:, np.newaxis])
+    np.testing.assert_array_equal(shift, expected)
+    assert gate.all()
+    assert shift[0, 1] == pytest.approx(0.01)
+
+
+def test_beyond_the_heat_of_the_records_nothing_is_known() -> None:
+    axis = operating(COLD)
+    t_us = np.arange(12_000) * H_US
+    shift, _ = axis.take(t_us, np.full(t_us.size, 60.0), None)
+    assert np.isnan(shift[-1, 1])
+    assert axis.reason.startswith("heat = ")
+    assert axis.reason.endswith(", beyond 0 to 30")
+
+
+@given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1))
+def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = rng.choice([0, 5000, 5001, 2_000_000, -3_000_000], 60, p=[0.05, 0.5, 0.35, 0.05, 0.05])
+    t_us, y = np.cumsum(steps), np.cumsum(rng.normal(0, 0.5, 60))
+    y[rng.random(60) < 0.1] = math.nan
+    at_once, parts, saved = (operating(UNKNOWN, MODEL) for _ in range(3))
+    expected = heat_of(at_once, t_us, y)
+    found = []
+    for a, b in pairwise([0, *sorted(cuts), 60]):
+        found.append(heat_of(parts, t_us[a:b], y[a:b]))
+        if (arrays := parts.to_arrays()) is not None:  # as over a restart
+            saved = operating(UNKNOWN, MODEL)
+            saved.from_arrays(arrays)
+            parts = saved
+    np.testing.assert_array_equal(np.concatenate(found), expected)
+    assert at_once.thermal is not None
+    assert parts.thermal is not None
+    assert (parts.thermal.sd, parts.thermal.known) == (at_once.thermal.sd, at_once.thermal.known)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ((0.0, 0.1, 0.1, 10.0), "tau_s = 0.0"),
+        ((10.0, 0.0, 0.0, 10.0), "fm = 0.0, fc = 0.0"),
+        ((10.0, -1.0, 2.0, 10.0), "fm = -1.0"),
+        ((10.0, 0.1, 0.1, math.inf), "largest = inf"),
+    ],
+)
+def test_an_impossible_model_is_refused(values: tuple[float, float, float, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        ThermalModel(*values)
+
+
+@pytest.mark.parametrize("heat", [np.zeros(4), np.array([-1.0, 0, 0, 0, 1]), np.full(5, math.nan)])
+def test_a_damaged_state_is_refused(heat: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="no state of a warm-up"):
+        operating(COLD).from_arrays({"heat": heat, "before": np.zeros(2)})

@@ -1,0 +1,125 @@
+"""Warm-up without a thermometer, by the commands: cold records, two days of monitoring, faults, restarts."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from monitor_core.monitoring import NotTested
+from service.texts import episode_words
+from tests.core.mismatch import Block
+from tests.core.test_mismatch import FOUND
+from tests.core.warming import Warming, WarmingPlant
+from tests.service.command_line import shown
+from tests.service.warming_axis import CUSUM, Watcher, after_fault, identified, on_a_bus, write
+
+QUICK = Warming(fast_s=60.0, slow_s=200.0)
+DAY_S, NIGHT_S = 240.0, 8 * 3600.0
+
+
+class Made(NamedTuple):
+    """An axis that has been commissioned on two days, cold in the morning."""
+
+    plant: WarmingPlant
+    records: list[Path]
+    config: Path
+    output: str
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Made:
+    folder = tmp_path_factory.mktemp("warming")
+    plant, records = WarmingPlant(np.random.default_rng(seed), warming=QUICK), list[Path]()
+    for name in ("monday.csv", "tuesday.csv"):
+        records.append(write(folder / name, plant.take(DAY_S)))
+        plant.rest(NIGHT_S)
+    words = ("--start", "values", "--free", "fm,fc")
+    config, output = identified(folder, FOUND, records, *words)
+    text = config.read_text(encoding="utf-8").replace(CUSUM, f"{CUSUM}, alpha_1 = 4.0, alpha_2 = 400.0")
+    config.write_text(text, encoding="utf-8")
+    return Made(plant, records, config, output)
+
+
+def test_identify_finds_that_friction_falls(made: Made) -> None:
+    found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
+    assert QUICK.fast_s / 2 < found["thermal"]["time_constant_s"] < QUICK.slow_s
+    falls = {
+        s["parameter"]: s["slope"] * found["thermal"]["largest_w"] / found["values"][s["parameter"]]
+        for s in found["schedule"]
+    }
+    assert set(falls) == {"fm", "fc"}
+    # Of the plant they fall by 38 and 25 %, from cold on, at a warmth of 0.95.
+    assert -0.65 < falls["fm"] < -0.3
+    assert -0.45 < falls["fc"] < -0.1
+    assert {s["signal"] for s in found["schedule"]} == {"heat"}
+
+
+def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:
+    plant, watcher = copy.deepcopy(made.plant), Watcher(made.config)
+    for _ in range(2):
+        assert watcher.take(plant.take(DAY_S)) == []
+        for name, factor in (("kT", 1.2), ("fm", 1.5)):
+            (alarm,) = after_fault(plant, watcher, {name: factor}, 60.0)
+            assert (alarm.parameter, alarm.direction) == (name, "up"), alarm
+        plant.rest(NIGHT_S)
+        watcher = watcher.restarted()
+    assert watcher.monitor.status().untested_so_far() == {}
+
+
+@pytest.mark.parametrize(("name", "factor"), [("kT", 1.2), ("fm", 1.5)])
+def test_an_alarm_of_friction_says_what_would_look_the_same(made: Made, name: str, factor: float) -> None:
+    plant, watcher = copy.deepcopy(made.plant), Watcher(made.config)
+    watcher.take(plant.take(150.0))
+    plant.break_down({name: factor})
+    *_, alarm = watcher.take(plant.take(60.0))
+    assert (alarm.stage, alarm.parameter) == ("named", name)
+    words = episode_words(alarm, 1.0, "1")
+    assert ("a warmer or colder gearbox would look the same" in words) == (name == "fm")
+
+
+def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> None:
+    """The one that has always watched knows the heat, another one finds it; until then nothing is tested."""
+    plant, knows = copy.deepcopy(made.plant), Watcher(made.config)
+    knows.take(plant.take(DAY_S))
+    finds = Watcher(made.config)
+    finds.take(plant.take(20.0))
+    reasons = {p.not_tested for p in finds.monitor.status().parameters}
+    assert reasons == {NotTested.WARM_UP}
+    before = finds.heat
+    assert before is not None
+    assert not before.known
+    block = plant.take(100.0)
+    for watcher in (knows, finds):
+        watcher.take(block)
+    assert finds.heat is not None
+    assert finds.heat.known
+    assert {p.not_tested for p in finds.monitor.status().parameters} == {None}
+    assert knows.heat is not None
+    assert abs(finds.heat.heat_w - knows.heat.heat_w) < 4 * np.hypot(finds.heat.sd_w, knows.heat.sd_w)
+
+
+def test_the_heat_does_not_depend_on_the_cuts_between_blocks(made: Made) -> None:
+    block = copy.deepcopy(made.plant).take(120.0)
+    at_once, parts = Watcher(made.config), Watcher(made.config)
+    at_once.take(block)
+    for start in range(0, block.y.size, 777):
+        cut = slice(start, start + 777)
+        parts.take(Block(block.t_us[cut], block.u[cut], block.y[cut], block.temperature[cut]))
+    assert at_once.heat is not None
+    assert at_once.heat.known
+    assert at_once.heat == parts.heat
+    for mine, other in zip(
+        at_once.monitor.to_arrays().values(), parts.monitor.to_arrays().values(), strict=True
+    ):
+        np.testing.assert_array_equal(mine, other)
+
+
+def test_replay_says_how_warm_it_is(made: Made) -> None:
+    output = shown("replay", made.records[0], "--config", on_a_bus(made.config))
+    assert "cell1.axis1: its heat is " in output
+    assert "No alarms." in output
