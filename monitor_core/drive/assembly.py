@@ -50,6 +50,7 @@ class Assembly:
     def __init__(self, drive: Drive, monitored: Sequence[str]) -> None:
         self.drive, self.monitored = drive, tuple(monitored)
         self._signs = {split_name(name)[0]: _sign(i, name) for i, name in enumerate(monitored)}
+        self._late = self.monitored.index(DELAY) if DELAY in self.monitored else -1
         self._pieces = [p for term in drive.terms if term.matrix in _ROWS_OF for p in self._split(term)]
         slots = sorted({p.slot for p in self._pieces})
         self._index = {slot: k for k, slot in enumerate(slots)}
@@ -81,7 +82,7 @@ class Assembly:
             p=p,
             m=len(self.drive.inputs),
             mean=self.drive.mean_state,
-            late=self.monitored.index(DELAY) if DELAY in self.monitored else -1,
+            late=self._late,
             slots=len(slots),
             kind=_ints(self.drive.inputs),
             A_row=_ints(s.row for s in A),
@@ -140,6 +141,7 @@ class Assembly:
         of_inputs = [(k, s.col, s.par) for s, k in row.items() if s.group in (1, 4)]
         return FrictionTerms(
             number=number,
+            late=self._late,
             state=state,
             filtered=int(self.drive.output != "speed"),
             motion=_output_terms(motion),
@@ -180,6 +182,19 @@ class Assembly:
             "upper": model.limits[1],
             "u_scale": _input_scales(model, speed_scale),
         }
+
+
+def rubs(model: AxisModel) -> bool:
+    """Whether a Coulomb friction acts on the axis, or may, as it is monitored."""
+    bases = {split_name(name)[0] for name in model.monitored}
+    values = {name: value or float(name in bases) for name, value in model.nominal.items()}
+    friction = np.array(model.drive.inputs) == COULOMB
+    return bool(model.drive.matrix("B", values)[:, friction].any())
+
+
+def without_friction(tables: Tables) -> Tables:
+    """Tables for axes on which no friction acts: it is not computed."""
+    return tables._replace(friction=tables.friction._replace(number=0))
 
 
 def fill(target: Constants, axis: int, values: dict[str, Floats]) -> None:

@@ -34,7 +34,7 @@ from monitor_core.kernel.cusum import (
     update_cusum,
 )
 from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, count_until_kept, gather_evidence
-from monitor_core.kernel.friction import has_friction, hold_friction, middle_speed
+from monitor_core.kernel.friction import MiddleSpeed, hold_friction
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import check_start, reject_outliers, update_running_variance
 from monitor_core.kernel.propagate import choose_substeps, evaluate_coefficients, evaluate_inputs, propagate
@@ -214,7 +214,7 @@ def run(
         )
         psi, Ppsi, d, nu, moved = table(p, W), table(p, W), table(p, W), table(p, W), table(p, W)
         tested, u_first, K = flags(p, W), table(T.m, W), table(n, W)
-        acting, du, middle = table(T.m, W), table(p * T.m, W).reshape(p, T.m, W), middle_speed(p, W)
+        acting, du = table(T.m, W), table(p * T.m, W).reshape(p, T.m, W)
         u, y, h, h_first, h_before = floats(W), floats(W), floats(W), floats(W), floats(W)
         over, ago, lam, share, norm = floats(W), floats(W), floats(W), floats(W), floats(W)
         yhat, eps, believed, S = floats(W), floats(W), floats(W), floats(W)
@@ -223,6 +223,8 @@ def run(
         mode, moves, learns, tracks = ints(W), ints(W), ints(W), ints(W)
         theta, P, joint, drift = st.theta, st.P, any_positive(con.joint), any_positive(con.drift)
         delay = theta[T.late] if T.late >= 0 else con.delay
+        # These are computed later in each sample: until then they are scratch.
+        middle = MiddleSpeed(table(T.m, W), yhat, eps, S, believed, psi, Ppsi, moved)
         # fmt: off
         roles, timing = Roles(mode, moves, learns, tracks), Timing(con.gap_us, con.settle_us, con.interval, con.lost_us)
         floor = FloorConstants(con.floor, con.min_excitation, con.span, con.lam, con.drift, con.scale)
@@ -232,7 +234,6 @@ def run(
         evidence = EvidenceState(theta, P, st.lam0_running, st.observed, st.left, st.noting, st.learned,
                                  con.span, con.naming_samples)
         # fmt: on
-        friction = has_friction(lanes, T, con.V0)
         count_until_kept(lanes, con.span, st.learned, until)
         copy_rows(con.V0, V)
         copy_rows(st.z, X)
@@ -254,9 +255,9 @@ def run(
                     random_walk(lanes, con.drift, st.seed_left, lam, share)
                 evaluate_coefficients(lanes, T.terms, con.V0, con.coef, theta, V)
                 copy_rows(st.u, acting)
-                if friction:
-                    hold_friction(lanes, T.friction, T.kind, T.late, con.u_scale, V, delay, st.torque_before, h, X,
-                                  acting, du, middle)
+                if T.friction.number:
+                    hold_friction(lanes, T.friction, T.kind, con.u_scale, V, delay, st.torque_before, h, X, acting, du,
+                                  middle)
                 if split_at_delay(lanes, T.kind, delay, st.torque_before, acting, h, h_first, u_first):
                     evaluate_inputs(lanes, T.inputs, V, u_first, du, G)
                     choose_substeps(lanes, T.A_row, con.weight, V, h_first, steps, terms, norm)

@@ -18,32 +18,26 @@ import math
 from typing import Any, NamedTuple
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import allocating, kernel, outlined
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import power_of_two
 from monitor_core.kernel.recursion import add_products, predict
-from monitor_core.kernel.tables import COULOMB, TORQUE, FrictionTerms, Tables
-from monitor_core.kernel.work_arrays import floats, table
+from monitor_core.kernel.tables import COULOMB, TORQUE, FrictionTerms
 
 SMALLEST = 0.5
 """Of the divisor of v_1: a friction that is negative by much, which would drive the axis, does not turn its sign."""
 
 
 class MiddleSpeed(NamedTuple):
-    """Work arrays."""
+    """Work arrays of ``hold_friction``."""
 
+    u: Floats  # (m, W) inputs that w and v are computed from: mean torque, frictions of v_1
     v: Floats  # (W,) w, and then v
     v1: Floats  # (W,)
     divisor: Floats  # (W,)
     rate: Floats  # (W,) by what v changes with w beyond it, dv = (1 + rate) dw where B is constant
-    dv: Floats  # (p, W)
     dw: Floats  # (p, W)
-    slope: Floats  # (p, W) d/dtheta_i of sum B_c s_c
-
-
-@allocating
-def middle_speed(p: int, W: int) -> MiddleSpeed:
-    """Work arrays of ``hold_friction``."""
-    return MiddleSpeed(floats(W), floats(W), floats(W), floats(W), table(p, W), table(p, W), table(p, W))
+    dv: Floats  # (p, W)
+    slope: Floats  # (p, W) d/dtheta_i of h/2 sum B_c s_c
 
 
 @kernel
@@ -58,18 +52,12 @@ def mean_torque_share(delay: float, h: float) -> float:
 
 
 @outlined
-def has_friction(lanes: Any, T: Tables, V0: Floats) -> bool:
-    """Whether a friction acts on any lane, or may as it is estimated; V0 (slots, W) of the Constants."""
-    inputs, estimated = T.inputs, T.terms.slot
-    for q in range(inputs.row.size if T.friction.number else 0):
-        if T.kind[inputs.col[q]] == COULOMB:
+def _rub(lanes: Any, kind: Ints, u_scale: Floats, v: Floats, u: Floats) -> None:
+    """Frictions tanh(s_c v) into their rows of u (m, W)."""
+    for c in range(kind.size):
+        if kind[c] == COULOMB:
             for a in range(len(lanes)):
-                if V0[inputs.slot[q], a] != 0.0:
-                    return True
-            for j in range(estimated.size):
-                if estimated[j] == inputs.slot[q]:
-                    return True
-    return False
+                u[c, a] = tanh(u_scale[c, a] * v[a])
 
 
 @outlined
@@ -77,7 +65,6 @@ def hold_friction(
     lanes: Any,
     F: FrictionTerms,
     kind: Ints,
-    late: int,
     u_scale: Floats,
     V: Floats,
     delay: Floats,
@@ -85,85 +72,95 @@ def hold_friction(
     h: Floats,
     X: Floats,
     u: Floats,
-    du: Floats,
+    du: Floats | None,
     work: MiddleSpeed,
 ) -> None:
-    """Friction in u (m, W) over an interval h (W,), and its derivatives du (p, m, W).
+    """Friction in u (m, W) over an interval h (W,), and its derivatives du (p, m, W); None: they are not needed.
 
     u contains the other inputs held, and for friction the speed v_0 where that was measured.
     """
-    p = du.shape[0]
+    v, v1, divisor, w_u, dw = work.v, work.v1, work.divisor, work.u, work.dw
+    p = dw.shape[0]
     n = X.shape[0] // (p + 1)
-    v, v1, divisor, rate = work.v, work.v1, work.divisor, work.rate
-    dv, dw, slope = work.dv, work.dw, work.slope
-    # divisor and v1 hold v_0 and the torque meanwhile.
+    slot, src, par = F.braked.slot, F.braked.src, F.braked.par
     for c in range(kind.size):
         for a in range(len(lanes)):
+            w_u[c, a] = u[c, a]
             if kind[c] == TORQUE:
                 share = mean_torque_share(delay[a], h[a])
-                v1[a] = u[c, a]
-                u[c, a] = share * u[c, a] + (1.0 - share) * torque_before[a]
+                w_u[c, a] = share * u[c, a] + (1.0 - share) * torque_before[a]
             elif kind[c] == COULOMB:
-                divisor[a] = X[p * n + F.state, a] if F.filtered else u[c, a]
-    # w = v_0 + h/2 (A x + b) and its derivatives; the step of the torque is one of them where its delay is.
+                v1[a] = X[p * n + F.state, a] if F.filtered else u[c, a]
     predict(lanes, F.motion, V, X, v, dw)
-    add_products(lanes, F.driven, V, u, v, dw)
-    for q in range(F.driven.slot.size if late >= 0 else 0):
-        if kind[F.driven.src[q]] == TORQUE and F.driven.par[q] < 0:
-            for a in range(len(lanes)):
-                rest = 1.0 - max(delay[a], 0.0) / h[a] if h[a] > 0.0 else 0.0
-                more = 2.0 * rest / h[a] if rest > 0.0 else 0.0
-                dw[late, a] += V[F.driven.slot[q], a] * more * (torque_before[a] - v1[a])
+    add_products(lanes, F.driven, V, w_u, v, dw)
     for a in range(len(lanes)):
-        v[a] = divisor[a] + 0.5 * h[a] * v[a]
+        v[a] = v1[a] + 0.5 * h[a] * v[a]
         divisor[a] = 1.0
+    for q in range(slot.size):
+        if par[q] < 0:
+            for a in range(len(lanes)):
+                divisor[a] -= 0.5 * h[a] * V[slot[q], a] * u_scale[src[q], a]
+    for a in range(len(lanes)):
+        divisor[a] = max(divisor[a], SMALLEST)
+        v1[a] = v[a] / divisor[a]
+    _rub(lanes, kind, u_scale, v1, w_u)
+    for q in range(slot.size):
+        if par[q] < 0:
+            for a in range(len(lanes)):
+                v[a] += 0.5 * h[a] * V[slot[q], a] * w_u[src[q], a]
+    if du is not None:
+        _slopes(lanes, F, kind, u_scale, V, delay, torque_before, h, X, u, work)
+    _rub(lanes, kind, u_scale, v, u)
+    if du is not None:
+        for c in range(kind.size):
+            if kind[c] == COULOMB:
+                for i in range(p):
+                    for a in range(len(lanes)):
+                        du[i, c, a] = (1.0 - u[c, a] * u[c, a]) * u_scale[c, a] * work.dv[i, a]
+
+
+@kernel
+def _slopes(
+    lanes: Any,
+    F: FrictionTerms,
+    kind: Ints,
+    u_scale: Floats,
+    V: Floats,
+    delay: Floats,
+    torque_before: Floats,
+    h: Floats,
+    X: Floats,
+    u: Floats,
+    work: MiddleSpeed,
+) -> None:
+    """Derivatives dv (p, W) of v; dw contains those of the acceleration."""
+    v1, divisor, w_u, rate = work.v1, work.divisor, work.u, work.rate
+    dw, dv, slope, p = work.dw, work.dv, work.slope, work.dw.shape[0]
+    slot, src, par = F.braked.slot, F.braked.src, F.braked.par
+    n = X.shape[0] // (p + 1)
+    for q in range(F.driven.slot.size if F.late >= 0 else 0):
+        c = F.driven.src[q]
+        if kind[c] == TORQUE and F.driven.par[q] < 0:
+            for a in range(len(lanes)):
+                rest = max(1.0 - max(delay[a], 0.0) / h[a], 0.0) if h[a] > 0.0 else 0.0
+                dw[F.late, a] += V[F.driven.slot[q], a] * 2.0 * rest * (torque_before[a] - u[c, a]) / h[a]
     for i in range(p):
         for a in range(len(lanes)):
-            v_0 = X[i * n + F.state, a] if F.filtered else 0.0
-            dw[i, a] = dv[i, a] = v_0 + 0.5 * h[a] * dw[i, a]
-            slope[i, a] = 0.0
-    for c in range(kind.size):
-        if kind[c] == TORQUE:
-            for a in range(len(lanes)):
-                u[c, a] = v1[a]
-    for q in range(F.braked.slot.size):
-        s, c, i = F.braked.slot[q], F.braked.src[q], F.braked.par[q]
+            dw[i, a] = 0.5 * h[a] * dw[i, a] + (X[i * n + F.state, a] if F.filtered else 0.0)
+            dv[i, a] = dw[i, a]
+            slope[i, a] = rate[a] = 0.0
+    for q in range(slot.size):
+        s, c, i = slot[q], src[q], par[q]
         for a in range(len(lanes)):
+            half = 0.5 * h[a] * V[s, a]
             if i < 0:
-                divisor[a] -= 0.5 * h[a] * V[s, a] * u_scale[c, a]
+                rate[a] += half * (1.0 - w_u[c, a] * w_u[c, a]) * u_scale[c, a] / divisor[a]
             else:
-                slope[i, a] += V[s, a] * u_scale[c, a]
-    for a in range(len(lanes)):
-        kept = divisor[a] > SMALLEST
-        divisor[a] = divisor[a] if kept else SMALLEST
-        v1[a], rate[a] = v[a] / divisor[a], 0.0
-        for i in range(p):
-            slope[i, a] = slope[i, a] if kept else 0.0
-    for c in range(kind.size):
-        if kind[c] == COULOMB:
-            for a in range(len(lanes)):
-                u[c, a] = tanh(u_scale[c, a] * v1[a])
-    for q in range(F.braked.slot.size):
-        s, c, j = F.braked.slot[q], F.braked.src[q], F.braked.par[q]
-        for a in range(len(lanes)):
-            more = 0.5 * h[a] * V[s, a]
-            if j >= 0:
-                dv[j, a] += more * u[c, a]
-            else:
-                v[a] += more * u[c, a]
-                rate[a] += more * (1.0 - u[c, a] * u[c, a]) * u_scale[c, a]
-    for a in range(len(lanes)):
-        rate[a] /= divisor[a]
+                dv[i, a] += half * w_u[c, a]
+                slope[i, a] += half * u_scale[c, a] if divisor[a] > SMALLEST else 0.0
     for i in range(p):
         for a in range(len(lanes)):
-            dv[i, a] += rate[a] * (dw[i, a] + 0.5 * h[a] * slope[i, a] * v1[a])
-    for c in range(kind.size):
-        if kind[c] == COULOMB:
-            for a in range(len(lanes)):
-                u[c, a] = tanh(u_scale[c, a] * v[a])
-            for i in range(p):
-                for a in range(len(lanes)):
-                    du[i, c, a] = (1.0 - u[c, a] * u[c, a]) * u_scale[c, a] * dv[i, a]
+            dv[i, a] += rate[a] * (dw[i, a] + slope[i, a] * v1[a])
 
 
 # --- The hyperbolic tangent as arithmetic without branches, which the compiler can do for several lanes at a time -----

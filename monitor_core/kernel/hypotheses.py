@@ -31,7 +31,7 @@ from monitor_core.kernel.admission import (
 )
 from monitor_core.kernel.admission import GATED as CLOSED
 from monitor_core.kernel.compile import entry, kernel, outlined
-from monitor_core.kernel.friction import hold_friction, middle_speed
+from monitor_core.kernel.friction import MiddleSpeed, hold_friction
 from monitor_core.kernel.likelihood import G, log_likelihood_ratios, restart_paths, update_sums
 from monitor_core.kernel.outliers import check_start, reject_outliers
 from monitor_core.kernel.predictors import (
@@ -46,6 +46,8 @@ from monitor_core.kernel.predictors import (
     OUTLIER,
     SCALE,
     SETTLES,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
     Predictors,
     correct,
     has_gain,
@@ -59,7 +61,7 @@ from monitor_core.kernel.recursion import predict
 from monitor_core.kernel.sample_interval import divide_by_interval, restart_integral
 from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
 from monitor_core.kernel.state import OUTLIER as OUTLIER_COUNT
-from monitor_core.kernel.tables import TORQUE, Tables
+from monitor_core.kernel.tables import Tables
 from monitor_core.kernel.work_arrays import copy_rows, floats, ints, table
 
 _SAME_S = 1e-6
@@ -141,15 +143,17 @@ def run_hypotheses(
     lane = (0,)
     n, m, H = T.n, T.m, len(lanes)
     x, u, own, axis = M.x, M.u, P.own, P.axis
-    acting, middle = table(m, H), middle_speed(0, H)
+    acting = table(m, H)
     X, flat_u, new = x.reshape(x.size), acting.reshape(acting.size), floats(n * H)
     move, taps, constant, acts = (
         P.move.reshape(P.move.size), P.taps.reshape(P.taps.size), P.constant.reshape(P.constant.size),
         P.acts.reshape(P.acts.size),
     )  # fmt: skip
-    psi, du, before, motion = table(0, H), np.zeros((0, m, H)), floats(H), floats(H)
+    psi, before, motion = table(0, H), floats(H), floats(H)
     over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
     late = floats(H)
+    # These are computed later in each sample: until then they are scratch.
+    middle = MiddleSpeed(table(m, H), yhat, eps, llr, motion, psi, psi, psi)
     for a in range(H):
         late[a] = max(own[DELAY, a], 0.0)
     doing, last = ints(H), ints(H)
@@ -178,12 +182,11 @@ def run_hypotheses(
             if P.moving.size:
                 copy_rows(u, acting)
             if P.moving.size and T.friction.number:
-                scale_torque(lanes, T.kind, own, numbers[TORQUE_BEFORE, 0], acting)
-                for c in range(m):
-                    for a in range(H):
-                        before[a] = acting[c, a] if T.kind[c] == TORQUE else before[a]
+                for a in range(H):
+                    before[a] = own[TORQUE_SCALE, a] * numbers[TORQUE_BEFORE, 0] + own[TORQUE_OFFSET, a]
                 scale_torque(lanes, T.kind, own, numbers[TORQUE_HELD, 0], acting)
-                hold_friction(lanes, T.friction, T.kind, -1, P.u_scale, P.V0, late, before, over, x, acting, du, middle)
+                hold_friction(lanes, T.friction, T.kind, P.u_scale, P.V0, late, before, over, x, acting, None,
+                              middle)
             if abs(h[0] - interval) <= _SAME_S:
                 propagate_nominal(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
                                   numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)

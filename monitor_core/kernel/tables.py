@@ -64,6 +64,7 @@ class FrictionTerms(NamedTuple):
     """
 
     number: int  # inputs that are Coulomb friction
+    late: int  # which parameter is the delay of the torque, -1: none
     state: int  # index in x of the speed at the sensor, up to a factor; -1: no state is, and that speed is measured
     filtered: int  # 1: the speed in x is used (angle or mean speed is measured), 0: the measured speed
     motion: OutputTerms  # A on z_i and x, A_i on x; src is an element of (z_1 .. z_p, x)

@@ -8,7 +8,7 @@ import numpy as np
 from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.detection.alarm import DIRECTIONS
 from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing, EvidenceBuilder
-from monitor_core.drive.assembly import Assembly, fill
+from monitor_core.drive.assembly import Assembly, fill, rubs, without_friction
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, run
@@ -48,7 +48,7 @@ class AxisBatch:
             raise ValueError("the axes of a bank must agree on run_on")
         self.models, self.settings = tuple(models), tuple(settings)
         assembly = Assembly(first.drive, first.monitored)
-        self._tables = t = assembly.tables
+        self._tables = t = assembly.tables if any(map(rubs, models)) else without_friction(assembly.tables)
         W = len(models)
         rows = constant_rows(t)
         self._constants = np.zeros((rows, W))
