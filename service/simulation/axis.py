@@ -103,7 +103,9 @@ class ControlledAxis:
         signals = self._conditions.signals(k * self.interval_s, others) if self._conditions else ()
         if self._conditions and k % self._follows_every == 0:
             values = AxisModel(self._model.drive, self._given, ()).nominal
-            self._drive.set(dict(self._conditions.followed(signals, values)))
+            motion = self._drive.angle if self._output == "angle" else self._drive.speed
+            moment = Followed(k * self.interval_s, motion, signals)
+            self._drive.set(dict(self._conditions.followed(moment, values)))
         torque = self._command(k)
         reading = Reading(torque, self._moved() + self._noise * self._rng.standard_normal(), signals)
         self._move(torque + self._ripple * self._rng.standard_normal())
@@ -177,8 +179,16 @@ _SIGNAL_SWING = 0.45
 _BACK = {"cos": math.acos, "sin": math.asin, "square": math.sqrt}
 
 
+class Followed(NamedTuple):
+    """What parameters follow: time [s], angle or speed of the axis, and its signals."""
+
+    time_s: float
+    motion: float
+    signals: tuple[float, ...]
+
+
 class SimulatedConditions:
-    """Signals that keep the gates of an axis open, and parameters that follow them.
+    """Signals that keep the gates of an axis open, and parameters that follow them; its heat begins cold.
 
     A signal of another axis is the motion that this axis sends.  A signal of a schedule swings through its range,
     others are constant.
@@ -189,7 +199,9 @@ class SimulatedConditions:
         self._sources = needed(axis)
         self._swings = [_swing(source.name, conditions) for source in self._sources]
         self._model = axis_model(axis.config)
-        self._operating = Operating(self._model, replace(conditions, gates=(), min_speed=0.0))
+        thermal = conditions.thermal and replace(conditions.thermal, start="cold")
+        plain = replace(conditions, gates=(), min_speed=0.0, thermal=thermal)
+        self._operating = Operating(self._model, plain)
 
     def signals(self, time_s: float, others: Mapping[str, float]) -> tuple[float, ...]:
         """The signals at that time; ``others`` are the motions of the other axes of the robot as sent, by name."""
@@ -201,11 +213,11 @@ class SimulatedConditions:
             for source, (middle, swing) in zip(self._sources, self._swings, strict=True)
         )
 
-    def followed(
-        self, signals: tuple[float, ...], values: Mapping[str, float]
-    ) -> Iterator[tuple[str, float]]:
-        """The parameters that follow the signals, with these values at the references."""
-        shift, _ = self._operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([signals]))
+    def followed(self, moment: Followed, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        """The parameters that follow signals and heat, moment by moment, with these values at the references."""
+        t_us = np.array([round(moment.time_s * 1e6)], np.int64)
+        signals = np.array([moment.signals], np.float64)
+        shift, _ = self._operating.take(t_us, np.array([moment.motion]), signals)
         for name, moved, unit in zip(self._model.monitored, shift[0], self._model.unit, strict=True):
             base, inverse = split_name(name)
             if math.isfinite(moved) and moved != 0 and base in values:

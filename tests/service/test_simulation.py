@@ -15,7 +15,7 @@ from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of
 from service.config.schema import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, SimulatedConditions
+from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, SimulatedConditions
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot
 from tests.service.ingest.plant import axis1, axis2, make_config
 from tests.service.pipeline.robots import changed, demo
@@ -157,9 +157,9 @@ def test_the_motion_of_another_axis_is_what_that_sends(tmp_path: Path) -> None:
 def test_a_drive_follows(tmp_path: Path) -> None:
     slopes = [slope("fm", "s", 1.0), {**slope("Ja", "s", 1.0), "slope": 10.0}]
     conditions = SimulatedConditions(axis(tmp_path, [], slopes))
-    found = dict(conditions.followed((3.0,), NOMINAL))
+    found = dict(conditions.followed(Followed(0.0, 0.0, (3.0,)), NOMINAL))
     assert found == pytest.approx({"fm": 0.062, "Ja": 116.0})
-    broken = dict(conditions.followed((3.0,), {**NOMINAL, "fm": 0.1}))
+    broken = dict(conditions.followed(Followed(0.0, 0.0, (3.0,)), {**NOMINAL, "fm": 0.1}))
     assert broken["fm"] == pytest.approx(0.102)
-    assert dict(conditions.followed((1.0,), NOMINAL)) == {}
-    assert dict(conditions.followed((math.nan,), NOMINAL)) == {}
+    assert dict(conditions.followed(Followed(0.0, 0.0, (1.0,)), NOMINAL)) == {}
+    assert dict(conditions.followed(Followed(0.0, 0.0, (math.nan,)), NOMINAL)) == {}

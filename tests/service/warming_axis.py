@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -14,8 +15,11 @@ from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors, Heat
+from service.pipeline.checkpointing import Checkpointer, restore
 from service.reports.calibration_files import as_toml
 from service.reports.formats import Provenance
+from service.store.checkpoints import Checkpoints
+from service.store.journal import Journal
 from tests.core.mismatch import INTERVAL_S, MOVING, STEP, Block, FaultAlarm, alarm_of
 from tests.core.warming import WarmingPlant
 from tests.service.command_line import axiswatch
@@ -127,12 +131,16 @@ class Watcher:
         return self._monitors.heat(AXIS_ID)
 
     def restarted(self) -> Watcher:
-        """Another one that carries on from the saved state of this one."""
-        other = Watcher(self._config)
-        other.monitor.from_arrays(self.monitor.to_arrays())
-        mine, its = (watcher._monitors.operating(AXIS_ID) for watcher in (self, other))
-        if mine is not None and its is not None and (state := mine.to_arrays()) is not None:
-            its.from_arrays(state)
+        """Another one that carries on from the checkpoint of this one."""
+        with tempfile.TemporaryDirectory() as folder:
+            checkpoints = Checkpoints(Path(folder) / "checkpoints.sqlite")
+            journal = Journal(Path(folder) / "alarms.sqlite")
+            Checkpointer(checkpoints, self._monitors, 60.0, None, lambda: START_US).save()
+            other = Watcher(self._config)
+            restored = restore(other._monitors, checkpoints, journal, START_US)
+            checkpoints.close()
+            journal.close()
+        assert restored.messages == ()
         return other
 
 
