@@ -142,8 +142,8 @@ def _slopes(
         c = F.driven.src[q]
         if kind[c] == TORQUE and F.driven.par[q] < 0:
             for a in range(len(lanes)):
-                rest = max(1.0 - max(delay[a], 0.0) / h[a], 0.0) if h[a] > 0.0 else 0.0
-                dw[F.late, a] += V[F.driven.slot[q], a] * 2.0 * rest * (torque_before[a] - u[c, a]) / h[a]
+                rest = max(1.0 - max(delay[a], 0.0) / h[a], 0.0) / h[a] if h[a] > 0.0 else 0.0
+                dw[F.late, a] += V[F.driven.slot[q], a] * 2.0 * rest * (torque_before[a] - u[c, a])
     for i in range(p):
         for a in range(len(lanes)):
             dw[i, a] = 0.5 * h[a] * dw[i, a] + (X[i * n + F.state, a] if F.filtered else 0.0)

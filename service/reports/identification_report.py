@@ -25,10 +25,13 @@ from monitor_core.identification import (
     Verdict,
     Watched,
 )
+from monitor_core.wording import duration
 from service.ingest.identification_records import Source
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
 _MOST_NAMED = 3
+_WARM = 3.0
+"""Time constants after which an axis counts as warm: 5 % of the warm-up are still to come."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +65,7 @@ class IdentificationReport:
             *self.result.estimate.words,
             *self._held(),
             *self._friction(),
+            *self._short_of_warm(),
         )
 
     @property
@@ -113,6 +117,20 @@ class IdentificationReport:
         if self.result.options.speed_scales:
             scale = self.result.estimate.problem.speed_scale
             yield f"friction_speed_scale is not given: {scale:.3g} rad/s explains the records best."
+
+    def _short_of_warm(self) -> Iterator[str]:
+        """That the records end before the axis is warm."""
+        found = self.result.warm_up
+        if found is None:
+            return
+        longest_s = max(float(trace.t[-1] - trace.t[0]) for trace in self.result.estimation)
+        needed_s = _WARM * found.model.tau_s
+        if longest_s < needed_s:
+            yield (
+                f"The axis warms up with a time constant of {duration(found.model.tau_s)}, and the longest record lasts"
+                f" {duration(longest_s)}: in operation it becomes warmer than in any record, and may raise false alarms"
+                f" then. Record at least {duration(needed_s)} of operation without a pause, from cold on."
+            )
 
     def _held(self) -> Iterator[str]:
         held = self.result.held

@@ -59,6 +59,20 @@ def test_identify_finds_that_friction_falls(made: Made) -> None:
     assert {s["signal"] for s in found["schedule"]} == {"heat"}
 
 
+def test_records_that_end_before_the_axis_is_warm_are_called_too_short(made: Made, tmp_path: Path) -> None:
+    """Of the axis with one time constant of minutes; three of them are recorded, or one and a half."""
+    found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
+    tau_s = found["thermal"]["time_constant_s"]
+    words = "becomes warmer than in any record"
+    assert (words in " ".join(made.output.split())) == (3 * tau_s > DAY_S)
+    plant = WarmingPlant(np.random.default_rng(3), warming=QUICK)
+    plant.rest(NIGHT_S)
+    record = write(tmp_path / "long.csv", plant.take(5 * tau_s))
+    _, output = identified(tmp_path, FOUND, [record], "--start", "values", "--free", "fm,fc")
+    assert "follows heat" in output
+    assert words not in " ".join(output.split())
+
+
 def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:
     plant, watcher = copy.deepcopy(made.plant), Watcher(made.config)
     for _ in range(2):
