@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = (sys.executable, "-m", "service.commands.main")
-PATIENCE_S = 60.0
+PATIENCE_S = 150.0
 
 T = TypeVar("T")
 
