@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import Output
 from monitor_core.samples import SampleBlock, forward_fill
 from monitor_core.settings import Settings
@@ -51,7 +52,7 @@ class ConditionTracker:
         self.names = (RMS_SPEED, *signals)
         self._angle, self._gap_us = output == "angle", 1e6 * settings.max_gap_s
         self._samples = RMS_MEMORIES * settings.memory
-        self._before = math.nan, math.nan  # time [us] and output of the last sample
+        self._speed = MeasuredSpeed(output)
         self._sums = [0.0, 0.0]  # of the squares and of their weights
         self._last = np.full(len(self.names), math.nan)
 
@@ -84,15 +85,11 @@ class ConditionTracker:
         return out
 
     def _speeds(self, block: SampleBlock) -> Floats:
-        """Speed at each sample (N,), from an angle the mean since the sample before; NaN: unknown."""
+        """Magnitude of the speed at each sample (N,); NaN: unknown, as after a gap of an angle."""
+        steps = self._speed.take(block.t_us, block.y)
         if not self._angle:
-            return block.y
-        t = np.concatenate([self._before[:1], block.t_us.astype(float)])
-        y = np.concatenate([self._before[1:], block.y])
-        self._before = float(t[-1]), float(y[-1])
-        h = np.diff(t)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where((h > 0) & (h <= self._gap_us), np.diff(y) / h * 1e6, math.nan)
+            return steps.speed
+        return np.where(steps.interval_us <= self._gap_us, steps.speed, math.nan)
 
 
 def ranges(
