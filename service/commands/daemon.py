@@ -31,7 +31,6 @@ def run_daemon(
     record: Path | None = None,
     ready: Callable[[str], None] = lambda _url: None,
     stop: threading.Event | None = None,
-    keeping_up: Callable[[], None] = lambda: None,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -40,7 +39,6 @@ def run_daemon(
         record: frames are also written here, as received.
         ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
-        keeping_up: called after ``ready`` once the estimates' kernel is compiled: from then on frames do not wait.
 
     Raises:
         AxisError, DbcError, IngestError: the configuration cannot be used.
@@ -68,7 +66,6 @@ def run_daemon(
             url = f"http://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
-            compiled.estimates.add_done_callback(lambda done: None if done.exception() else keeping_up())
 
         serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
         log.info("stopping")

@@ -58,7 +58,7 @@ def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Co
 
 
 def _run(config: Config, fault: Fault) -> None:
-    """Run the daemon, and the robot in parallel once the kernel is compiled; an error of either ends both."""
+    """Run the daemon, and the robot in parallel once its bus is read; an error of either ends both."""
     from service.commands.daemon import run_daemon
 
     configure_logs()
@@ -67,13 +67,13 @@ def _run(config: Config, fault: Fault) -> None:
         robot = SimulatedRobot(config, faults=[fault])
         monitored = ", ".join(config.axes[0].config.model.monitor)
         moving = pool.submit(_move, robot, config, ready, stop)
+
+        def served(url: str) -> None:
+            _print_welcome(url, fault, monitored)
+            ready.set()
+
         try:
-            run_daemon(
-                config,
-                ready=lambda url: _print_welcome(url, fault, monitored),
-                stop=stop,
-                keeping_up=ready.set,
-            )
+            run_daemon(config, ready=served, stop=stop)
         finally:
             stop.set()
             ready.set()
@@ -84,9 +84,11 @@ def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: t
     ready.wait()
     try:
         with open_buses(config.bus) as buses:
-            run_robot(robot, sender(config, buses), stop, _log_fault)
+            sent = run_robot(robot, sender(config, buses), stop, _log_fault)
     finally:
         stop.set()
+    if sent.left_out:
+        log.warning("this machine is too busy: the robot left out samples", samples=sent.left_out)
 
 
 def _log_fault(fault: Fault) -> None:
@@ -98,6 +100,6 @@ def _print_welcome(url: str, fault: Fault, monitored: str) -> None:
     console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
     console.print(f"monitored: {monitored}")
     console.print(
-        f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s of motion. The motion begins when the "
-        "kernel is compiled, which takes some seconds at the first start.  Ctrl-C ends the demo."
+        f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s. At the first start the kernel is "
+        "compiled; its samples wait for that.  Ctrl-C ends the demo."
     )

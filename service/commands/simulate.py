@@ -81,5 +81,7 @@ def simulate(
         with open_buses(read.bus) as buses:
             channels = ", ".join(bus.channel for bus in read.bus)
             console.print(f"{len(read.axes)} axes on {channels}; Ctrl-C ends")
-            frames = run_robot(robot, sender(read, buses), stop, happened, seconds)
-    console.print(f"{frames} frames sent")
+            sent = run_robot(robot, sender(read, buses), stop, happened, seconds)
+    console.print(f"{sent.frames} frames sent")
+    if sent.left_out:
+        console.print(f"{sent.left_out} samples of each axis were left out: this machine is too busy")

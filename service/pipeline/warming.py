@@ -18,7 +18,7 @@ import gc, os, sys
 gc.disable()  # a tenth of the time; the process ends soon
 from service.pipeline.warming import HYPOTHESES, compile_kernel
 if int(sys.argv[1]) == HYPOTHESES:
-    os.nice(5)  # the daemon monitors already, and may need the processor
+    os.nice(10)  # the daemon monitors already, and may need the processor
 compile_kernel(int(sys.argv[1]))
 os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
 """
@@ -104,10 +104,11 @@ class CacheFiller:
             if self._stopped:
                 return None
             try:
-                # A session of its own: Ctrl-C is for the daemon, which ends the child itself.
+                # A group of its own: Ctrl-C is for the daemon, which ends the child itself.  Not a session of its own:
+                # Linux shares out the processor by sessions first, and "nice" would count for nothing.
                 child = subprocess.Popen(
                     command, stdin=null, stdout=null, stderr=subprocess.PIPE, text=True,
-                    start_new_session=True, env=_effort(lanes),
+                    process_group=0, env=_effort(lanes),
                 )  # fmt: skip
             except OSError as error:
                 _warn(str(error))

@@ -96,6 +96,10 @@ def _try_out(fault: Fault, config: Config) -> None:
 _CATCH_UP = 0.7
 """Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
 
+_LATEST_S = 0.4
+"""Samples later than this [s] are left out: a controller sends at its time or not at all, and a monitor that follows
+its counter takes more than half a second for a clock that was set."""
+
 Send = Callable[[Moment], int]
 """Sends the frames of a moment; how many there were."""
 
@@ -121,25 +125,38 @@ def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
     return send_moment
 
 
+class Sent(NamedTuple):
+    """What a robot has sent: frames, and moments that were left out since this machine was too busy."""
+
+    frames: int
+    left_out: int
+
+
 def run_robot(
     robot: SimulatedRobot,
     send_moment: Send,
     stop: threading.Event,
     happened: Callable[[Fault], None] = lambda _: None,
     duration_s: float | None = None,
-) -> int:
-    """Send the samples of a robot on a schedule that does not drift; returns the number of frames.
+) -> Sent:
+    """Send the samples of a robot on a schedule that does not drift.
 
     It ends when ``stop`` is set, or after ``duration_s``.
     """
     start = time.monotonic()
-    frames, earliest = 0, dict[float, float]()
+    frames, left_out, sending = 0, 0, True
+    earliest = dict[float, float]()
     for moment in robot.moments(happened):
-        due = max(start + moment.time_s, earliest.get(moment.interval_s, start))
-        wait_s = due - time.monotonic()
-        over = duration_s is not None and moment.time_s >= duration_s
-        if over or stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
+        now, planned = time.monotonic(), start + moment.time_s
+        if stop.is_set() or (duration_s is not None and moment.time_s >= duration_s):
+            break
+        sending = planned > now - (_LATEST_S if sending else 0.0)
+        if not sending:
+            left_out += 1
+            continue
+        wait_s = max(planned, earliest.get(moment.interval_s, start)) - now
+        if wait_s > 0 and stop.wait(wait_s):
             break
         frames += send_moment(moment)
         earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
-    return frames
+    return Sent(frames, left_out)

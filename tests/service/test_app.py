@@ -11,7 +11,7 @@ import structlog
 
 from service.commands.daemon import run_daemon
 from service.commands.exit_codes import DaemonFailedError
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.warming import HYPOTHESES, CacheFiller
 from service.store.journal import Journal
 from tests.conftest import ROOT
@@ -35,18 +35,17 @@ def test_a_worker_that_fails_stops_the_daemon_and_says_so(
     assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
 
 
-def test_who_sends_is_told_when_frames_no_longer_wait(
+def test_the_kernel_of_the_estimates_is_compiled_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The simulated robot of the demo moves once estimates are computed; the multi-model detector may come later."""
+    """The multi-model detector may come later; both begin once the page is served and the buses are read."""
     config = demo(tmp_path, 1)
     web = config.web.model_copy(update={"port": 0})
-    fill, order = CacheFiller.fill, list[str]()
-    served, keeps_up, last, stop = (threading.Event() for _ in range(4))
+    fill, compiled, order = CacheFiller.fill, AxisMonitors.compile, list[str]()
+    served, last, stop = (threading.Event() for _ in range(3))
 
     def slowly(self: CacheFiller, lanes: Iterable[int]) -> bool:
         if HYPOTHESES in lanes:
-            assert keeps_up.wait(60)
             order.append("multi-model detector")
             last.set()
         else:
@@ -54,15 +53,16 @@ def test_who_sends_is_told_when_frames_no_longer_wait(
             order.append("estimates")
         return fill(self, lanes)
 
-    def keeping_up() -> None:
-        order.append("keeping up")
-        keeps_up.set()
+    def recorded(self: AxisMonitors) -> None:
+        compiled(self)
+        order.append("compiled")
 
     monkeypatch.setattr(CacheFiller, "fill", slowly)
+    monkeypatch.setattr(AxisMonitors, "compile", recorded)
     daemon = threading.Thread(
         target=run_daemon,
         args=(config.model_copy(update={"web": web}),),
-        kwargs={"ready": lambda _url: served.set(), "stop": stop, "keeping_up": keeping_up},
+        kwargs={"ready": lambda _url: served.set(), "stop": stop},
     )
     daemon.start()
     try:
@@ -70,7 +70,7 @@ def test_who_sends_is_told_when_frames_no_longer_wait(
     finally:
         stop.set()
         daemon.join(60)
-    assert order == ["estimates", "keeping up", "multi-model detector"]
+    assert order == ["estimates", "compiled", "multi-model detector"]
 
 
 STARTS = [

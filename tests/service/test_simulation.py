@@ -3,6 +3,7 @@
 import itertools
 import math
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -88,11 +89,33 @@ def test_sending_ends_by_time_or_when_told(tmp_path: Path, seed: int) -> None:
         return 2
 
     robot = SimulatedRobot(demo(tmp_path, 1), seed)
-    assert run_robot(robot, send, threading.Event(), duration_s=0.05) == 20
-    np.testing.assert_allclose(sent, np.arange(10) * 0.005)
+    frames, left_out = run_robot(robot, send, threading.Event(), duration_s=0.05)
+    assert frames == 2 * len(sent)
+    assert len(sent) + left_out == 10
+    assert set(sent) <= {k * 0.005 for k in range(10)}
     stop = threading.Event()
     stop.set()
-    assert run_robot(robot, send, stop) == 0
+    assert run_robot(robot, send, stop) == (0, 0)
+
+
+def test_after_a_stall_the_robot_goes_on_in_the_present(tmp_path: Path, seed: int) -> None:
+    """Samples that are later than a clock that follows the counter takes are left out, and counted."""
+    start, late_s, sent = time.monotonic(), list[float](), list[int]()
+
+    def send(moment: Moment) -> int:
+        late_s.append(time.monotonic() - start - moment.time_s)
+        sent.append(moment.number)
+        if moment.number == 5:
+            time.sleep(0.6)
+        return 1
+
+    frames, left_out = run_robot(
+        SimulatedRobot(demo(tmp_path, 1), seed), send, threading.Event(), duration_s=1.0
+    )
+    assert frames == len(sent)
+    assert frames + left_out == 200
+    assert sent[6] - sent[5] > 0.6 / 0.005 - 1
+    assert min(late_s) >= 0  # nothing is sent before its time
 
 
 # --- signals: they open gates, lie where they are followed, and are what drives follow ----------------------
