@@ -9,7 +9,8 @@ measured temperature (``operating_conditions``).
 
 An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  After that,
 after a clock that was set, and at a start of which nothing is known, the heat may be anything from 0 to the largest of
-the records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``).
+the records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``), to that of what
+the model lacks.
 
 The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state.
 """
@@ -47,6 +48,7 @@ class ThermalModel:
         fc: Coulomb friction for the power [N m].
         largest: heat in the records [W], at the most.
         start: how an axis begins of which nothing is known: cold, or at any heat up to the largest.
+        error: standard deviation [W] of what the heat is off by when it is known, as the model is not the axis.
 
     Raises:
         ValueError: a value out of its range.
@@ -57,6 +59,7 @@ class ThermalModel:
     fc: float
     largest: float
     start: ThermalStart = "unknown"
+    error: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("tau_s", "largest"):
@@ -66,6 +69,8 @@ class ThermalModel:
             raise ValueError(
                 f"fm = {self.fm}, fc = {self.fc}: need finite values, at least zero, and one above"
             )
+        if not 0 <= self.error < math.inf:
+            raise ValueError(f"error = {self.error}: need a finite value, at least zero")
 
     def power(self, speed: Floats) -> Floats:
         """Friction power [W] (N,) at speeds [rad/s] (N,); 0 where the speed is unknown."""
@@ -95,7 +100,12 @@ class ThermalState:
 
     @property
     def sd(self) -> float:
-        """Standard deviation of the heat now [W]."""
+        """Standard deviation of the heat now [W], with what the model lacks."""
+        return math.hypot(self.sd_of_start, self.model.error)
+
+    @property
+    def sd_of_start(self) -> float:
+        """The part of it that is of a heat that was not known, or of its observation; it falls with time [W]."""
         passed_us = 0 if self.since_us is None or self._now_us is None else self._now_us - self.since_us
         return math.sqrt(self._variance) * self.model.kept(max(passed_us, 0) * 1e-6)
 

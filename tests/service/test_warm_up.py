@@ -40,7 +40,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Made:
         plant.rest(NIGHT_S)
     words = ("--start", "values", "--free", "fm,fc")
     config, output = identified(folder, FOUND, records, *words)
-    text = config.read_text(encoding="utf-8").replace(CUSUM, f"{CUSUM}, alpha_1 = 4.0, alpha_2 = 400.0")
+    text = config.read_text(encoding="utf-8").replace(CUSUM, f"{CUSUM}, alpha_2 = 400.0")
     config.write_text(text, encoding="utf-8")
     return Made(plant, records, config, output)
 
