@@ -2,7 +2,7 @@
 
 * ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
 * ``operating_conditions``: nominal values that follow signals, gates.  ``thermal_state``: warm-up without a
-  thermometer.  ``measured_speed``.
+  thermometer.  ``friction_roles``: which parameters are friction.  ``measured_speed``.
 * ``assembly``, ``discretization``: what the kernel takes.  ``kalman``: the predictor.
 """
 

@@ -23,6 +23,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from monitor_core.drive.friction_roles import braking
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import Output
 from monitor_core.drive.thermal_state import HEAT, MOVED, ThermalModel, ThermalStart, ThermalState
@@ -33,8 +34,6 @@ from monitor_core.identification.records.record import Record
 from monitor_core.identification.warm_up_error import model_errors
 from monitor_core.identification.warm_up_search import Search, chosen, heat_course, speeds_of, windows_of
 
-FRICTION = ("fm", "fc")
-"""Parameters that may follow the heat, by name."""
 LEAST_MOTION_S = 180.0
 """Records with less motion are not searched for a warm-up."""
 _STANDS = 0.05
@@ -85,7 +84,7 @@ def find_warm_up(
         start: how the first record begins.
         begins_s: clock times of the first samples [s]; None, or none at all: unknown.
     """
-    fm, fc = (max(float(found.values.get(name, 0.0)), 0.0) for name in FRICTION)
+    fm, fc = braking(found.drive, found.values)
     if not followers or not fm + fc > 0:
         return None
     unit = ThermalModel(1.0, fm, fc, 1.0)

@@ -50,10 +50,10 @@ def model_errors(
     parts = [[np.array_split(course, _PARTS)[k] for course in days] for k in range(_PARTS)]
     few = min((len(course) for part in parts for course in part), default=0) < _LEAST
     squares = list[Floats]()
-    for judged, whole in (*((part, days) for part in ([days] if few else parts)), (ends, ends)):
+    for judged, courses in (*((part, days) for part in ([days] if few else parts)), (ends, ends)):
         n = sum(len(course) for course in judged)
         if n >= 2 * _LEAST:
-            chance = (np.concatenate([np.diff(course, axis=0) for course in whole]) ** 2).mean(axis=0) / 2
+            chance = (np.concatenate([np.diff(course, axis=0) for course in courses]) ** 2).mean(axis=0) / 2
             excess = (np.concatenate(judged) ** 2).mean(axis=0) - chance
             squares.append(np.maximum(excess, 0.0) + _SURE * math.sqrt(2 / n) * chance)
     if not squares:
