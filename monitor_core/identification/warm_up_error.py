@@ -45,7 +45,11 @@ def model_errors(
         carried: pause before each record that follows the one before it [s].
         start: how the first record begins.
     """
-    days = [course for seen in _days(windows) for course in _deviations(windows, seen, index, carried, start)]
+    days = [
+        course
+        for seen in _days(windows, carried, start)
+        for course in _deviations(windows, seen, index, carried, start)
+    ]
     ends = [course for seen in _ends(windows) for course in _deviations(windows, seen, index, carried, start)]
     parts = [[np.array_split(course, _PARTS)[k] for course in days] for k in range(_PARTS)]
     few = min((len(course) for part in parts for course in part), default=0) < _LEAST
@@ -61,10 +65,19 @@ def model_errors(
     return np.asarray(np.sqrt(np.max(squares, axis=0)), np.float64)
 
 
-def _days(windows: Sequence[Windows]) -> Iterator[list[Bools]]:
-    """Which windows (W,) of each record the fit sees: all but those of one record."""
+def _days(
+    windows: Sequence[Windows], carried: Sequence[float | None], start: ThermalStart
+) -> Iterator[list[Bools]]:
+    """Which windows (W,) of each record the fit sees: all but those of one record.
+
+    The fit needs a record that begins at a known heat, if there is one.
+    """
+    known = [start == "cold"]
+    for pause in carried[1:]:
+        known.append(pause is not None and known[-1])
     for k in range(len(windows) if len(windows) > 1 else 0):
-        yield [np.full(w.power.size, j != k) for j, w in enumerate(windows)]
+        if any(known[:k] + known[k + 1 :]) or not any(known):
+            yield [np.full(w.power.size, j != k) for j, w in enumerate(windows)]
 
 
 def _ends(windows: Sequence[Windows]) -> Iterator[list[Bools]]:
