@@ -130,6 +130,11 @@ class Watcher:
         """How warm it believes the axis to be."""
         return self._monitors.heat(AXIS_ID)
 
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """Conditions that are outside those of its records."""
+        return self._monitors.outside_calibration(AXIS_ID)
+
     def restarted(self) -> Watcher:
         """Another one that carries on from the checkpoint of this one."""
         with tempfile.TemporaryDirectory() as folder:
