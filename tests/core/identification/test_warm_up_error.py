@@ -23,7 +23,8 @@ def record(rng: np.random.Generator, taus_s: tuple[float, ...], fall: float, min
     delta[:, 0] = -fall * np.mean(heats, axis=0) / 15.0
     information = np.repeat(np.eye(2)[np.newaxis] / CHANCE**2, power.size, axis=0)
     score = (delta + rng.normal(0, CHANCE, delta.shape)) / CHANCE**2
-    return Windows((np.arange(power.size) + 0.5) * WINDOW_S, power, information, score)
+    middle_s = np.asarray((np.arange(power.size) + 0.5) * WINDOW_S, np.float64)
+    return Windows(middle_s, power, information, score)
 
 
 def errors(seed: int, taus_s: tuple[float, ...], fall: float, records: int = 2, minutes: int = 40) -> Floats:
