@@ -11,7 +11,7 @@ from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
-from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, ThermalState
+from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, ThermalState, Unwatched
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "ThermalModel",
     "ThermalStart",
     "ThermalState",
+    "Unwatched",
     "slowest_time_constant",
     "split_name",
 ]

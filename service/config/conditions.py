@@ -91,7 +91,12 @@ def thermal_of(axis: AxisConfig) -> ThermalModel | None:
     # What friction is off by, as a heat that is off.
     errors = [table.model_error.get(name, 0.0) / abs(s) for name, s in slopes.items() if s]
     return ThermalModel(
-        table.time_constant_s, *friction, table.largest_w, axis.thermal.start, max(errors, default=0.0)
+        table.time_constant_s,
+        *friction,
+        table.largest_w,
+        axis.thermal.start,
+        axis.thermal.unwatched,
+        max(errors, default=0.0),
     )
 
 

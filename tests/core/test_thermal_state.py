@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, ThermalModel
+from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, ThermalModel, Unwatched
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.samples import SampleBlock
 
@@ -134,6 +134,30 @@ def test_with_a_wide_margin_friction_follows_beyond_the_records() -> None:
     assert axis.far_beyond == ""
 
 
+@pytest.mark.parametrize("unwatched", ["stood", "unknown"])
+@pytest.mark.parametrize("pause_s", [3.0, 300.0, 30_000.0])
+def test_what_it_did_while_nothing_was_received(unwatched: Unwatched, pause_s: float) -> None:
+    """From 9 W, over a restart: it stood, or it may have worked at up to 30 W and come back."""
+    model = ThermalModel(600.0, 0.05, 0.4, 30.0, "cold", unwatched)
+    before, after = (operating(model, MODEL) for _ in range(2))
+    t_us = np.arange(60_000) * H_US
+    warm = heat_of(before, t_us, t_us * 1e-5)[-1]
+    arrays = before.to_arrays()
+    assert arrays is not None
+    after.from_arrays(arrays)
+    later_us = t_us[-1:] + round(pause_s * 1e6)
+    (heat,) = heat_of(after, later_us, t_us[-1:] * 1e-5)
+    a, thermal = math.exp(-pause_s / 600.0), after.thermal
+    assert thermal is not None
+    more = (1 - a) * 15.0 if unwatched == "unknown" else 0.0
+    assert heat == pytest.approx(a * warm + more)
+    assert thermal.sd == pytest.approx(more)
+    assert thermal.known == (unwatched == "stood")
+    # A pause while it is received is one in which it stood.
+    (last,) = heat_of(after, later_us + round(pause_s * 1e6), t_us[-1:] * 1e-5)
+    assert last == pytest.approx(a * heat)
+
+
 def test_what_the_model_lacks_stays_in_the_standard_deviation() -> None:
     axis = operating(ThermalModel(600.0, 0.05, 0.4, 30.0, error=2.0))
     t_us = np.arange(60_000) * H_US
@@ -173,7 +197,7 @@ def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
         ((10.0, 0.0, 0.0, 10.0), "fm = 0.0, fc = 0.0"),
         ((10.0, -1.0, 2.0, 10.0), "fm = -1.0"),
         ((10.0, 0.1, 0.1, math.inf), "largest = inf"),
-        ((10.0, 0.1, 0.1, 10.0, "cold", -1.0), "error = -1.0"),
+        ((10.0, 0.1, 0.1, 10.0, "cold", "stood", -1.0), "error = -1.0"),
     ],
 )
 def test_an_impossible_model_is_refused(values: tuple[Any, ...], words: str) -> None:

@@ -12,12 +12,21 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import NotTested
+from service.commands.exit_codes import NOT_TESTED
 from service.texts import episode_words
 from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import Warming, WarmingPlant
-from tests.service.command_line import shown
-from tests.service.warming_axis import CUSUM, PARAMETERS, Watcher, after_fault, identified, on_a_bus, write
+from tests.service.command_line import refused, shown
+from tests.service.warming_axis import (
+    CUSUM,
+    PARAMETERS,
+    Watcher,
+    after_fault,
+    identified,
+    on_a_bus,
+    write,
+)
 
 QUICK = Warming(fast_s=60.0, slow_s=200.0)
 DAY_S, NIGHT_S = 240.0, 8 * 3600.0
@@ -186,6 +195,18 @@ def test_the_heat_does_not_depend_on_the_cuts_between_blocks(made: Made) -> None
         at_once.monitor.to_arrays().values(), parts.monitor.to_arrays().values(), strict=True
     ):
         np.testing.assert_array_equal(mine, other)
+
+
+def test_a_start_is_said_on_the_command_line(made: Made, tmp_path: Path) -> None:
+    """Of a quarter of a minute, in which an unknown heat is not found yet."""
+    config, record = on_a_bus(made.config), tmp_path / "short.csv"
+    lines = made.records[0].read_text(encoding="utf-8").splitlines(keepends=True)
+    record.write_text("".join(lines[:3000]), encoding="utf-8")
+    for start, known in (("unknown", False), ("cold", True)):
+        output = shown("replay", record, "--config", config, "--thermal", start, code=NOT_TESTED)
+        assert ("not known yet" in output) != known
+    shipped = Path(__file__).resolve().parents[2] / "config" / "axiswatch.toml"
+    assert "no axis follows its heat" in refused("replay", record, "--config", shipped, "--thermal", "cold")
 
 
 def test_replay_says_how_warm_it_is(made: Made) -> None:

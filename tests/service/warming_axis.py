@@ -45,6 +45,7 @@ torque = {{ column = "torque" }}
 angle = {{ column = "angle", resolution = {STEP} }}
 estimator = {{ memory_s = 5.0 }}
 detector = {{ {CUSUM} }}
+thermal = {{ unwatched = "stood" }}
 [robot.axis.model]
 drive = "three-mass"
 friction_speed_scale = 1.0
