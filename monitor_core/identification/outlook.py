@@ -92,7 +92,9 @@ def _changes(
     longer = np.sqrt(max(duration_s / memory_s, 1.0))
     sd = dict(zip(map(_base, called), np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
     return {
-        name: float(_SHOWS * longer * sd[_base(name)] / sizes.get(name, _size(estimate, _called(name, called))))
+        name: float(
+            _SHOWS * longer * sd[_base(name)] / sizes.get(name, _size(estimate, _called(name, called)))
+        )
         for name in names
     }
 

@@ -322,8 +322,8 @@ def _change(w: Watched, result: IdentificationResult) -> str:
 def _obstacle(w: Watched, result: IdentificationResult) -> str:
     if w.obstacle is Obstacle.NO_SIZE:
         return (
-            f"Not for {w.name}, which these records do not distinguish from zero: take it out of monitor, or give the size of a change"
-            f" in [robot.axis.model.scales]."
+            f"Not for {w.name}, which these records do not distinguish from zero: take it out of monitor, or give the"
+            f" size of a change in [robot.axis.model.scales]."
         )
     if w.obstacle is Obstacle.TOGETHER:
         return (

@@ -42,7 +42,7 @@ def plant_of(folder: Path) -> SimulatedAxis:
 def recorded(
     folder: Path, name: str, seed: int, commanded: Callable[[int, float], float], samples: int, coarse: float
 ) -> str:
-    """A table of the true axis that gets a torque by number of the sample and speed; ``coarse``: noise of the angle, rad."""
+    """A table of the true axis that gets a torque by sample and speed; ``coarse``: noise of the angle, rad."""
     plant, rng, rows = plant_of(folder), np.random.default_rng(seed), list[tuple[float, float, float]]()
     for k in range(samples):
         u = commanded(k, plant.speed)
@@ -113,7 +113,7 @@ def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:
     edit(folder / "robot.toml", ("tau0 = 0.0", "tau0 = 0.02"), ('"1/Ja", "fm"]', '"fm", "tau0"]'))
     first = outlook(record, free="Jm,Ja,fm,fc,tau0")
     advice = re.search(
-        r"Not for tau0, which these records do not distinguish from zero.*give the size of a change in (\[robot.axis.model.scales\])",
+        r"Not for tau0, .* from zero: .*give the size of a change in (\[robot.axis.model.scales\])",
         first,
     )
     assert advice, first
