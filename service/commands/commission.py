@@ -46,6 +46,8 @@ def commission(
     be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
+    from service.reports.commissioning_report import next_step
+
     budget_s = seconds_of(budget)
     read = configuration(config, without_bus=True, thresholds=False)
     try:
@@ -57,7 +59,9 @@ def commission(
         corrections = _agreed(read, records, yes, console)
         orders = _orders(config, read, records, output, options_for(budget_s), yes)
         outcomes = _carried_out(orders, corrections, console)
-    _write(config, orders[0], outcomes, corrections, console)
+    words = next_step(outcomes, output / CONFIG, bool(read.bus))
+    _write(config, orders[0], outcomes, corrections, words)
+    console.print(words, markup=False)
     if not any(outcome.found for outcome in outcomes):
         raise typer.Exit(MISTAKE)
     if any(outcome.refusal for outcome in outcomes):
@@ -153,19 +157,18 @@ def _write(
     order: Order,
     outcomes: Sequence[Outcome],
     corrections: Mapping[str, Sequence[Correction]],
-    console: Console,
+    words: str,
 ) -> None:
     from service.config.commissioned import commissioned, corrected
-    from service.reports.commissioning_report import as_html, next_step
+    from service.reports.commissioning_report import as_html
 
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
-    replace_text(order.folder / REPORT, as_html(outcomes, order.folder / CONFIG, order.provenance))
+    replace_text(order.folder / REPORT, as_html(outcomes, words, order.provenance))
     if found:
         for axis_id, changes in corrections.items():
             text = corrected(text, axis_id, changes)
         heading = [f"Made from {path.name} by `axiswatch commission`, {order.provenance.date}."]
         replace_text(order.folder / CONFIG, commissioned(text, found, heading))
         written.insert(0, order.folder / CONFIG)
-    console.print(next_step(outcomes, order.folder / CONFIG), markup=False)
     print(f"written: {', '.join(map(str, written))}", file=sys.stderr)

@@ -42,13 +42,13 @@ class Outcome:
         return Found(self.nominal_file, self.thresholds_file, self.watched)
 
 
-def next_step(outcomes: Sequence[Outcome], config: Path) -> str:
+def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool) -> str:
     """What to do now, in a sentence or two."""
     lost = [outcome.axis_id for outcome in outcomes if outcome.refusal]
     if not any(outcome.found for outcome in outcomes):
         return "No axis could be commissioned: the report says why, and which record would help."
-    commands = f"`axiswatch replay RECORD --config {config}` with another record, or `axiswatch run --config {config}`"
-    run = f"Next: {commands}."
+    run = f"Next: `axiswatch replay RECORD --config {config}` with another record"
+    run += f", or `axiswatch run --config {config}`." if on_a_bus else "; to run, add the bus to that file."
     if not lost:
         return run
     return f"Not complete: {', '.join(lost)}; the report says why, and which record would help. {run}"
@@ -78,7 +78,7 @@ def overview(outcomes: Sequence[Outcome]) -> Table:
     return Table(("axis", "watched", "one false alarm in", "state"), rows)
 
 
-def as_html(outcomes: Sequence[Outcome], config: Path, provenance: Provenance) -> str:
+def as_html(outcomes: Sequence[Outcome], next_step: str, provenance: Provenance) -> str:
     """The page, beside the pages of each axis."""
     ready = sum(not outcome.refusal for outcome in outcomes)
     return render(
@@ -86,7 +86,7 @@ def as_html(outcomes: Sequence[Outcome], config: Path, provenance: Provenance) -
         title="Commissioned robot",
         outcomes=outcomes,
         ready=ready,
-        next_step=next_step(outcomes, config),
+        next_step=next_step,
         overview=overview(outcomes),
         tables=[smallest(outcome) for outcome in outcomes],
         provenance=provenance,
