@@ -14,20 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from service.commands.output_files import replace_text
-from service.config import Config, NamedAxis, load
-from service.config.commissioned import Correction, Found, commissioned, corrected
+from service.commands.signal_proposals import configured
+from service.config.commissioned import Correction, commissioned, corrected
 from service.reports.commissioning_report import Outcome
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
-    from monitor_core.identification import Record
     from service.reports.calibration_report import Calibration
     from service.reports.formats import Provenance
-
-_SAME_INTERVAL = 0.01
-"""Relative: a measured interval that differs by less is the configured one."""
-_OTHER_UNIT = 100.0
-"""A ratio of intervals from which on the times are in another unit."""
 
 
 class Order(NamedTuple):
@@ -42,41 +36,6 @@ class Order(NamedTuple):
     provenance: Provenance
     shorten: bool
     """Where the records do not support the budget: take the longest that they do"""
-
-
-# --- Checks of the signals, before anything is computed ---------------------------------------------------------------
-
-
-def proposals(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Correction]:
-    """What the records say is wrong with the configured signals of an axis, and how it would be right.
-
-    Raises:
-        RecordError, DbcError, IngestError: a record cannot be read.
-    """
-    from service.ingest.identification_records import load as load_record
-
-    loaded = [load_record(text, config, axis.id).record for text in records]
-    return [*_wrong_sign(axis, loaded), *_wrong_interval(axis, loaded)]
-
-
-def _wrong_sign(axis: NamedAxis, records: Sequence[Record]) -> list[Correction]:
-    from monitor_core.identification import suspicions
-
-    found = [f for record in records for f in suspicions(record) if f.kind == "wrong-sign"]
-    if not found:
-        return []
-    factor = -axis.config.torque.factor
-    return [Correction(("torque", "factor"), factor, f"{found[0].sentence} (or turn the sign of the motion)")]
-
-
-def _wrong_interval(axis: NamedAxis, records: Sequence[Record]) -> list[Correction]:
-    configured_s = axis.config.sample_interval_s
-    measured_s = sorted(record.mean_interval_s for record in records)[len(records) // 2]
-    ratio = measured_s / configured_s
-    if abs(ratio - 1) <= _SAME_INTERVAL or not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
-        return []
-    reason = f"the samples of the records are {measured_s:.6g} s apart, not {configured_s:g} s"
-    return [Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)]
 
 
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
@@ -104,7 +63,7 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
     from service.reports.identification_html import as_html
     from service.reports.identification_report import outlook_words, verdict_line
 
-    config, axis = _configured(order, text, None)
+    config, axis = configured(text, order.axis_id, order.folder)
     try:
         task = prepare(config, axis, order.records, [], Request())
         report = task.run(order.provenance._replace(drawing=drawing_of(axis.config)))
@@ -132,7 +91,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
     from service.reports.calibration_files import as_html, as_toml
 
     assert outcome.found is not None
-    config, axis = _configured(order, text, outcome.found)
+    config, axis = configured(commissioned(text, {order.axis_id: outcome.found}), order.axis_id, order.folder)
 
     def calibrate(options: CalibrationOptions) -> Calibration:
         return calibrate_axis(config, axis, order.records, options, order.provenance)
@@ -168,19 +127,6 @@ def _rounded(budget_s: float) -> float:
     """Two digits, downwards."""
     digits = float(f"{budget_s:.1e}")
     return digits if digits <= budget_s else float(f"{budget_s * 0.95:.1e}")
-
-
-def _configured(order: Order, text: str, found: Found | None) -> tuple[Config, NamedAxis]:
-    """The configuration with what is known of this axis so far."""
-    if found is not None:
-        text = commissioned(text, {order.axis_id: found})
-    path = order.folder / f".{order.axis_id}.toml"
-    replace_text(path, text)
-    try:
-        config = load(path)
-    finally:
-        path.unlink()
-    return config, next(axis for axis in config.axes if axis.id == order.axis_id)
 
 
 def _mistakes() -> tuple[type[Exception], ...]:

@@ -21,7 +21,7 @@ from service.commands.output_files import replace_text
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
     from service.commands.axis_commissioning import Order
-    from service.config import Config, NamedAxis
+    from service.config import Config
     from service.config.commissioned import Correction
     from service.reports.commissioning_report import Outcome
 
@@ -56,8 +56,8 @@ def commission(
         raise typer.BadParameter(f"{output}: {error.strerror}", param_hint="--output") from None
     console = Console(highlight=False, soft_wrap=True)
     with explained():
-        corrections = _agreed(read, records, yes, console)
         orders = _orders(config, read, records, output, options_for(budget_s), yes)
+        corrections = _agreed(orders, yes, console)
         outcomes = _carried_out(orders, corrections, console)
     words = next_step(outcomes, output / CONFIG, bool(read.bus))
     _write(config, orders[0], outcomes, corrections, words)
@@ -68,28 +68,35 @@ def commission(
         raise typer.Exit(NOT_TESTED)
 
 
-def _agreed(
-    config: Config, records: Sequence[str], yes: bool, console: Console
-) -> Mapping[str, Sequence[Correction]]:
+def _agreed(orders: Sequence[Order], yes: bool, console: Console) -> Mapping[str, Sequence[Correction]]:
     """The corrections to which the user agrees, by axis."""
-    from service.commands.axis_commissioning import proposals
+    from service.commands.signal_proposals import exchanged, proposals
+    from service.config.commissioned import corrected
 
-    agreed: dict[str, Sequence[Correction]] = {}
-    for axis in config.axes:
-        proposed = proposals(config, axis, records)
+    text, records, folder = orders[0].text, orders[0].records, orders[0].folder
+    agreed: dict[str, list[Correction]] = {order.axis_id: [] for order in orders}
+
+    def ask(axis_id: str, proposed: Sequence[Correction]) -> None:
         for correction in proposed:
-            console.print(f"{axis.id}: {correction.reason}.")
-        agreed[axis.id] = [c for c in proposed if yes or _asks(axis, c)]
+            console.print(f"{axis_id}: {correction.reason}.", markup=False)
+            if yes or _asks(axis_id, correction):
+                agreed[axis_id].append(correction)
+
+    for axis_id, correction in exchanged(text, records, folder).items():
+        ask(axis_id, [correction])
+    for axis_id, found in agreed.items():
+        text = corrected(text, axis_id, found)
+    for order in orders:
+        ask(order.axis_id, proposals(text, order.axis_id, records, folder))
     return agreed
 
 
-def _asks(axis: NamedAxis, correction: Correction) -> bool:
-    change = f"{'.'.join(correction.key)} = {correction.value:g}"
+def _asks(axis_id: str, correction: Correction) -> bool:
     if not sys.stdin.isatty():
         raise typer.BadParameter(
-            f"{axis.id}: {change} is proposed, and there is nobody to ask", param_hint="--yes"
+            f"{axis_id}: {correction.change} is proposed, and there is nobody to ask", param_hint="--yes"
         )
-    return typer.confirm(f"Change {axis.id} to {change}?", default=True)
+    return typer.confirm(f"Change {axis_id} to {correction.change}?", default=True)
 
 
 def options_for(budget_s: float) -> CalibrationOptions:

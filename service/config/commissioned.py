@@ -22,14 +22,20 @@ _IN_THRESHOLDS_FILE = ("alpha_1", "alpha_2")
 
 
 class Correction(NamedTuple):
-    """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",)."""
+    """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why."""
 
     key: tuple[str, ...]
-    value: float
+    value: float | str
     reason: str
 
+    @property
+    def change(self) -> str:
+        """As in the configuration."""
+        value = f'"{self.value}"' if isinstance(self.value, str) else f"{self.value:.6g}"
+        return f"{'.'.join(self.key)} = {value}"
+
     def __str__(self) -> str:
-        return f"{'.'.join(self.key)} = {self.value:g}: {self.reason}"
+        return f"{self.change}: {self.reason}"
 
 
 class Found(NamedTuple):
@@ -57,7 +63,8 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
         table = axis
         for name in tables:
             table = table[name]
-        table[key] = float(f"{correction.value:.10g}")
+        value = correction.value
+        table[key] = value if isinstance(value, str) else float(f"{value:.10g}")
     return tomlkit.dumps(document)
 
 

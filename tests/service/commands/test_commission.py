@@ -47,6 +47,7 @@ def table(path: Path, seed: int, seconds: float, fault: float = 1.0, axes: int =
     rng, t = np.random.default_rng(seed), np.arange(round(seconds / H)) * H
     columns = [1.76e9 + t]
     for n in range(axes):
+        period = 5.0 + 2.0 * n
         plant = SimulatedAxis(VALUES, 1.0, drive=two_mass("angle"))
         test = 0.6 * np.sign(rng.standard_normal(t.size)) * (
             np.arange(t.size) // 3 % 2
@@ -57,8 +58,8 @@ def table(path: Path, seed: int, seconds: float, fault: float = 1.0, axes: int =
                 plant.set({**VALUES, "kT": fault})
             angle[k] = plant.angle + 1e-4 * rng.standard_normal()
             torque[k] = (
-                0.08 * (6 * np.sin(2 * np.pi * t[k] / 5) - plant.speed)
-                + 0.6 * np.sin(2 * np.pi * t[k] / 5)
+                0.08 * (6 * np.sin(2 * np.pi * t[k] / period) - plant.speed)
+                + 0.6 * np.sin(2 * np.pi * t[k] / period)
                 + test[k]
             )
             plant.step(torque[k] + 0.02 * rng.standard_normal(), H)
