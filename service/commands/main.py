@@ -15,6 +15,7 @@ from service.pipeline.warming import EARLY, FEW_AXES
 
 COMMANDS = (
     "demo",
+    "init",
     "check",
     "model",
     "excite",

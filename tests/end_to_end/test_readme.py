@@ -62,7 +62,7 @@ def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = "check listen run simulate replay play model excite identify calibrate commission"
+    commands = "check listen run simulate replay play model excite identify calibrate init commission"
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands.split())}
 
 
@@ -145,7 +145,9 @@ def test_a_robot_is_commissioned_by_one_command(
     write_record(tmp_path / "healthy.csv", load(write_robot(tmp_path), {}), 40, seed)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW_COPIES)
     monkeypatch.chdir(tmp_path)
-    (command,) = shown("axiswatch commission")
+    (init,), (command,) = shown("axiswatch init"), shown("axiswatch commission")
+    proposed = axiswatch(*init[1:], "-o", "proposed.toml")
+    assert "axis: torque torque, angle angle: sure" in proposed.stdout
     done = axiswatch(*command[1:])
     assert done.exit_code == 0, done.output
     (axis,) = load(tmp_path / "commissioned" / "axiswatch.toml", {}).axes
