@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from monitor_core.drive import COULOMB, HEAT, AxisModel, Drive, ThermalStart, split_name
+from monitor_core.drive import COULOMB, HEAT, LOAD, AxisModel, Drive, ThermalStart, split_name
 from monitor_core.identification import (
     Disturbance,
     IdentificationError,
@@ -149,7 +149,7 @@ def prepare(
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     options = IdentificationOptions(
         start,
-        tuple(axis.config.model.monitor),
+        tuple(name for name in axis.config.model.monitor if name != LOAD),
         axis.config.interval_mean,
         request.masses,
         selection.held,
