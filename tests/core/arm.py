@@ -35,7 +35,7 @@ BANDWIDTH = 2 * np.pi * 4.0
 INTEGRAL_S = 0.3
 POSES = ((-0.3, 1.6), (-2.2, 0.2))
 """rad, of shoulder and elbow."""
-SPEED, ACCELERATION, SLOWEST = 1.5, 5.0, 0.4
+SPEED, ACCELERATION, SLOWEST = 1.2, 2.5, 0.4
 """Of the fastest motions, rad/s and rad/s^2, and of the slowest over those."""
 DWELL_S = (0.1, 0.8)
 
@@ -49,9 +49,9 @@ class ArmTruth:
     centres: tuple[float, float] = (0.30, 0.25)
     inertias: tuple[float, float] = (0.4, 0.2)
     payload: float = 8.0
-    Jm: tuple[float, float] = (1.0e-3, 4.0e-4)
-    k: tuple[float, float] = (4.0e4, 1.2e4)
-    d: tuple[float, float] = (80.0, 20.0)
+    Jm: tuple[float, float] = (2.5e-3, 9.0e-4)
+    k: tuple[float, float] = (8.0e4, 2.5e4)
+    d: tuple[float, float] = (120.0, 30.0)
     fm: tuple[float, float] = (1.7e-3, 6.0e-4)
     fc: tuple[float, float] = (0.35, 0.12)
     stribeck: tuple[float, float] = (0.06, 0.02)
@@ -104,17 +104,19 @@ class Arm:
         seconds: float,
         changes: Mapping[str, float] | None = None,
         test: Floats | None = None,
+        pace: float = 1.0,
     ) -> ArmSamples:
         """The next samples; meanwhile values are so many times as large: {"payload": 1.3, "elbow fm": 1.5}.
 
-        ``test`` (N, 2) are torques that are added to the controllers' [N m].
+        ``test`` (N, 2) are torques that are added to the controllers' [N m].  ``pace``: how fast the
+        motions are that begin now, over those of operation.
         """
         truth, factor = self.truth, {**(changes or {})}
         N = round(seconds / INTERVAL_S)
         k = self._at + np.arange(N)
         t = np.asarray(k * INTERVAL_S, np.float64)
         for axis in range(2):
-            self._plan(axis, float(t[-1]) + INTERVAL_S)
+            self._plan(axis, float(t[-1]) + INTERVAL_S, pace)
         own = np.array(
             [
                 [values[a] * factor.get(f"{AXES[a]} {name}", 1.0) for a in range(2)]
@@ -130,21 +132,23 @@ class Arm:
         gains = np.array([[BANDWIDTH / 1.5] * 2, inertia * BANDWIDTH * 1.5, inertia])
         u, y = np.empty((N, 2)), np.empty((N, 2))
         _simulate(
-            links, payload, fixed, own, gains, *self._moves, t, self._rng.standard_normal((N, 2)),
+            links, payload, fixed, own, gains, self._moves[0], self._moves[1], t, self._rng.standard_normal((N, 2)),
             np.zeros((N, 2)) if test is None else test, self._x, u, y,
         )  # fmt: skip
         self._at += N
         return ArmSamples(np.round(k * INTERVAL_S * 1e6).astype(np.int64), u, np.round(y / STEP) * STEP)
 
-    def _plan(self, axis: int, until: float) -> None:
+    def _plan(self, axis: int, until: float, fastest: float) -> None:
         """Moves (begin, duration, from, distance) of an axis up to a time; those that are over are forgotten."""
         rng, (begin, at), new = self._rng, self._ends[axis], []
         while begin <= until:
             to = rng.uniform(*POSES[axis])
-            pace, distance = rng.uniform(SLOWEST, 1.0), abs(to - at)
+            pace, distance = fastest * rng.uniform(SLOWEST, 1.0), abs(to - at)
             # The minimum-jerk motion: its largest speed and acceleration over the mean ones.
             duration = max(
-                1.875 * distance / (pace * SPEED), float(np.sqrt(5.774 * distance / (pace * ACCELERATION))), 0.2
+                1.875 * distance / (pace * SPEED),
+                float(np.sqrt(5.774 * distance / (pace**2 * ACCELERATION))),
+                0.2,
             )
             new.append((begin, duration, at, to - at))
             begin, at = begin + duration + rng.uniform(*DWELL_S), to
