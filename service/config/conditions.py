@@ -41,8 +41,11 @@ def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
 
     Empty: the load is not monitored, or nothing says what the weight is.
     """
-    if LOAD not in axis.model.monitor:
-        return ()
+    return turning_torques(axis) if LOAD in axis.model.monitor else ()
+
+
+def turning_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
+    """The schedules of one constant torque that turn with the pose."""
     offsets = model_of_axis(axis).drive.constant_torques()
     turning = [v for _, v in varying_of(axis) if v.parameter in offsets and _turns(v)]
     return tuple(v for v in turning if v.parameter == turning[0].parameter)

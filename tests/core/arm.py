@@ -52,9 +52,9 @@ class ArmTruth:
     Jm: tuple[float, float] = (2.5e-3, 9.0e-4)
     k: tuple[float, float] = (8.0e4, 2.5e4)
     d: tuple[float, float] = (120.0, 30.0)
-    fm: tuple[float, float] = (1.7e-3, 6.0e-4)
-    fc: tuple[float, float] = (0.35, 0.12)
-    stribeck: tuple[float, float] = (0.06, 0.02)
+    fm: tuple[float, float] = (4.0e-3, 1.5e-3)
+    fc: tuple[float, float] = (0.30, 0.10)
+    stribeck: tuple[float, float] = (0.05, 0.02)
     ripple: tuple[float, float] = (0.01, 0.01)
     disturbance: tuple[float, float] = (0.03, 0.01)
 
