@@ -28,16 +28,16 @@ STEP = 2 * np.pi / 2**16
 GRAVITY = 9.81
 DISTURBANCE_S = 0.25
 """Time constant of the disturbance."""
-STRIBECK_SPEED, SLIDING_SPEED = 4.0, 0.4
+STRIBECK_SPEED, SLIDING_SPEED = 5.0, 1.0
 """rad/s: where the Stribeck part has fallen to 1/e, and where friction has its full size."""
 PER_TURN = 6.0
 BANDWIDTH = 2 * np.pi * 4.0
 INTEGRAL_S = 0.3
 POSES = ((-0.3, 1.6), (-2.2, 0.2))
 """rad, of shoulder and elbow."""
-SPEED, ACCELERATION, SLOWEST = 1.2, 2.5, 0.4
+SPEED, ACCELERATION, SLOWEST = 1.05, 1.4, 0.4
 """Of the fastest motions, rad/s and rad/s^2, and of the slowest over those."""
-DWELL_S = (0.1, 0.8)
+DWELL_S = (0.0, 0.3)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ from tests.core.arm import AXES, INTERVAL_S, STEP, ArmSamples, R
 from tests.service.command_line import axiswatch
 
 MEMORY_S = 10.0
+MIN_SPEED = 3.0
+"""rad/s: below, the axis stands, and its friction may be anything."""
 MONITOR = ("kT", "fm", "fc", "load")
 SCHEDULES = {
     "shoulder": ("tau0: cos(q2), cos(q2 + q3)",),
@@ -64,6 +66,7 @@ sample_interval_s = {INTERVAL_S}
 time = {{ column = "t" }}
 torque = {{ column = "torque{number}" }}
 angle = {{ column = "angle{number}", resolution = {STEP} }}
+min_speed = {MIN_SPEED}
 estimator = {{ memory_s = {MEMORY_S} }}
 """
         for k in (2, 3):
