@@ -35,7 +35,7 @@ BANDWIDTH = 2 * np.pi * 4.0
 INTEGRAL_S = 0.3
 POSES = ((-0.3, 1.6), (-2.2, 0.2))
 """rad, of shoulder and elbow."""
-SPEED, ACCELERATION, SLOWEST = 1.05, 1.4, 0.4
+SPEED, ACCELERATION, SLOWEST = 1.2, 2.0, 0.4
 """Of the fastest motions, rad/s and rad/s^2, and of the slowest over those."""
 DWELL_S = (0.0, 0.3)
 

@@ -14,7 +14,7 @@ from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.naming import CauseIdentified, Share
 from monitor_core.drive import LOAD, AxisModel, Conditions, Follow, Operating, Term
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.kernel.tables import WEIGHT
+from monitor_core.kernel.tables import ONE, WEIGHT
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -62,8 +62,8 @@ def first_named(block: SampleBlock) -> Share:
 def test_the_weight_acts_as_its_constant_torque_does() -> None:
     drive = MODEL.drive
     B = drive.matrix("B", {**VALUES, "tau0": 1.0, LOAD: 0.7})
-    one, weight = (drive.inputs.index(kind) for kind in (2, WEIGHT))
-    np.testing.assert_allclose(B[:, weight], 0.7 * B[:, one], rtol=1e-12)
+    constant, weight = (drive.inputs.index(kind) for kind in (ONE, WEIGHT))
+    np.testing.assert_allclose(B[:, weight], 0.7 * B[:, constant], rtol=1e-12)
     with pytest.raises(ValueError, match="no constant torque fm"):
         three_mass("speed").with_load("fm")
 

@@ -80,7 +80,9 @@ range = [-1.0, 1.0]
 
 def weighed() -> str:
     """The base, whose first axis bears a weight and watches the load."""
-    return with_conditions(POSE, "", WEIGHT).replace('monitor = ["kT", "fm"]', 'monitor = ["kT", "fm", "load"]')
+    return with_conditions(POSE, "", WEIGHT).replace(
+        'monitor = ["kT", "fm"]', 'monitor = ["kT", "fm", "load"]'
+    )
 
 
 HEAD = """\
