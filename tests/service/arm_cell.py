@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.calibration_files import as_toml
 from service.reports.formats import Provenance
-from tests.core.arm import AXES, INTERVAL_S, STEP, ArmSamples, R
+from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
 from tests.service.command_line import axiswatch
 
 MEMORY_S = 10.0
@@ -113,25 +115,65 @@ def calibrated(config: Path, records: Sequence[Path], options: CalibrationOption
     return configured(config.parent, "watched.toml", lines)
 
 
+class ArmAlarm(NamedTuple):
+    """An alarm of one axis, with seconds since the change."""
+
+    axis: str
+    parameter: str
+    direction: str
+    raised_s: float
+    named_s: float
+    size: float
+    """As a share of the nominal value; NaN: not known"""
+
+
 class Watcher:
     """The monitors of the daemon for both axes; it can be copied."""
 
     def __init__(self, config: Path) -> None:
+        self._config = config
         self.monitors = AxisMonitors(configuration(config, without_bus=True).axes)
 
     def take(self, samples: ArmSamples) -> list[tuple[str, Alarm]]:
         """Alarms that changed in these samples, with their axis."""
-        signals = samples.y * R
         blocks = {
-            f"cell.{axis}": SampleBlock(
-                samples.t_us, samples.u[:, k], samples.y[:, k], signals=_needed(axis, signals)
-            )
+            f"cell.{axis}": SampleBlock(samples.t_us, samples.u[:, k], samples.y[:, k], signals=samples.y * R)
             for k, axis in enumerate(AXES)
         }
-        return [
-            (changed.axis_id.removeprefix("cell."), changed.alarm) for changed in self.monitors.update(blocks)
-        ]
+        found = self.monitors.update(blocks)
+        return [(changed.axis_id.removeprefix("cell."), changed.alarm) for changed in found]
+
+    def copy(self) -> Watcher:
+        """Another one in the same state."""
+        other = Watcher(self._config)
+        for axis_id, monitor in self.monitors.by_id.items():
+            other.monitors.by_id[axis_id].from_arrays(monitor.to_arrays())
+        return other
+
+    def nominal(self, axis: str, parameter: str) -> float:
+        """Nominal value of a parameter."""
+        model = self.monitors.by_id[f"cell.{axis}"].model
+        return float(model.theta0[model.monitored.index(parameter)])
 
 
-def _needed(axis: str, signals: np.ndarray) -> np.ndarray:
-    return signals
+def after_change(arm: Arm, watcher: Watcher, changes: Mapping[str, float], seconds: float) -> list[ArmAlarm]:
+    """All alarms, as named at last, within so many seconds after the arm changes now.
+
+    Arm and monitors stay as they are.
+    """
+    arm, watcher, start_us = copy.deepcopy(arm), watcher.copy(), 0
+    found, named_s = dict[tuple[str, object], Alarm](), dict[tuple[str, object], float]()
+    for second in range(round(seconds)):
+        samples = arm.take(1.0, changes)
+        start_us = start_us or int(samples.t_us[0])
+        for axis, alarm in watcher.take(samples):
+            found[axis, alarm.key] = alarm
+            if alarm.stage == "named":
+                named_s.setdefault((axis, alarm.key), second + 1.0)
+    return [
+        ArmAlarm(
+            axis, e.parameter, e.direction, (e.raised_us - start_us) * 1e-6, named_s.get((axis, key), np.inf),
+            np.nan if e.size is None else e.size / abs(watcher.nominal(axis, e.parameter)),
+        )
+        for (axis, key), e in found.items()
+    ]  # fmt: skip
