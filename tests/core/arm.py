@@ -49,7 +49,7 @@ class ArmTruth:
     centres: tuple[float, float] = (0.30, 0.25)
     inertias: tuple[float, float] = (0.4, 0.2)
     payload: float = 8.0
-    Jm: tuple[float, float] = (2.5e-3, 9.0e-4)
+    Jm: tuple[float, float] = (5.0e-3, 2.5e-3)
     k: tuple[float, float] = (8.0e4, 2.5e4)
     d: tuple[float, float] = (120.0, 30.0)
     fm: tuple[float, float] = (4.0e-3, 1.5e-3)

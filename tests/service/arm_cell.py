@@ -30,8 +30,8 @@ SCHEDULES = {
 }
 """The shoulder holds the upper arm and what is beyond, the elbow what is beyond alone."""
 START = {
-    "shoulder": {"kT": 1.0, "J": 2e-3, "fm": 2e-3, "fc": 0.4, "tau0": -1.0},
-    "elbow": {"kT": 1.0, "J": 7e-4, "fm": 7e-4, "fc": 0.14, "tau0": -0.4},
+    "shoulder": {"kT": 1.0, "J": 7e-3, "fm": 4e-3, "fc": 0.3, "tau0": -1.0},
+    "elbow": {"kT": 1.0, "J": 3e-3, "fm": 1.5e-3, "fc": 0.1, "tau0": -0.4},
 }
 DRIVE = """\
 [robot.axis.model.components]
