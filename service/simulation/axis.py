@@ -247,7 +247,8 @@ class SimulatedConditions:
 
 def _swing(name: str, conditions: Conditions) -> tuple[float, float]:
     gates = [gate for gate in conditions.gates if gate.signal == name]
-    follows = [follow for follow in conditions.follows if name in follow.term.signals]
+    every = (*conditions.follows, *conditions.weight)
+    follows = [follow for follow in every if name in follow.term.signals]
     if gates:
         candidates = list(_candidates(gates))
         fitting = (v for v in candidates if all(gate.open(np.array([v])).all() for gate in gates))
