@@ -127,9 +127,11 @@ def _skew(size: float, nominal: float) -> str:
 
 def _load(size: float) -> str:
     """Another payload: a change of the operation, and no fault of the drive."""
-    way = "lighter" if size < 0 else "heavier"
-    by = f"{_digits(abs(100 * size))} % {way}" if math.isfinite(size) else way
-    return f"the axis carries {by} than commissioned: another payload, and no fault of its drive"
+    more = "less" if size < 0 else "more"
+    by = f"{_digits(abs(100 * size))} % {more}" if math.isfinite(size) else more
+    return (
+        f"the axis carries {by} weight than at its commissioning: another payload, and no fault of its drive"
+    )
 
 
 def _ms(seconds: float) -> str:
