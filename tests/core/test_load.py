@@ -16,7 +16,7 @@ from monitor_core.drive import LOAD, AxisModel, Conditions, Follow, Operating, T
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.kernel.tables import ONE, WEIGHT
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
-from monitor_core.monitoring import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.oracle.system import held_over, inputs
@@ -87,6 +87,27 @@ def test_another_torque_constant_is_no_load(seed: int) -> None:
     changes = AxisMonitor(MODEL, SETTINGS).update(block)
     assert {change.alarm.parameter for change in changes} == {"kT"}
     assert first_named(block).cause == "kT"
+
+
+def test_the_predictor_is_moved_by_the_weight_of_each_sample(seed: int) -> None:
+    """As a transcription has it, and side by side as alone; nothing is learned meanwhile."""
+    block, W = moving(seed, 1.0, 300), 9
+    weight = np.asarray(block.weight)
+    s = replace(SETTINGS, K=())
+    alone = AxisMonitor(MODEL, s)
+    alone.update(block._replace(gate=np.zeros(300, np.bool_)))
+    x = MODEL.drive.matrix("rest", VALUES)[:, 0] * block.y[0]
+    A, B, _ = MODEL.matrices()
+    for k in range(1, 300):
+        x = held_over(A, B @ inputs(MODEL, block.u[k - 1], block.y[k - 1], weight[k - 1]), x, INTERVAL_S)
+    np.testing.assert_allclose(alone.batch.state.x[:, 0], x, rtol=1e-9)
+    batch = AxisBatch([MODEL] * W, [s] * W)
+    u, y, beside = (np.repeat(v[:, np.newaxis], W, axis=1) for v in (block.u, block.y, weight))
+    beside[:, 1:] = 0.0
+    times, gate = np.repeat(block.t_us[:, np.newaxis], W, axis=1), np.zeros((300, W), np.bool_)
+    batch.run(times, u, y, None, None, gate, beside)
+    np.testing.assert_array_equal(batch.state.x[:, 0], alone.batch.state.x[:, 0])
+    assert (batch.state.x[:, 1] != batch.state.x[:, 0]).any()
 
 
 def test_an_unknown_weight_is_that_of_before(seed: int) -> None:
