@@ -33,7 +33,7 @@ from monitor_core.identification import (
     with_schedule,
     with_terms,
 )
-from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of
+from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
@@ -156,7 +156,7 @@ def prepare(
         unknown,
         scheduled,
         axis.config.sample_interval_s / (1 - axis.config.forgetting),
-        tuple(axis.config.model.scales),
+        scales_of(axis.config),
         tuple(scales),
         _thermal_start(request, axis.config),
         tuple(item.source.begins_s for item in used),

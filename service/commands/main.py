@@ -20,6 +20,7 @@ COMMANDS = (
     "excite",
     "identify",
     "calibrate",
+    "commission",
     "listen",
     "run",
     "simulate",

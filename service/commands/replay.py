@@ -40,7 +40,7 @@ def replay(config: ConfigPath, records: Records, json: JsonFile = None, report: 
     """
     from service.reports.replay_report import as_json, print_text
 
-    read = configuration(config)
+    read = configuration(config, without_bus=True)
     if report is not None:
         check_writable(report)
     with explained():
