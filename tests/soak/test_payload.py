@@ -2,6 +2,9 @@
 
 All values redrawn (tests/core/arm.py); commissioned by ``identify`` and ``calibrate`` from three minutes and
 thirty-five minutes of operation with the usual payload.  ``AXISWATCH_PLANTS`` is the number of arms.
+
+Measured (four arms, seed 7, 240 s watched): no false alarm in 2 h; 27 of 28 changes named right, by one alarm of each
+axis that shows them, the last one (elbow fm +50 %, raised after 133 s) not yet named.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ from tests.service.arm_cell import (
 pytestmark = pytest.mark.soak
 
 PLANTS = int(os.environ.get("AXISWATCH_PLANTS", 20))
-IDENTIFY_S, CALIBRATE_S, HEALTHY_S, WATCH_S = 180.0, 2100.0, 1800.0, 240.0
+IDENTIFY_S, CALIBRATE_S, HEALTHY_S, WATCH_S = 180.0, 2100.0, 1800.0, 300.0
 BUDGET = CalibrationOptions(3.15576e7, 60.0, (0.2,), 1, copies=2_000_000, bank_copies=20_000)
 LEAST = 0.95
 """Share of the payloads that is named right, by one alarm of each axis that shows it."""
@@ -68,14 +71,22 @@ class Tried(NamedTuple):
     @property
     def right(self) -> bool:
         """Whether each axis that shows it names it, by one alarm, and no other axis has any."""
-        names = [(a.axis, a.parameter, a.direction) for a in self.alarms]
-        return len(names) == len(set(names)) and set(names) == CASES[self.case].right
+        return self._names_once and set(self._names) == CASES[self.case].right
 
     @property
     def called_right(self) -> bool:
         """Whether all that is named is right, if not by every axis."""
-        names = [(a.axis, a.parameter, a.direction) for a in self.alarms]
-        return bool(names) and len(names) == len(set(names)) and set(names) <= CASES[self.case].right
+        return self._names_once and set(self._names) <= CASES[self.case].right
+
+    @property
+    def _names(self) -> list[tuple[str, str, str]]:
+        return [(a.axis, a.parameter, a.direction) for a in self.alarms]
+
+    @property
+    def _names_once(self) -> bool:
+        """Whether there are alarms, all of them with a name, and none twice."""
+        named = all(np.isfinite(a.named_s) for a in self.alarms)
+        return bool(self.alarms) and named and len(self._names) == len(set(self._names))
 
 
 def tried(number: int, seed: int, folder: Path) -> tuple[list[str], list[Tried]]:
