@@ -23,6 +23,8 @@ class SampleBlock(NamedTuple):
     """(N, p) theta_0(s) - theta_0, where nominal values follow conditions; NaN: unknown; None: unchanged"""
     gate: NDArray[np.bool_] | None = None
     """(N,) False where nothing is learned; None: all samples are used"""
+    weight: Floats | None = None
+    """(N,) torque of the nominal weight in the pose [N m], for drives that have it as an input; NaN: unknown"""
     signals: Floats | None = None
     """(N, S) auxiliary signals, from which shift and gate are computed; NaN: unknown; None: the axis needs none"""
     inside: NDArray[np.bool_] | None = None

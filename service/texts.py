@@ -21,7 +21,7 @@ from monitor_core.detection import (
     Doubt,
     Reach,
 )
-from monitor_core.drive import DELAY
+from monitor_core.drive import DELAY, LOAD
 from monitor_core.monitoring import AxisStatus, NotTested
 from monitor_core.trend import Trend
 from monitor_core.wording import listed
@@ -100,6 +100,8 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
     """
     if parameter == DELAY:
         return _skew(size, nominal)
+    if parameter == LOAD:
+        return _load(size)
     amount, more = _digits(abs(size)), "less" if size < 0 else "more"
     if parameter in SENSORS:
         share = _digits(abs(100 * size))
@@ -121,6 +123,15 @@ def _skew(size: float, nominal: float) -> str:
         way, acts = "late" if size > 0 else "early", "that much"
     side = "after" if now > 0 else "before"
     return f"the torque frame is {_ms(size)} {way}: the torque acts {acts} {side} its sample"
+
+
+def _load(size: float) -> str:
+    """Another payload: a change of the operation, and no fault of the drive."""
+    more = "less" if size < 0 else "more"
+    by = f"{_digits(abs(100 * size))} % {more}" if math.isfinite(size) else more
+    return (
+        f"the axis carries {by} weight than at its commissioning: another payload, and no fault of its drive"
+    )
 
 
 def _ms(seconds: float) -> str:

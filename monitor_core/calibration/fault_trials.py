@@ -160,8 +160,9 @@ def _faulty_outputs(plants: Plants, record: SampleBlock, at: Ints, N: int, befor
     # Until the onset the previous torque acts, on the healthy drive.
     older, nothing = record.u[np.maximum(at - 2, 0)], np.zeros((1, len(at)))
     _, x = plants.run(healthy, before.x, older, u_before[np.newaxis], nothing)
-    without, _ = plants.run(healthy, x, u_before, u, e)
-    with_fault, _ = plants.run(healthy + 1, x, u_before, u, e)
+    weight = None if record.weight is None else record.weight[rows]
+    without, _ = plants.run(healthy, x, u_before, u, e, weight)
+    with_fault, _ = plants.run(healthy + 1, x, u_before, u, e, weight)
     return np.asarray(record.y[rows] + with_fault - without)
 
 
@@ -190,7 +191,8 @@ class _Tests:
         t_us, u, y = samples.t_us[:, np.newaxis], samples.u[:, np.newaxis], samples.y[:, np.newaxis]
         shift = None if samples.shift is None else samples.shift[..., np.newaxis]
         gate = None if samples.gate is None else samples.gate[:, np.newaxis]
-        return self._batch.run(t_us, u, y, None, shift, gate)
+        weight = None if samples.weight is None else samples.weight[:, np.newaxis]
+        return self._batch.run(t_us, u, y, None, shift, gate, weight)
 
 
 class _Bank:
@@ -202,7 +204,7 @@ class _Bank:
 
     def after(self, part: SampleBlock) -> Callable[[], None]:
         """As ``_Tests.after``."""
-        self._quiet.run(*part[:5])
+        self._quiet.run(*part[:6])
         return partial(self._resume, self._quiet.memory, self._quiet.moved)
 
     def _resume(self, memory: Memory, moved: tuple[int, ...]) -> None:
@@ -212,7 +214,7 @@ class _Bank:
 
     def run(self, samples: SampleBlock) -> Iterator[Alarm]:
         """As ``_Tests.run``."""
-        for event in self._bank.run(*samples[:5]):
+        for event in self._bank.run(*samples[:6]):
             if isinstance(event, ChangeDetected | CauseIdentified):
                 share = event.shares[0]
                 direction = direction_of(share.size) if share.cause else ""

@@ -13,7 +13,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
@@ -103,6 +103,8 @@ def _input(
     kind, output = model.drive.inputs[c], model.drive.output
     if kind == ONE:
         return np.ones(len(record.u))
+    if kind == WEIGHT:
+        return np.zeros(len(record.u)) if record.weight is None else np.nan_to_num(record.weight)
     if kind == COULOMB:
         ratio = float(model.drive.matrix("ratio", model.nominal)[c, 0]) / settings.speed_scale
         return _interval_mean(np.tanh(ratio * record.y)) if output == "speed" else np.tanh(ratio * speed)

@@ -90,7 +90,7 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
         bank.reset()
         for k in range(0, N, _CHUNK):
             part = record.select(slice(k, k + _CHUNK))
-            _, trace = bank.run_traced(*part[:5])
+            _, trace = bank.run_traced(*part[:6])
             tested = np.isfinite(trace.llr).any(axis=1)
             index = (k + np.flatnonzero(tested)) * PARTS // N
             np.add.at(sums, index, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
@@ -137,7 +137,7 @@ def _run_record(
     course, found = heights.course(), []
     for k in range(0, len(record.t_us), _CHUNK):
         part = record.select(slice(k, k + _CHUNK))
-        _, trace = bank.run_traced(*part[:5], what_holds=True)
+        _, trace = bank.run_traced(*part[:6], what_holds=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
@@ -162,9 +162,9 @@ def _run_copies(
             copies = _Copies(bank, heights, clock, len(source.u))
             at, skipped = 0, len(records[number].t_us) - len(source.u)
             sieve = SieveBootstrap(source.eps, LANES, rng)
-            for t_us, u, y in bootstrap_copies(bank.model, bank.settings, source, sieve.take):
+            for t_us, u, y, weight in bootstrap_copies(bank.model, bank.settings, source, sieve.take):
                 at_places = places.index(number, skipped + at + np.arange(len(t_us)))
-                copies.run(t_us, u, y, at, at_places, places.index(number, skipped + sieve.origin))
+                copies.run(t_us, u, y, at, at_places, places.index(number, skipped + sieve.origin), weight)
                 at += len(t_us)
                 progress(min(1.0, heights.samples / samples))
                 if heights.samples >= samples:
@@ -182,14 +182,23 @@ class _Copies:
         self._memories = [bank.memory] * LANES
         self._courses = [heights.course() for _ in range(LANES)]
 
-    def run(self, t_us: Ints, u: Floats, y: Floats, at: int, place: Ints, origin: Ints) -> None:
-        """Run the next samples, u and y (N, LANES), from the sample ``at``.
+    def run(
+        self,
+        t_us: Ints,
+        u: Floats,
+        y: Floats,
+        at: int,
+        place: Ints,
+        origin: Ints,
+        weight: Floats | None = None,
+    ) -> None:
+        """Run the next samples, u and y (N, LANES), weight (N,), from the sample ``at``.
 
         ``place`` (N,) are the blocks of the motion, ``origin`` (N, LANES) those of the innovations.
         """
         for a in range(LANES):
             self._bank.memory = self._memories[a]
-            _, trace = self._bank.run_traced(t_us, u[:, a], y[:, a])
+            _, trace = self._bank.run_traced(t_us, u[:, a], y[:, a], weight=weight)
             self._memories[a] = self._bank.memory
             clock, index = self._clock + a * self._length + at, np.ascontiguousarray(origin[:, a])
             self._heights.take(trace.g, clock, place, index, self._courses[a])

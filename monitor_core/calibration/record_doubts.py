@@ -32,7 +32,15 @@ the square of so many memories is known to the root of that, as no record of min
 
 
 class CalibrationError(Exception):
-    """Records that yield no thresholds; the text says why, with numbers, and what would be right."""
+    """Records that yield no thresholds; the text says why, with numbers, and what would be right.
+
+    Attributes:
+        budget_s: the budget of one false alarm in this time [s] that the records would support; None: not known.
+    """
+
+    def __init__(self, text: str, budget_s: float | None = None) -> None:
+        super().__init__(text)
+        self.budget_s = budget_s
 
 
 def check_settings(settings: Settings) -> None:
@@ -170,11 +178,12 @@ def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, 
     log = math.log(max(samples / scatter.memory, math.e))
     width = max(math.log(max(most, 1.0 + 1e-9)), 1e-9) if math.isfinite(most) else 2 * math.log(widest)
     longer = seconds * max(1.5, (width / math.log(widest)) ** 2)
-    budget = scatter.memory * interval_s * math.exp(log * min(0.9, math.log(widest) / width))
+    budget_s = scatter.memory * interval_s * math.exp(log * min(0.9, math.log(widest) / width))
     raise CalibrationError(
         f"{seconds:.3g} s of the records can be used, {scatter.memories:.0f} memories: too short to promise one false"
         f" alarm in {duration(samples * interval_s)}. The rate might be {_times(most)} times what is most likely. Give"
-        f" about {duration(longer)}, or a budget of one in {duration(budget)}"
+        f" about {duration(longer)}, or a budget of one in {duration(budget_s)}",
+        budget_s,
     )
 
 

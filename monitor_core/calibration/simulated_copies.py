@@ -70,17 +70,20 @@ class Plants:
         self._u_scale = assembly.model_constants(model, settings.speed_scale)["u_scale"]
         self._mean, self._friction = drive.mean_state, _friction(model, values, h)
 
-    def run(self, which: Ints, x: Floats, u_before: Floats, u: Floats, eps: Floats) -> tuple[Floats, Floats]:
+    def run(
+        self, which: Ints, x: Floats, u_before: Floats, u: Floats, eps: Floats, weight: Floats | None = None
+    ) -> tuple[Floats, Floats]:
         """Outputs y (N, W) and final states (W, n) of the drives with the numbers ``which`` (W,).
 
         From the states x (W, n) at the first sample and the torques u_before (W,) of the sample before, with torques u
-        and innovations eps (N, W).
+        and innovations eps (N, W); ``weight`` (N, W): torque of the weight, None: 0.
         """
         y, x = np.empty(u.shape), np.ascontiguousarray(x).copy()
+        held = np.zeros(u.shape) if weight is None else np.nan_to_num(weight)
         simulate_innovations(
             self._Ad, self._Bd, self._C, which, self._K, self._kind, self._u_scale, self._friction,
             self._mean, self._late, x, np.array(u_before, float),
-            np.ascontiguousarray(u), np.ascontiguousarray(eps), y,
+            np.ascontiguousarray(u), np.ascontiguousarray(eps), np.ascontiguousarray(held), y,
         )  # fmt: skip
         return y, x
 

@@ -19,7 +19,7 @@ from monitor_core.calibration.synthetic_innovations import MatchedBlocks
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
 from monitor_core.monitoring import AxisBatch, AxisMonitor
-from monitor_core.samples import SampleBlock
+from monitor_core.samples import SampleBlock, forward_fill
 from monitor_core.settings import Settings
 
 SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
@@ -115,6 +115,7 @@ class CopySource:
     u_before: float
     column: tuple[Floats, np.ndarray]
     t_us: int
+    weight: Floats | None = None
 
 
 def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> CopySource | None:
@@ -127,9 +128,15 @@ def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> Co
     if len(eps) < 2 * settings.memory:
         return None
     column, t_us = monitor.batch.column(0), int(monitor.batch.state.t[0])
+    weight = None if record.weight is None else _without_gaps(record.weight)[start:]
     return CopySource(
-        record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us
+        record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us, weight
     )
+
+
+def _without_gaps(weight: Floats) -> Floats:
+    """The last known weight at each sample (N,); 0 before there is one."""
+    return forward_fill(weight[:, np.newaxis], np.zeros(1))[:, 0]
 
 
 def block_length(settings: Settings) -> int:
@@ -147,8 +154,8 @@ def bootstrap_blocks(
 
 def bootstrap_copies(
     model: AxisModel, settings: Settings, source: CopySource, draw: Callable[[int], Floats]
-) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
-    """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES).
+) -> Iterator[tuple[np.ndarray, Floats, Floats, Floats | None]]:
+    """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES), weight (N,).
 
     ``draw`` gives the next innovations (count, LANES).
     """
@@ -162,10 +169,12 @@ def bootstrap_copies(
     chunk = min(CHUNK, N // LEAST_PARTS + 1)
     for k in range(0, N, chunk):
         u = np.repeat(source.u[k : k + chunk, np.newaxis], LANES, axis=1)
-        y, x = plants.run(which, x, before[0], u, draw(len(u)))
+        weight = None if source.weight is None else source.weight[k : k + chunk]
+        held = None if weight is None else np.repeat(weight[:, np.newaxis], LANES, axis=1)
+        y, x = plants.run(which, x, before[0], u, draw(len(u)), held)
         before = u[-1:]
         t_us = source.t_us + step * np.arange(k + 1, k + 1 + len(u), dtype=np.int64)
-        yield t_us, u, y
+        yield t_us, u, y, weight
 
 
 class _Copies:
@@ -181,8 +190,10 @@ class _Copies:
         scale, q = model.scale[:, np.newaxis], stride(settings.memory)
         for a in range(LANES):
             self._bank.restore(a, *source.column)
-        for t_us, u, y in bootstrap_copies(model, settings, source, blocks.take):
-            _, trace = self._bank.run_traced(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
+        for t_us, u, y, weight in bootstrap_copies(model, settings, source, blocks.take):
+            times = np.repeat(t_us[:, np.newaxis], LANES, axis=1)
+            held = None if weight is None else np.repeat(weight[:, np.newaxis], LANES, axis=1)
+            _, trace = self._bank.run_traced(times, u, y, weight=held)
             first = max(0, round(SETTLED * settings.memory) - since)
             since += len(u)
             rows = slice(first + q - 1, None, q)

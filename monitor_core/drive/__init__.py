@@ -10,7 +10,7 @@ from monitor_core.drive.axis_model import AxisModel, NominalValueError
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
-from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
+from monitor_core.drive.structure import DELAY, LOAD, Drive, Output, Parameter, split_name
 from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, ThermalState, Unwatched
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
@@ -20,6 +20,7 @@ __all__ = [
     "DELAY",
     "FUNCTIONS",
     "HEAT",
+    "LOAD",
     "ONE",
     "SINE",
     "TORQUE",

@@ -6,6 +6,8 @@ f is a term: a measured signal, a function of a sum of signals, or a product of 
 slopes are those of Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is the reciprocal of that sum, exactly.  A
 gate is open while its signal has the right value; while a gate is closed, nothing is learned and no test runs.
 
+The torque of the weight may instead be an input of the drive (Drive.with_load), w(s) = slope_1 f_1(s) + ..
+
 A signal may also be derived: the heat of an axis without a thermometer (``thermal_state``), which parameters follow as
 they follow a measured one.
 
@@ -15,7 +17,7 @@ Every value of a sample depends on the samples up to that one: blocks may be spl
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -86,6 +88,7 @@ class Conditions:
 
     ``min_speed``: nothing is learned while the axis turns more slowly (rad/s, at the sensor); 0: no limit.
     ``thermal``: how the axis warms up; its heat is one more signal, the last one.  None: there is none.
+    ``weight``: terms of the nominal weight of a drive that has it as an input; their names and references do not count.
     """
 
     signals: tuple[str, ...] = ()
@@ -93,6 +96,7 @@ class Conditions:
     gates: tuple[Gate, ...] = ()
     min_speed: float = 0.0
     thermal: ThermalModel | None = None
+    weight: tuple[Follow, ...] = ()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -100,7 +104,14 @@ class Conditions:
         return self.signals if self.thermal is None else (*self.signals, HEAT)
 
     def __bool__(self) -> bool:
-        return bool(self.follows or self.gates or self.min_speed > 0)
+        return bool(self.follows or self.gates or self.min_speed > 0 or self.weight)
+
+
+class _Taken(NamedTuple):
+    shift: Floats  # (N, p)
+    gate: Bools  # (N,)
+    weight: Floats | None  # (N,); None: the drive does not have it as an input
+    signals: Floats  # (N, S)
 
 
 class Operating:
@@ -118,9 +129,9 @@ class Operating:
         self._followers = [
             _follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)
         ]
-        wanted = {name for f in conditions.follows for name in f.term.signals} | {
-            g.signal for g in conditions.gates
-        }
+        self._weight = tuple(follow._replace(reference=0.0) for follow in conditions.weight)
+        every = (*conditions.follows, *conditions.weight)
+        wanted = {name for f in every for name in f.term.signals} | {g.signal for g in conditions.gates}
         if missing := wanted - self._column.keys():
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
         self._speed = MeasuredSpeed(model.drive.output)
@@ -136,19 +147,16 @@ class Operating:
             y: measured output (N,), rad or rad/s.
             signals: the signals at the samples (N, S); NaN, or None for all of them: unknown.
         """
-        shift, gate, _ = self._take(t_us, y, signals)
-        return shift, gate
+        found = self._take(t_us, y, signals)
+        return found.shift, found.gate
 
     def conditioned(self, block: SampleBlock) -> SampleBlock:
-        """The samples with shift, gate, and all signals, the derived ones too."""
-        shift, gate, signals = self._take(block.t_us, block.y, block.signals)
-        if self.thermal is None:
-            signals = block.signals
-        return block._replace(shift=shift, gate=gate, signals=signals)
+        """The samples with shift, gate, weight, and all signals, the derived ones too."""
+        found = self._take(block.t_us, block.y, block.signals)
+        conditioned = block._replace(shift=found.shift, gate=found.gate, weight=found.weight)
+        return conditioned if self.thermal is None else conditioned._replace(signals=found.signals)
 
-    def _take(
-        self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None
-    ) -> tuple[Floats, Bools, Floats | None]:
+    def _take(self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None) -> _Taken:
         N, c = len(t_us), self._conditions
         s = np.full((N, len(c.signals)), math.nan) if signals is None else signals
         speed = np.zeros(N)
@@ -165,9 +173,13 @@ class Operating:
             gate &= entry.open(s[:, self._column[entry.signal]])
         if c.min_speed > 0:
             gate &= speed >= c.min_speed
+        weight = None
+        if self._weight:
+            weight = sum((f.change(_term(f.term, s, self._column)) for f in self._weight), np.zeros(N))
+            gate &= np.isfinite(weight)
         if N:
             self._last = s[-1].copy(), float(speed[-1])
-        return shift, gate, s
+        return _Taken(shift, gate, weight, s)
 
     def following(self, signal: str) -> tuple[str, ...]:
         """Monitored parameters that follow this signal, or a function of it."""
@@ -256,6 +268,7 @@ class Operating:
             yield f"slower than {c.min_speed:g} rad/s"
         for follower in self._followers:
             yield from follower.reasons(s[np.newaxis], self._column)
+        yield from _unknown(self._weight, s[np.newaxis], self._column)
 
 
 class _Follower(NamedTuple):
@@ -284,13 +297,9 @@ class _Follower(NamedTuple):
 
     def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
         """Why the shift at signals (1, S) is unknown."""
-        for follow in self.follows:
-            value = _term(follow.term, s, column)
-            if math.isnan(follow.change(value)[0]):
-                at = value[0]
-                beyond = "" if math.isnan(at) else f", beyond {follow.low:g} to {follow.high:g}"
-                yield _at(str(follow.term), at) + beyond
-                return
+        if unknown := [*_unknown(self.follows, s, column)]:
+            yield unknown[0]
+            return
         if math.isnan(self.shift(s, column)[0]):
             yield f"{self.name} would leave its bounds"
 
@@ -298,6 +307,15 @@ class _Follower(NamedTuple):
 def _term(term: Term, s: Floats, column: Mapping[str, int]) -> Floats:
     """The term (N,) at signals (N, S)."""
     return term.value({name: s[:, column[name]] for name in term.signals})
+
+
+def _unknown(follows: Iterable[Follow], s: Floats, column: Mapping[str, int]) -> Iterator[str]:
+    """The terms whose change at signals (1, S) is unknown, with the reason."""
+    for follow in follows:
+        at = _term(follow.term, s, column)
+        if math.isnan(follow.change(at)[0]):
+            beyond = "" if math.isnan(at[0]) else f", beyond {follow.low:g} to {follow.high:g}"
+            yield _at(str(follow.term), at[0]) + beyond
 
 
 def _at(name: str, value: float) -> str:

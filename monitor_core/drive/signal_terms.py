@@ -87,6 +87,11 @@ class Term(NamedTuple):
         return tuple(dict.fromkeys(factor.function for factor in self.factors if factor.function))
 
     @property
+    def turns(self) -> bool:
+        """Whether it turns with a pose, as a weight does: it has a cosine or sine."""
+        return not {"cos", "sin"}.isdisjoint(self.functions)
+
+    @property
     def is_signal(self) -> bool:
         """Whether it is a signal itself."""
         return len(self.factors) == 1 and not self.functions

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.kernel.tables import OF_MOTION, TORQUE
+from monitor_core.kernel.tables import OF_MOTION, ONE, TORQUE, WEIGHT
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
 Output = Literal["speed", "angle", "mean speed"]
@@ -34,6 +34,10 @@ SINCE_SAMPLE = "angle since the last sample"
 DELAY = "delay"
 """Name of the skew between torque and output."""
 _DELAYED = "delay of the torque after its sample"
+
+LOAD = "load"
+"""Name of the weight that loads an axis, over the nominal one."""
+_LOAD = "weight of arm and payload, relative to nominal"
 
 _OPERATORS = frozenset(" +*/^()")
 
@@ -200,6 +204,41 @@ class Drive:
             ValueError: the drive has a parameter of that name already.
         """
         return replace(self, parameters=self._and(Parameter(DELAY, "s", _DELAYED, positive=False)))
+
+    def constant_torques(self) -> tuple[str, ...]:
+        """Parameters that are factors of a constant input and of nothing else, such as a torque offset."""
+        return tuple(p.name for p in self.parameters if self._is_constant_torque(p.name))
+
+    def _is_constant_torque(self, name: str) -> bool:
+        powers = {(t.matrix, t.col): dict(t.powers)[name] for t in self.terms if name in dict(t.powers)}
+        return bool(powers) and all(
+            matrix == "B" and self.inputs[col] == ONE and power == 1
+            for (matrix, col), power in powers.items()
+        )
+
+    def with_load(self, offset: str) -> Drive:
+        """The drive with one more input, the torque of the nominal weight, which acts ``load`` times.
+
+        It acts as the constant torque ``offset`` does, and in its unit.
+
+        Raises:
+            ValueError: ``offset`` is no constant torque; the drive has a parameter ``load`` already.
+        """
+        if not self._is_constant_torque(offset):
+            raise ValueError(f"the drive {self.name!r} has no constant torque {offset}")
+        acts = [
+            replace(
+                t, col=len(self.inputs), powers=tuple((LOAD if n == offset else n, e) for n, e in t.powers)
+            )
+            for t in self.terms
+            if offset in dict(t.powers)
+        ]
+        return replace(
+            self,
+            inputs=(*self.inputs, WEIGHT),
+            parameters=self._and(Parameter(LOAD, "1", _LOAD)),
+            terms=(*self.terms, *acts),
+        )
 
     def with_mean_speed(self) -> Drive:
         """The drive with a sensor that gives the mean speed over each interval h:  s' = C x,  y = s / h.

@@ -76,6 +76,8 @@ def _next(found: Estimate, configured: Mapping[str, float], monitored: Collectio
     table = _Table(found, monitored)
     for name in table.names:
         if found.drive.parameter(name).nonnegative and table.theta[name] == 0:
+            if (partners := table.partners(name)) and _agrees(name, table, configured):
+                return _kept(name, table.together(name, partners[0]), table, configured)
             return Held(name, 0.0, "zero: the records show none of it")
     if lost := [name for name in table.names if not np.isfinite(table.sd[name])]:
         first = min(lost, key=lambda name: (name not in RELATIVE, *table.rank(name)))
@@ -96,13 +98,16 @@ def _next(found: Estimate, configured: Mapping[str, float], monitored: Collectio
 
 
 def _kept(name: str, reason: str, table: _Table, configured: Mapping[str, float]) -> Held:
-    base, _ = split_name(name)
-    estimate, sd = table.theta[name], table.sd[name]
-    if base in configured and configured[base] != 0:
-        value = value_of(configured, name)
-        if not abs(value - estimate) > _AGREES * sd:
-            return Held(name, value, f"{reason}; configured value")
-    return Held(name, estimate, f"{reason}; its estimate")
+    if _agrees(name, table, configured):
+        return Held(name, value_of(configured, name), f"{reason}; configured value")
+    return Held(name, table.theta[name], f"{reason}; its estimate")
+
+
+def _agrees(name: str, table: _Table, configured: Mapping[str, float]) -> bool:
+    """Whether the records do not contradict a configured value other than zero."""
+    if not configured.get(split_name(name)[0]):
+        return False
+    return not abs(value_of(configured, name) - table.theta[name]) > _AGREES * table.sd[name]
 
 
 class _Table:

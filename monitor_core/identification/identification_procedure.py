@@ -229,7 +229,7 @@ class IdentificationOptions:
         unknown: free parameters whose nominal values are only placeholders.
         scheduled: parameters that follow signals of the records.
         memory_s: of the monitor.
-        sized: monitored parameters whose size is given, so that their nominal value may be zero.
+        sizes: of monitored parameters as given; needed where the nominal value is zero.
         speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem; then the best one is refined.
         thermal: how the axis begins the first record, where friction may follow a heat that nobody measures; None: it
             is not asked whether it does.
@@ -244,7 +244,7 @@ class IdentificationOptions:
     unknown: tuple[str, ...] = ()
     scheduled: tuple[ScheduledTerm, ...] = ()
     memory_s: float = 1.0
-    sized: tuple[str, ...] = ()
+    sizes: Mapping[str, float] = field(default_factory=dict)
     speed_scales: tuple[float, ...] = ()
     thermal: ThermalStart | None = None
     begins_s: tuple[float | None, ...] = ()
@@ -314,7 +314,7 @@ def identify(
         options,
         verdict,
         held,
-        outlook(estimate, options.monitored, records, options.memory_s, options.sized),
+        outlook(estimate, options.monitored, records, options.memory_s, options.sizes),
         warm_up,
     )
 

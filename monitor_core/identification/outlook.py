@@ -15,6 +15,8 @@ from monitor_core.identification.records.record import Record
 
 _SHOWS = 3.0
 """Standard deviations of an estimate that a change must reach, as nu of the paper's tests (alpha_1)."""
+_ZERO = 2.0
+"""Standard deviations: a value of either sign that is smaller is not distinguished from zero."""
 _LARGEST = 1.0
 """A change of 100 %: what would show only beyond that is not watched."""
 
@@ -23,7 +25,7 @@ class Obstacle(Enum):
     """Why a parameter cannot be watched."""
 
     NO_SIZE = "no-size"
-    """Its nominal value is zero: what a change is compared with is not given."""
+    """Its nominal value is zero, or not distinguished from zero: what a change is compared with is not given."""
     NOT_SHOWN = "not-shown"
     """The motion of the records shows it too little within the memory of the monitor."""
     TOGETHER = "together"
@@ -35,7 +37,7 @@ class Watched(NamedTuple):
 
     name: str
     change: float
-    """smallest change that shows within one memory, as part of the value, or in its unit if the nominal value is 0"""
+    """smallest change that shows within one memory, as part of the given size, else of the value"""
     obstacle: Obstacle | None
 
 
@@ -44,7 +46,7 @@ def outlook(
     monitored: Sequence[str],
     records: Sequence[Record],
     memory_s: float,
-    sized: Sequence[str] = (),
+    sizes: Mapping[str, float] = {},
 ) -> tuple[Watched, ...]:
     """What can be watched, in the order of ``monitored``.
 
@@ -53,30 +55,34 @@ def outlook(
         monitored: names of parameters, "1/Ja" for a reciprocal.
         records: of the motion that the axis will make.
         memory_s: of the monitor, s.
-        sized: parameters whose size is given though their value is zero.
+        sizes: given by the user, by name; of the others the value is the size.
     """
     found = dict[str, Watched]()
     names = list(monitored)
     for name in monitored:
-        if name != DELAY and split_name(name)[0] not in sized and _size(estimate, name) == 0:
+        if name not in sizes and _is_zero(estimate, name):
             found[name] = Watched(name, np.nan, Obstacle.NO_SIZE)
             names.remove(name)
-    changes = _changes(estimate, names, records, memory_s)
+    changes = _changes(estimate, names, records, memory_s, sizes)
     while names:
         worst = max(names, key=changes.__getitem__)
         if changes[worst] <= _LARGEST:
             break
-        alone = _changes(estimate, [worst], records, memory_s)[worst]
+        alone = _changes(estimate, [worst], records, memory_s, sizes)[worst]
         obstacle = Obstacle.NOT_SHOWN if alone > _LARGEST else Obstacle.TOGETHER
         found[worst] = Watched(worst, alone, obstacle)
         names.remove(worst)
-        changes = _changes(estimate, names, records, memory_s)
+        changes = _changes(estimate, names, records, memory_s, sizes)
     found |= {name: Watched(name, changes[name], None) for name in names}
     return tuple(found[name] for name in monitored)
 
 
 def _changes(
-    estimate: Estimate, names: Sequence[str], records: Sequence[Record], memory_s: float
+    estimate: Estimate,
+    names: Sequence[str],
+    records: Sequence[Record],
+    memory_s: float,
+    sizes: Mapping[str, float],
 ) -> Mapping[str, float]:
     """Smallest change of each that shows within the memory, the others being monitored, too."""
     if not names:
@@ -86,9 +92,20 @@ def _changes(
     longer = np.sqrt(max(duration_s / memory_s, 1.0))
     sd = dict(zip(map(_base, called), np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
     return {
-        name: float(_SHOWS * longer * sd[_base(name)] / (_size(estimate, _called(name, called)) or 1.0))
+        name: float(
+            _SHOWS * longer * sd[_base(name)] / sizes.get(name, _size(estimate, _called(name, called)))
+        )
         for name in names
     }
+
+
+def _is_zero(estimate: Estimate, name: str) -> bool:
+    if name == DELAY:
+        return False
+    value = _size(estimate, name)
+    signed = estimate.drive.parameter(_base(name)).least < 0
+    sd = estimate.sd[estimate.names.index(name)] if signed and name in estimate.names else 0.0
+    return bool(value <= _ZERO * sd)
 
 
 def _base(name: str) -> str:

@@ -113,16 +113,9 @@ def _offsets(problem: Problem) -> list[tuple[str, float, str]]:
     return [
         (name, problem.slopes.get(f"{name} per {signal}", 0.0), signal)
         for name, signals in problem.varying.items()
-        if not split_name(name)[1] and _enters(problem, name)
+        if not split_name(name)[1] and name in problem.drive.constant_torques()
         for signal in signals
     ]
-
-
-def _enters(problem: Problem, name: str) -> bool:
-    """Whether the parameter is a factor of nothing but a constant input."""
-    drive = problem.drive
-    columns = {(t.matrix, t.col) for t in drive.terms if name in dict(t.powers)}
-    return bool(columns) and all(matrix == "B" and drive.inputs[col] == ONE for matrix, col in columns)
 
 
 def _without_gaps(t: Floats, values: Floats) -> Floats:

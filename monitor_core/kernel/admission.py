@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, Tables
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGHT, Tables
 
 
 class Timing(NamedTuple):
@@ -136,12 +136,15 @@ def hold_inputs(
     t: Ints,
     torque: Floats,
     y: Floats,
+    weight: Floats,
     mode: Ints,
     last: Ints,
     u: Floats,
     torque_before: Floats,
 ) -> None:
-    """Hold the inputs of the sample from now on: torque, constant, gravity of the measured angle.
+    """Hold the inputs of the sample from now on: torque, constant, weight, gravity of the measured angle.
+
+    Where the weight (W,) is not known, NaN, the last one is kept.
 
     Friction follows from the interval to come (friction.py).  Where the speed is measured, that is kept until then, in
     the unit of its state: rest y.
@@ -167,6 +170,8 @@ def hold_inputs(
                     u[c, a] = math.cos(u_scale[c, a] * y[a])
                 elif kind[c] == SINE:
                     u[c, a] = math.sin(u_scale[c, a] * y[a])
+                elif kind[c] == WEIGHT and math.isfinite(weight[a]):
+                    u[c, a] = weight[a]
 
 
 # --- The conditions that an axis works under: nominal values that follow them, and gates that close -------------------

@@ -102,6 +102,7 @@ class BatchSamples(NamedTuple):
     number: NDArray[np.int64]  # (W,)
     shift: Floats  # (N, p, W) theta_0(s) - theta_0; (0, p, W): as before
     gate: NDArray[np.bool_]  # (N, W) whether to learn; (0, W): always
+    weight: Floats  # (N, W) torque of the weight, N m; NaN, or (0, W): as before
 
 
 class Trace(NamedTuple):
@@ -122,7 +123,15 @@ class Trace(NamedTuple):
 
 @kernel
 def _take(
-    lanes: Any, k: int, a0: int, samples: BatchSamples, t: Ints, u: Floats, y: Floats, roles: Roles
+    lanes: Any,
+    k: int,
+    a0: int,
+    samples: BatchSamples,
+    t: Ints,
+    u: Floats,
+    y: Floats,
+    weight: Floats,
+    roles: Roles,
 ) -> None:
     """The samples k of the lanes; a lane without a sample k skips."""
     mode, learns, number = roles.mode, roles.learns, samples.number
@@ -132,6 +141,7 @@ def _take(
     for a in range(min(len(lanes), number.size - a0)):
         t[a], u[a], y[a] = samples.t[k, a0 + a], samples.u[k, a0 + a], samples.y[k, a0 + a]
         mode[a] = TRACK if k < number[a0 + a] else SKIP
+        weight[a] = samples.weight[k, a0 + a] if samples.weight.shape[0] else math.nan
 
 
 @kernel
@@ -217,7 +227,7 @@ def run(
         acting, du = table(T.m, W), table(p * T.m, W).reshape(p, T.m, W)
         u, y, h, h_first, h_before = floats(W), floats(W), floats(W), floats(W), floats(W)
         over, ago, lam, share, norm = floats(W), floats(W), floats(W), floats(W), floats(W)
-        yhat, eps, believed, S = floats(W), floats(W), floats(W), floats(W)
+        yhat, eps, believed, S, weight = floats(W), floats(W), floats(W), floats(W), floats(W)
         N, L, Y = table(p, p), table(p, p), table(p, p)
         t, steps, terms, hit, fit, lost, until = ints(W), ints(W), ints(W), ints(W), ints(W), ints(W), ints(W)
         mode, moves, learns, tracks = ints(W), ints(W), ints(W), ints(W)
@@ -241,7 +251,7 @@ def run(
         # One line for each step of the recursion.
         # fmt: off
         for k in range(largest(samples.number, a0, len(lanes))):
-            _take(lanes, k, a0, samples, t, u, y, roles)
+            _take(lanes, k, a0, samples, t, u, y, weight, roles)
             moving = classify_sample(lanes, t, u, y, timing, st.t, st.settled, st.seed_left, st.counts, mode, h)
             if samples.shift.shape[0]:
                 follow_conditions(lanes, k, a0, samples.shift, con.lower, con.upper, st.shift, theta, st.theta_seen,
@@ -302,7 +312,7 @@ def run(
                     note_crossings(lanes, tests, cusum, t, d, tested, a0, reset, events)
                 gather_evidence(lanes, evidence, t, until, d, tracks, a0, kept_t, kept_d, events.filled, noted)
             restart_predictor(lanes, mode, con.rest, y, X)
-            hold_inputs(lanes, T, con.u_scale, con.rest, t, u, y, mode, st.t, st.u, st.torque_before)
+            hold_inputs(lanes, T, con.u_scale, con.rest, t, u, y, weight, mode, st.t, st.u, st.torque_before)
             if trace.eps.size:
                 _record(lanes, k, a0, roles, eps, psi, cusum, st.observed, trace)
         # fmt: on

@@ -97,6 +97,7 @@ class Block(NamedTuple):
     u: Floats  # (N,) N m
     y: Floats  # (N,)
     gate: NDArray[np.bool_]  # (N, 1) whether to test; (0, 1): always
+    weight: Floats  # (N,) torque of the weight, N m; NaN, or (0,): as before
 
 
 class BankTrace(NamedTuple):
@@ -151,7 +152,7 @@ def run_hypotheses(
     )  # fmt: skip
     psi, before, motion = table(0, H), floats(H), floats(H)
     over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
-    late = floats(H)
+    late, weight = floats(H), floats(H)
     # These are computed later in each sample: until then they are scratch.
     middle = MiddleSpeed(table(m, H), yhat, eps, llr, motion, psi, psi, psi)
     for a in range(H):
@@ -236,7 +237,8 @@ def run_hypotheses(
                 for a in range(H):
                     motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
                     doing[a] = TRACK
-                hold_inputs(lanes, T, P.u_scale, P.rest, last, motion, motion, doing, last, u, before)
+                    weight[a] = block.weight[k] if block.weight.size else math.nan
+                hold_inputs(lanes, T, P.u_scale, P.rest, last, motion, motion, weight, doing, last, u, before)
             integers[LAST, 0] = t[0]
             numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
             numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = ut[0], y[0]

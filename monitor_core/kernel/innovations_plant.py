@@ -8,7 +8,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import entry
 from monitor_core.kernel.friction import SMALLEST, mean_torque_share
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGHT
 
 
 class PlantFriction(NamedTuple):
@@ -39,13 +39,14 @@ def simulate_innovations(
     u_before: Floats,
     u: Floats,
     eps: Floats,
+    weight: Floats,
     y: Floats,
 ) -> None:
     """y = C x + eps,  x = x + K eps,  then x = Ad x + Bd u over the interval.
 
     Axis a is number ``which[a]`` of the drives Ad (F, n, n), Bd (F, n, m), C (F, n).  K (n,); ``kind`` (m,) and
     ``u_scale`` (m,) as in the tables of the monitor.  ``late`` (F,): that share of an interval the torque before still
-    acts.  ``x`` (W, n) and ``u_before`` (W,) are changed; u, eps, y (N, W).
+    acts.  ``x`` (W, n) and ``u_before`` (W,) are changed; u, eps, weight, y (N, W).
     """
     n, m = K.size, kind.size
     v, w = np.zeros(m), np.zeros(n)
@@ -70,6 +71,8 @@ def simulate_innovations(
                     v[c] = math.cos(u_scale[c] * out)
                 elif kind[c] == SINE:
                     v[c] = math.sin(u_scale[c] * out)
+                elif kind[c] == WEIGHT:
+                    v[c] = weight[k, a]
             speed = friction.unit * out if friction.unit > 0.0 else x[a, friction.state]
             for r in range(n):
                 speed += friction.half[f, r] * x[a, r]

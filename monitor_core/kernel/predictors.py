@@ -37,7 +37,7 @@ class Predictors(NamedTuple):
     taps: Floats  # (3 n, H) what a torque of 1 adds over it: the one before, the held one, the one at its end
     constant: Floats  # (n, H) what is added always
     acts: Floats  # (n m, H) Bd of the inputs that depend on the motion
-    moving: NDArray[np.int64]  # (..,) which of these act
+    moving: NDArray[np.int64]  # (..,) which of these, and of the weight, act
     own: Floats  # (10, H)
     axis: Floats  # (7, 1)
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from monitor_core.arrays import Floats, Indices, Ints
 
-TORQUE, COULOMB, ONE, COSINE, SINE = 0, 1, 2, 3, 4
+TORQUE, COULOMB, ONE, COSINE, SINE, WEIGHT = 0, 1, 2, 3, 4, 5
 """Kinds of input: the motor torque; tanh of the speed at a flange (Coulomb friction); the constant 1; cos and sin of
-the angle at a flange (gravity)."""
+the angle at a flange (gravity); a torque that comes with each sample, that of the weight in the present pose."""
 OF_MOTION = (COULOMB, COSINE, SINE)
 """Inputs that depend on the motion."""
 

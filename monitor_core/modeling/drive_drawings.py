@@ -9,14 +9,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from monitor_core.modeling.drawing import Drawing, part
+from monitor_core.modeling.drawing import Drawing, Part, part
 
 _MOTOR = {
     "fm": "viscous friction of the motor",
     "fc": "Coulomb friction of the motor",
     "tau0": "torque offset",
     "kT": "torque constant, relative to the one the controller uses",
-    "r": "gear ratio, arm angle over motor angle",
+}
+_GEAR = {"r": "gear ratio, arm angle over motor angle"}
+_MASS = {"J": "inertia of motor, gear and arm, on the motor side"}
+_WEIGHT = {
+    "gc": "torque of the weight on the arm at the angle zero, as where the arm lies flat there",
+    "gs": "torque of the weight on the arm a quarter of a turn further",
 }
 
 
@@ -33,6 +38,18 @@ class Link:
     spring: str
     k: str
     d: str
+
+
+def one_mass() -> Drawing:
+    """Motor, gear and arm as one stiff mass, all on the motor side."""
+    return Drawing("one-mass", _motor("J"), meanings=_MASS | _MOTOR)
+
+
+def one_mass_weight() -> Drawing:
+    """The same with the weight of the arm, which turns with r times the angle of the motor."""
+    gear = part("ideal-gear", "gear", "motor", "gear", ratio="1/r")
+    components = [*_motor("J"), gear, part("gravity", "weight", "gear", gc="gc", gs="gs")]
+    return Drawing("one-mass-weight", components, meanings=_MASS | _MOTOR | _WEIGHT | _GEAR)
 
 
 def two_mass() -> Drawing:
@@ -61,18 +78,22 @@ def chain(name: str, links: Sequence[Link]) -> Drawing:
     meanings |= {link.J: f"inertia of the {link.mass}" for link in links}
     meanings |= {link.k: f"stiffness of the {link.spring}" for link in links}
     meanings |= {link.d: f"damping of the {link.spring}" for link in links}
-    components = [
-        part("torque", "torque", "motor", kT="kT"),
-        part("inertia", "motor", "motor", J="Jm"),
-        part("viscous-friction", "bearing", "motor", d="fm"),
-        part("coulomb-friction", "friction", "motor", fc="fc"),
-        part("torque-offset", "offset", "motor", tau0="tau0"),
-        part("speed-sensor", "encoder", "motor"),
-        part("ideal-gear", "gear", "motor", "gear", ratio="1/r"),
-    ]
+    components = [*_motor("Jm"), part("ideal-gear", "gear", "motor", "gear", ratio="1/r")]
     before = "gear"
     for link in links:
         components.append(part("spring-damper", f"{link.name}_spring", link.name, before, c=link.k, d=link.d))
         components.append(part("inertia", link.name, link.name, J=link.J))
         before = link.name
-    return Drawing(name, components, meanings=meanings | _MOTOR)
+    return Drawing(name, components, meanings=meanings | _MOTOR | _GEAR)
+
+
+def _motor(J: str) -> list[Part]:
+    """The motor with this inertia, its friction and its sensor."""
+    return [
+        part("torque", "torque", "motor", kT="kT"),
+        part("inertia", "motor", "motor", J=J),
+        part("viscous-friction", "bearing", "motor", d="fm"),
+        part("coulomb-friction", "friction", "motor", fc="fc"),
+        part("torque-offset", "offset", "motor", tau0="tau0"),
+        part("speed-sensor", "encoder", "motor"),
+    ]

@@ -96,32 +96,34 @@ class AxisBatch:
 
     def run(
         self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
-        shift: Floats | None = None, gate: Bools | None = None,
+        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
     ) -> list[tuple[int, BatchEvent]]:  # fmt: skip
         """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
 
         ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
         NaN: the conditions are not known.  ``gate`` (N, W): where False, or the conditions are not known, nothing is
-        learned.
+        learned.  ``weight`` (N, W): torque of the nominal weight [N m], of a drive that has it as an input; without it,
+        and where it is NaN, what it was last.
 
         Returns the events with the index of their axis, axis by axis in order of time.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(self._samples(t_us, u, y, count, shift, gate), self._trace(0))
+        return self._run(self._samples(t_us, u, y, count, shift, gate, weight), self._trace(0))
 
     def run_traced(
         self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
-        shift: Floats | None = None, gate: Bools | None = None,
+        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
     ) -> tuple[list[tuple[int, BatchEvent]], Trace]:  # fmt: skip
         """As ``run``, with the recursion's values at every sample."""
         trace = self._trace(len(t_us))
-        return self._run(self._samples(t_us, u, y, count, shift, gate), trace), trace
+        return self._run(self._samples(t_us, u, y, count, shift, gate, weight), trace), trace
 
     def _samples(
-        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None, shift: Floats | None, gate: Bools | None
-    ) -> BatchSamples:
+        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None,
+        shift: Floats | None, gate: Bools | None, weight: Floats | None,
+    ) -> BatchSamples:  # fmt: skip
         p, W = self._tables.p, len(self.models)
         t = np.ascontiguousarray(t_us, dtype=np.int64)
         if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
@@ -136,8 +138,11 @@ class AxisBatch:
             raise ValueError(
                 f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}"
             )
+        held = np.empty((0, W)) if weight is None else np.ascontiguousarray(weight, dtype=float)
+        if held.shape not in {(N, W), (0, W)}:
+            raise ValueError(f"weight of shape {held.shape}: need {(N, W)}")
         u, y = np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float)
-        return BatchSamples(t, u, y, n, moved, opened)
+        return BatchSamples(t, u, y, n, moved, opened, held)
 
     def _run(self, samples: BatchSamples, trace: Trace) -> list[tuple[int, BatchEvent]]:
         most = 2 * self._tables.p * samples.t.size  # of each parameter two crossings

@@ -204,13 +204,13 @@ class AxisMonitor:
 
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
         """The events of the multi-model detector in these samples, if it runs."""
-        return self.multimodel.bank.run(*self.judged(samples)[:5]) if self.multimodel else ()
+        return self.multimodel.bank.run(*self.judged(samples)[:6]) if self.multimodel else ()
 
     def multimodel_events_traced(
         self, samples: SampleBlock
     ) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
         """As ``multimodel_events``, with the values of every hypothesis at every sample."""
-        return self.multimodel.bank.run_traced(*self.judged(samples)[:5]) if self.multimodel else ((), None)
+        return self.multimodel.bank.run_traced(*self.judged(samples)[:6]) if self.multimodel else ((), None)
 
     def judged(self, samples: SampleBlock) -> SampleBlock:
         """The samples for the multi-model detector: with a closed gate while estimates are only made, or it waits."""
@@ -472,5 +472,5 @@ def _fingerprint(drive: Drive) -> int:
 
 def _columns(samples: SampleBlock) -> tuple[Any, ...]:
     """The arguments of ``AxisBatch.run`` for one axis: an axis last in every array."""
-    t_us, u, y, shift, gate = (None if values is None else values[..., np.newaxis] for values in samples[:5])
-    return t_us, u, y, None, shift, gate
+    t_us, u, y, *more = (None if values is None else values[..., np.newaxis] for values in samples[:6])
+    return t_us, u, y, None, *more

@@ -1,5 +1,6 @@
 """A fleet: axes of any drives, sample rates and settings, whose blocks of samples are taken in one call."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
@@ -130,7 +131,10 @@ class _Group(NamedTuple):
             lambda: np.repeat(before[np.newaxis], shape[0], axis=0),
         )
         gate = _filled({lane: block.gate for lane, block in taken.items()}, lambda: np.ones(shape, np.bool_))
-        samples, trace = (t_us, u, y, count, shift, gate), None
+        weight = _filled(
+            {lane: block.weight for lane, block in taken.items()}, lambda: np.full(shape, math.nan)
+        )
+        samples, trace = (t_us, u, y, count, shift, gate, weight), None
         if traced:
             events, trace = self.batch.run_traced(*samples)
         else:
@@ -182,7 +186,7 @@ def _groups(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[l
 
 def _check(axis: int, block: SampleBlock, model: AxisModel) -> None:
     N, p = len(block.t_us), len(model.monitored)
-    shapes = (N,), (N,), (N,), (N, p), (N,)
-    for name, values, wanted in zip(block._fields[:5], block[:5], shapes, strict=True):
+    shapes = (N,), (N,), (N,), (N, p), (N,), (N,)
+    for name, values, wanted in zip(block._fields[:6], block[:6], shapes, strict=True):
         if values is not None and np.shape(values) != wanted:
             raise ValueError(f"axis {axis}: {name} has the shape {np.shape(values)}: need {wanted}")

@@ -15,7 +15,7 @@ EXIT_CODES = """\
 Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, in the configuration or in a
 file, or a fit of identify that is too poor to be used; 3 a bus cannot be opened or written to; 4 the port is
 taken or the state directory cannot be used; 5 replay: a parameter was not tested in the records, so the absence of
-an alarm says nothing of it."""
+an alarm says nothing of it; commission: an axis could not be commissioned."""
 
 
 class DaemonFailedError(Exception):

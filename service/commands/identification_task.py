@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from monitor_core.drive import COULOMB, HEAT, AxisModel, Drive, ThermalStart, split_name
+from monitor_core.drive import COULOMB, HEAT, LOAD, AxisModel, Drive, Term, ThermalStart, split_name
 from monitor_core.identification import (
     Disturbance,
     IdentificationError,
@@ -33,7 +33,7 @@ from monitor_core.identification import (
     with_schedule,
     with_terms,
 )
-from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of
+from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
@@ -149,14 +149,14 @@ def prepare(
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     options = IdentificationOptions(
         start,
-        tuple(axis.config.model.monitor),
+        _monitored(axis.config, drive, schedule),
         axis.config.interval_mean,
         request.masses,
         selection.held,
         unknown,
         scheduled,
         axis.config.sample_interval_s / (1 - axis.config.forgetting),
-        tuple(axis.config.model.scales),
+        scales_of(axis.config),
         tuple(scales),
         _thermal_start(request, axis.config),
         tuple(item.source.begins_s for item in used),
@@ -227,6 +227,20 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
                 raise IdentificationError(f"{parameter} follows {name} twice")
             schedule[parameter] = (*schedule.get(parameter, ()), name)
     return schedule
+
+
+def _monitored(axis: AxisConfig, drive: Drive, schedule: Schedule) -> tuple[str, ...]:
+    """The monitored parameters; in place of the load the constant torque that is its weight, which it scales."""
+    offsets = drive.constant_torques()
+    weight = next(
+        (name for name, terms in schedule.items() if name in offsets and any(map(_turns, terms))), None
+    )
+    names = [weight if name == LOAD else name for name in axis.model.monitor]
+    return tuple(dict.fromkeys(name for name in names if name is not None))
+
+
+def _turns(term: str) -> bool:
+    return Term.read(term).turns
 
 
 def _thermal_start(request: Request, axis: AxisConfig) -> ThermalStart | None:

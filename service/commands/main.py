@@ -15,11 +15,13 @@ from service.pipeline.warming import EARLY, FEW_AXES
 
 COMMANDS = (
     "demo",
+    "init",
     "check",
     "model",
     "excite",
     "identify",
     "calibrate",
+    "commission",
     "listen",
     "run",
     "simulate",

@@ -68,8 +68,8 @@ def names_in(text: str) -> tuple[str, ...]:
 
 
 _NO_BUS = (
-    "no bus: such a configuration is for `identify`, `excite` and `model`; add [[bus]] with its DBC and, to each axis,"
-    " bus, and message and signal of torque and motion"
+    "no bus: this is for tables (`commission`, `identify`, `calibrate`, `replay`), `excite` and `model`;"
+    " add [[bus]] with its DBC and, to each axis, bus, and message and signal of torque and motion"
 )
 
 

@@ -46,7 +46,7 @@ def replay(
     """
     from service.reports.replay_report import as_json, print_text
 
-    read = starting_as(configuration(config), thermal)
+    read = starting_as(configuration(config, without_bus=True), thermal)
     if report is not None:
         check_writable(report)
     with explained():

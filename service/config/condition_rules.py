@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, split_name
+from monitor_core.drive import HEAT, LOAD, AxisModel, Conditions, Follow, Operating, Term, split_name
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
-from service.config.conditions import Schedule, follow_of, signal_names, term_of, varying_of
-from service.config.model_rules import decided_model
+from service.config.conditions import Schedule, follow_of, signal_names, term_of, varying_of, weight_of
+from service.config.drives import watches_load
+from service.config.model_rules import decided_model, usable_drive
 from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, RobotConfig
 
@@ -105,8 +106,10 @@ def schedules(axis: AxisConfig) -> Iterator[Finding]:
 def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
     """A scheduled parameter is monitored, with slopes of the parameter or of its reciprocal."""
     monitored = {split_name(name)[0] for name in axis.model.monitor}
-    first = dict[str, str]()
+    first, weight = dict[str, str](), _weight(axis)
     for path, v in varying_of(axis):
+        if v in weight:
+            continue
         key, base = _key(path, "parameter"), split_name(v.parameter)[0]
         if base not in monitored:
             message = (
@@ -118,12 +121,36 @@ def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(key, f"slopes of both {v.parameter} and {other}: give one of them")
 
 
+def load(axis: AxisConfig) -> Iterator[Finding]:
+    """A load is compared with a weight that follows the pose; its nominal value is 1."""
+    usable_drive(axis)
+    if not watches_load(axis):
+        return
+    if LOAD in axis.model.nominal:
+        message = "is relative to the nominal weight, so its nominal value is 1: remove this"
+        yield Finding(("model", "nominal", LOAD), message)
+    to_be_identified = axis.records_only and axis.model.nominal_file is None
+    if not weight_of(axis) and not to_be_identified:
+        message = (
+            "no constant torque follows the pose, so there is no weight to compare the load with: find it with"
+            ' `axiswatch identify --schedule "tau0: cos(angle)"`'
+        )
+        yield Finding(("model", "monitor", axis.model.monitor.index(LOAD)), message)
+
+
+def _weight(axis: AxisConfig) -> tuple[Schedule, ...]:
+    if LOAD not in axis.model.monitor:
+        return ()
+    usable_drive(axis)
+    return weight_of(axis)
+
+
 def values_at_ends(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values stay within their bounds over the whole range of each signal."""
-    model = decided_model(axis)
+    model, weight = decided_model(axis), _weight(axis)
     for path, v in varying_of(axis):
         for end in v.range or ():
-            if _leaves_bounds(model, follow_of(v), end):
+            if v not in weight and _leaves_bounds(model, follow_of(v), end):
                 message = f"{v.parameter} would leave its bounds at {v.signal} = {end:g}"
                 yield Finding(_key(path, "slope"), message)
 
@@ -173,4 +200,4 @@ def _key(path: Keys, key: str) -> Keys:
     return path if path[-1] == "nominal_file" else (*path, key)
 
 
-CONDITION_RULES = (sources, gates, schedules, scheduled_parameters, on_the_bus, others_stand_still)
+CONDITION_RULES = (sources, gates, schedules, scheduled_parameters, load, on_the_bus, others_stand_still)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from monitor_core.drive import FUNCTIONS, HEAT, Conditions, Follow, Gate, Term, ThermalModel
+from monitor_core.drive import FUNCTIONS, HEAT, LOAD, Conditions, Follow, Gate, Term, ThermalModel
 from monitor_core.wording import did_you_mean
+from service.config.drive_sources import model_of_axis
 from service.config.nominal_file import ScheduleTable
 from service.config.problems import Keys
 from service.config.schema import AxisConfig, GateConfig, NamedAxis, Source
@@ -36,6 +37,28 @@ def follow_of(schedule: Schedule) -> Follow:
     return Follow(v.parameter, Term.read(v.signal), v.slope, v.reference, low, high)
 
 
+def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
+    """The schedules that are the weight of arm and payload: all of one constant torque that turn with the pose.
+
+    Empty: the load is not monitored, or nothing says what the weight is.
+    """
+    return turning_torques(axis) if LOAD in axis.model.monitor else ()
+
+
+def turning_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
+    """The schedules of one constant torque that turn with the pose."""
+    offsets = model_of_axis(axis).drive.constant_torques()
+    turning = [v for _, v in varying_of(axis) if v.parameter in offsets and _turns(v)]
+    return tuple(v for v in turning if v.parameter == turning[0].parameter)
+
+
+def _turns(schedule: Schedule) -> bool:
+    try:
+        return Term.read(schedule.signal).turns
+    except ValueError:  # which a cross-check reports
+        return False
+
+
 def term_of(text: str, known: Iterable[str]) -> Term:
     """A term of signals, as the user writes it: temperature, cos(angle2 + angle3).
 
@@ -62,12 +85,14 @@ def term_of(text: str, known: Iterable[str]) -> Term:
 
 def conditions_of(axis: NamedAxis) -> Conditions:
     """The operating conditions of an axis of a valid configuration."""
+    weight = weight_of(axis.config)
     return Conditions(
         tuple(source.name for source in needed(axis)),
-        tuple(_within(follow_of(v), axis.config) for _, v in varying_of(axis.config)),
+        tuple(_within(follow_of(v), axis.config) for _, v in varying_of(axis.config) if v not in weight),
         tuple(_gate(gate) for gate in axis.config.gate),
         axis.config.min_speed or 0.0,
         thermal_of(axis.config),
+        tuple(map(follow_of, weight)),
     )
 
 

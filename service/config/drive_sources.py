@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from service.config.schema import AxisConfig
 
 LIBRARY: Mapping[str, str] = MappingProxyType(
-    {f"{count}-mass": f"drives/{count}_mass.mo" for count in ("two", "three", "five")}
+    {
+        name: f"drives/{name.replace('-', '_')}.mo"
+        for name in ("one-mass", "one-mass-weight", "two-mass", "three-mass", "five-mass")
+    }
 )
 """The drives that come with the program: name and file."""
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from monitor_core.drive import DELAY, AxisModel, Drive, Output
+from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, Output
 from monitor_core.monitoring import Limit
 from service.config.base_table import SUFFIX
+from service.config.conditions import weight_of
 from service.config.drive_sources import model_of_axis
 from service.config.schema import AxisConfig
 
@@ -63,7 +64,7 @@ def lacking_for(drive: Drive, name: str, given: Collection[str]) -> Iterator[str
             yield from lacking_for(drive, part, given)
 
 
-# --- As it is monitored: where that is wanted, with the delay of its torque as a parameter ----------------------------
+# --- As it is monitored: where that is wanted, with the delay of its torque and with the load as parameters -----------
 
 
 def watches_skew(axis: AxisConfig) -> bool:
@@ -79,19 +80,42 @@ def has_own_delay(drive: Drive) -> bool:
 def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
     """The drive of an axis as it is monitored."""
     drive = drive_of(axis, output)
+    if watches_load(axis) and (offset := load_acts_as(axis, drive)):
+        drive = drive.with_load(offset)
     return drive.with_delay() if watches_skew(axis) and not has_own_delay(drive) else drive
 
 
 def watched_values(axis: AxisConfig) -> dict[str, float]:
     """The nominal values of the monitored drive, as ``given_values``."""
     own = {DELAY: nominal_skew(axis)} if watches_skew(axis) else {}
-    return given_values(axis) | own
+    given = given_values(axis)
+    return given | own | (nominal_load(axis, given) if watches_load(axis) else {})
 
 
 def nominal_skew(axis: AxisConfig) -> float:
     """How late the torque of the healthy axis acts [s]."""
     found = axis.model.nominal_file
     return axis.torque_delay_s if found is None else found.predictor.torque_delay_s
+
+
+def watches_load(axis: AxisConfig) -> bool:
+    """Whether the load is monitored, and is no parameter of the drawing."""
+    drive = model_of_axis(axis).drive
+    return LOAD in axis.model.monitor and all(p.name != LOAD for p in (*drive.parameters, *drive.drawn))
+
+
+def load_acts_as(axis: AxisConfig, drive: Drive) -> str:
+    """The constant torque that the weight acts like: the one that follows the pose; empty: the drive has none."""
+    offsets = (*(v.parameter for v in weight_of(axis)), *drive.constant_torques())
+    return next(iter(offsets), "")
+
+
+def nominal_load(axis: AxisConfig, given: Mapping[str, float]) -> dict[str, float]:
+    """The load, and what remains of the constant torque when the weight in it is an input."""
+    weight, values = weight_of(axis), {LOAD: 1.0}
+    for name in {v.parameter for v in weight} & given.keys():
+        values[name] = given[name] - sum(v.slope * v.reference for v in weight)
+    return values
 
 
 def scales_of(axis: AxisConfig) -> dict[str, float]:

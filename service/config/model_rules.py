@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 
-from monitor_core.drive import DELAY, AxisModel, Drive, NominalValueError, Output, split_name
+from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, NominalValueError, Output, split_name
 from monitor_core.modeling import ModelError
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
@@ -143,7 +143,9 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
     for i, name in enumerate(axis.model.monitor):
         path = ("model", "monitor", i)
         base, inverse = split_name(name)
-        if base not in names:
+        if base not in names and name == LOAD:
+            yield Finding(path, "acts as a constant torque does, and the drive has none: add a torque offset")
+        elif base not in names:
             known = [f"1/{n}" for n in names] if inverse else [*names, DELAY]
             drawn = any(p.name == base for p in drive.drawn)
             yield Finding(path, _why_not(drive, base) if drawn else _no_parameter(name, known))

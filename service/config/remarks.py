@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from monitor_core.drive import AxisModel
+from monitor_core.drive import LOAD, AxisModel
 from monitor_core.monitoring import short_memory, unidentifiable_words
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
@@ -19,7 +19,7 @@ from service.config.axis_settings import (
     step_noise,
     untold,
 )
-from service.config.conditions import varying_of
+from service.config.conditions import turning_torques, varying_of
 from service.config.drives import axis_model
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
 
@@ -38,6 +38,7 @@ def remarks(config: Config) -> Iterator[str]:
     for axis in config.axes:
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)
+        yield from _unwatched_load(axis.config, axis.id)
         yield from _short_memory(axis, model, settings)
         for words in unidentifiable_words(untold(axis.config)):
             yield f"{axis.id}: {words}"
@@ -63,6 +64,15 @@ def _unsaid(config: Config) -> Iterator[str]:
 def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
     stated = axis.model.conditions is not None or axis.gate or varying_of(axis)
     return len(robot.axis) > 1 and not stated
+
+
+def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:
+    """A weight that follows the pose, and a payload that may change."""
+    if LOAD not in axis.model.monitor and turning_torques(axis):
+        yield (
+            f'{axis_id}: its weight follows the pose, but "{LOAD}" is not in monitor: another payload will be called'
+            " a fault of the drive, most likely of kT"
+        )
 
 
 def _short_memory(axis: NamedAxis, model: AxisModel, settings: Settings) -> Iterator[str]:

@@ -92,7 +92,9 @@ class TimeConfig(Table):
     """[robot.axis.time]: source of the time of a sample."""
 
     column: Text | None = None
-    """column of the time [s] in records; without it rows are sample_interval_s apart"""
+    """column of the time in records; without it rows are sample_interval_s apart"""
+    factor: Positive = 1.0
+    """seconds = factor * column: 0.001 for milliseconds"""
     counter_message: Text | None = None
     """message that carries the sample counter"""
     counter_signal: Text | None = None

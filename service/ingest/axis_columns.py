@@ -39,7 +39,7 @@ class AxisColumns:
         self._id, self._config, self._further = axis_id, config, tuple(further)
         self._held = HeldColumns(further) if further else None
         self._torque, self._motion = config.torque.column, config.motion.column
-        self._time = config.time.column
+        self._time, self._time_unit_us = config.time.column, 1e6 * config.time.factor
         self._interval_us = config.sample_interval_s * 1e6
         self._last_us: int | None = None
         self.dropped = dict.fromkeys(REASONS, 0)
@@ -89,7 +89,7 @@ class AxisColumns:
     def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
         """Times [us], rounded once to whole ones."""
         if self._time is not None:
-            return np.rint(rows.columns[self._time] * 1e6)
+            return np.rint(rows.columns[self._time] * self._time_unit_us)
         return np.rint(np.arange(first_row, first_row + count, dtype=np.float64) * self._interval_us)
 
     def _increasing(self, t_us: Times) -> NDArray[np.bool_]:

@@ -134,11 +134,16 @@ class LogRecord:
         carried: axes to read and the signals of their samples; None: as the monitoring needs them.
 
     Raises:
-        RecordError: it cannot be opened.
+        RecordError: it cannot be opened, or there is no bus.
         DbcError, IngestError: the configuration cannot be used.
     """
 
     def __init__(self, path: Path, config: Config, carried: Carried | None = None) -> None:
+        if not config.bus:
+            raise RecordError(
+                f"{path} is a CAN log, and the configuration has no bus: add [[bus]] with its DBC and, to each axis,"
+                " bus, and message and signal of torque and motion"
+            )
         self.path = path
         self._config = config
         self._log = CanLog(path)

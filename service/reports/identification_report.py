@@ -335,16 +335,19 @@ def outlook_words(report: IdentificationReport) -> str:
 
 
 def _change(w: Watched, result: IdentificationResult) -> str:
-    if result.estimate.values.get(split_name(w.name)[0]) == 0:  # of a given size
-        return f"{w.change:.2g}"
-    return percent(w.change)
+    given = result.options.sizes.get(w.name)
+    if given is None or w.name == DELAY:
+        return percent(w.change)
+    base, inverse = split_name(w.name)
+    unit = result.estimate.drive.parameter(base).unit
+    return f"{w.change * given:.2g}" + ("" if inverse else f" {unit}")
 
 
 def _obstacle(w: Watched, result: IdentificationResult) -> str:
     if w.obstacle is Obstacle.NO_SIZE:
         return (
-            f"Not for {w.name}, which is zero in these records: take it out of monitor, or give the size of a change"
-            f" in [robot.axis.model.scales]."
+            f"Not for {w.name}, which these records do not distinguish from zero: take it out of monitor, or give the"
+            f" size of a change in [robot.axis.model.scales]."
         )
     if w.obstacle is Obstacle.TOGETHER:
         return (

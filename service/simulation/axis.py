@@ -13,6 +13,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive import (
     DELAY,
+    LOAD,
     AxisModel,
     Conditions,
     Follow,
@@ -22,7 +23,9 @@ from monitor_core.drive import (
 )
 from monitor_core.excitation import Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
+from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of, drive_of, given_values, needed, predictor_of
+from service.config.conditions import weight_of
 from service.config.drives import axis_model
 
 PERIOD_S = 10.0
@@ -84,6 +87,8 @@ class ControlledAxis:
             ValueError: the drive cannot have such a value.
         """
         own = {name: factor for name, factor in fault.items() if name != DELAY or DELAY in self._given}
+        weighs = self._conditions is not None and self._conditions.weighs and LOAD not in self._given
+        load = own.pop(LOAD, None) if weighs else None
         changed = faulty({**self._model.nominal, **self._given}, own)
         named = {split_name(name)[0] for name in own}
         delay_s = fault.get(DELAY, self._delay_s) if DELAY not in own else self._delay_s
@@ -94,6 +99,8 @@ class ControlledAxis:
         given = {name: value for name, value in changed.items() if name in named or name in self._given}
         self._drive.set(AxisModel(self._model.drive, given, ()).nominal)
         self._given, self._delay_s = given, delay_s
+        if self._conditions is not None and load is not None:
+            self._conditions.load = load
 
     def sample(self, k: int, others: Mapping[str, float] = MappingProxyType({})) -> Reading:
         """Sample k: the measured and commanded values now; then the drive moves to the next one.
@@ -202,6 +209,14 @@ class SimulatedConditions:
         thermal = conditions.thermal and replace(conditions.thermal, start="cold")
         plain = replace(conditions, gates=(), min_speed=0.0, thermal=thermal)
         self._operating = Operating(self._model, plain)
+        self._weight = weight_of(axis.config)
+        self.load = 1.0
+        """Weight that acts, over the nominal one"""
+
+    @property
+    def weighs(self) -> bool:
+        """Whether a weight that follows the pose acts on the axis."""
+        return bool(self._weight)
 
     def signals(self, time_s: float, others: Mapping[str, float]) -> tuple[float, ...]:
         """The signals at that time; ``others`` are the motions of the other axes of the robot as sent, by name."""
@@ -217,7 +232,12 @@ class SimulatedConditions:
         """The parameters that follow signals and heat, moment by moment, with these values at the references."""
         t_us = np.array([round(moment.time_s * 1e6)], np.int64)
         signals = np.array([moment.signals], np.float64)
-        shift, _ = self._operating.take(t_us, np.array([moment.motion]), signals)
+        block = SampleBlock(t_us, np.zeros(1), np.array([moment.motion]), signals=signals)
+        now = self._operating.conditioned(block)
+        if now.weight is not None and math.isfinite(now.weight[0]):
+            offset, nominal = self._weight[0].parameter, sum(v.slope * v.reference for v in self._weight)
+            yield offset, values[offset] - nominal + self.load * float(now.weight[0])
+        shift = np.zeros((1, 0)) if now.shift is None else now.shift
         for name, moved, unit in zip(self._model.monitored, shift[0], self._model.unit, strict=True):
             base, inverse = split_name(name)
             if math.isfinite(moved) and moved != 0 and base in values:
@@ -227,7 +247,8 @@ class SimulatedConditions:
 
 def _swing(name: str, conditions: Conditions) -> tuple[float, float]:
     gates = [gate for gate in conditions.gates if gate.signal == name]
-    follows = [follow for follow in conditions.follows if name in follow.term.signals]
+    every = (*conditions.follows, *conditions.weight)
+    follows = [follow for follow in every if name in follow.term.signals]
     if gates:
         candidates = list(_candidates(gates))
         fitting = (v for v in candidates if all(gate.open(np.array([v])).all() for gate in gates))

@@ -13,6 +13,7 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from service.can.log_files import FrameRecorder
+from service.commands import commission
 from service.config import Config, load
 from service.simulation.robot import Fault
 from tests.end_to_end.processes import (
@@ -41,6 +42,7 @@ def code(language: str) -> list[str]:
 
 CONSOLE = list(dict.fromkeys(re.findall(r"^\$ (.+)$", "\n".join(code("console")), re.M)))
 TOML = code("toml")
+FEW_COPIES = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=200_000, bank_copies=20_000)
 
 
 def shown(start: str) -> list[list[str]]:
@@ -60,7 +62,7 @@ def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = "check listen run simulate replay play model excite identify calibrate"
+    commands = "check listen run simulate replay play model excite identify calibrate init commission"
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands.split())}
 
 
@@ -134,6 +136,23 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     assert done.returncode == 0, done.stderr
     (slope,) = tomllib.loads((tmp_path / "nominal-warm.toml").read_text(encoding="utf-8"))["schedule"]
     assert abs(slope["slope"]) < 5 * slope["standard_deviation"] + 0.001 * values["fm"]
+
+
+def test_a_robot_is_commissioned_by_one_command(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "axis.toml").write_text(TOML[0], encoding="utf-8")
+    write_record(tmp_path / "healthy.csv", load(write_robot(tmp_path), {}), 40, seed)
+    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW_COPIES)
+    monkeypatch.chdir(tmp_path)
+    (init,), (command,) = shown("axiswatch init"), shown("axiswatch commission")
+    proposed = axiswatch(*init[1:], "-o", "proposed.toml")
+    assert "axis: torque torque, angle angle: sure" in proposed.stdout
+    done = axiswatch(*command[1:])
+    assert done.exit_code == 0, done.output
+    (axis,) = load(tmp_path / "commissioned" / "axiswatch.toml", {}).axes
+    assert axis.config.model.thresholds_file is not None
+    assert "1 of 1 axis ready." in (tmp_path / "commissioned" / "report.html").read_text(encoding="utf-8")
 
 
 def test_an_axis_is_identified_calibrated_and_watched(

@@ -62,6 +62,29 @@ def with_conditions(
     return text.replace(bounds, f"{bounds}{schedules}", 1)
 
 
+POSE = """\
+[[robot.axis.signal]]
+name = "angle2"
+message = "Axis2Speed"
+signal = "Speed"
+"""
+WEIGHT = """\
+[[robot.axis.model.schedule]]
+parameter = "tau0"
+signal = "cos(angle2)"
+slope = -0.4
+reference = 0.5
+range = [-1.0, 1.0]
+"""
+
+
+def weighed() -> str:
+    """The base, whose first axis bears a weight and watches the load."""
+    return with_conditions(POSE, "", WEIGHT).replace(
+        'monitor = ["kT", "fm"]', 'monitor = ["kT", "fm", "load"]'
+    )
+
+
 HEAD = """\
 [[bus]]
 name = "can0"
@@ -164,6 +187,7 @@ TEXTS = {
     "found": found(),
     "tables": TABLES,
     "watched": watched(),
+    "weighed": weighed(),
 }
 
 

@@ -19,7 +19,13 @@ from service.config.drive_sources import (
 )
 from tests.service.pipeline.robots import changed, demo
 
-DRAWINGS = {"two-mass": library.two_mass, "three-mass": library.three_mass, "five-mass": library.five_mass}
+DRAWINGS = {
+    "one-mass": library.one_mass,
+    "one-mass-weight": library.one_mass_weight,
+    "two-mass": library.two_mass,
+    "three-mass": library.three_mass,
+    "five-mass": library.five_mass,
+}
 
 BELT = """\
 model Belt

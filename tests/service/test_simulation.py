@@ -4,6 +4,7 @@ import itertools
 import math
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from monitor_core.drive.signal_terms import Term
 from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of
 from service.config.schema import SpeedConfig
+from service.config.schema_model import EstimatorConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, SimulatedConditions
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot
@@ -126,11 +128,18 @@ NOMINAL = {**VALUES, "da": 140.0, "fc": 0.01, "tau0": 0.01, "r": 0.0085}
 SIGNAL = {"message": "Other", "signal": "Something"}
 
 
+MONITORED = ("fm", "1/Ja")
+
+
 def axis(
-    folder: Path, gates: list[dict[str, Any]], varying: list[dict[str, Any]], **signal: Any
+    folder: Path,
+    gates: list[dict[str, Any]],
+    varying: list[dict[str, Any]],
+    monitor: Sequence[str] = MONITORED,
+    **signal: Any,
 ) -> NamedAxis:
     first = axis1(signal=[{"name": "s", **(signal or SIGNAL)}], gate=gates)
-    first["model"] = {"monitor": ["fm", "1/Ja"], "nominal": NOMINAL, "schedule": varying}
+    first["model"] = {"monitor": list(monitor), "nominal": NOMINAL, "schedule": varying}
     return make_config(folder, first, axis2()).axes[0]
 
 
@@ -186,3 +195,35 @@ def test_a_drive_follows(tmp_path: Path) -> None:
     assert broken["fm"] == pytest.approx(0.102)
     assert dict(conditions.followed(Followed(0.0, 0.0, (1.0,)), NOMINAL)) == {}
     assert dict(conditions.followed(Followed(0.0, 0.0, (math.nan,)), NOMINAL)) == {}
+
+
+def test_a_load_acts_on_the_weight_alone(tmp_path: Path) -> None:
+    weight = {**slope("tau0", "cos(s)", 0.5), "slope": -0.4}
+    conditions = SimulatedConditions(axis(tmp_path, [], [weight], ["fm", "load"]))
+    upright, level = (Followed(0.0, 0.0, (s,)) for s in (math.pi / 2, 0.0))
+    constant = NOMINAL["tau0"] + 0.4 * 0.5
+    assert dict(conditions.followed(level, NOMINAL))["tau0"] == pytest.approx(constant - 0.4)
+    conditions.load = 1.3
+    assert dict(conditions.followed(level, NOMINAL))["tau0"] == pytest.approx(constant - 1.3 * 0.4)
+    assert dict(conditions.followed(upright, NOMINAL))["tau0"] == pytest.approx(constant)
+
+
+def test_a_heavier_load_of_the_simulated_axis_is_what_its_monitor_estimates(
+    tmp_path: Path, seed: int
+) -> None:
+    weight = {**slope("tau0", "cos(s)", 0.5), "slope": -0.4}
+    named = axis(tmp_path, [], [weight], ["fm", "load"])
+    noises = EstimatorConfig(torque_noise=0.05, output_noise=1e-4)
+    named = named._replace(config=named.config.model_copy(update={"estimator": noises}))
+    robot = ControlledAxis(named, np.random.default_rng(seed))
+    robot.break_down({"load": 1.3})
+    readings = [robot.sample(k) for k in range(5000)]
+    u, y = (np.array([getattr(r, name) for r in readings]) for name in ("torque", "motion"))
+    signals = np.array([r.signals for r in readings])
+    monitors = AxisMonitors([named])
+    times = np.arange(5000) * round(robot.interval_s * 1e6)
+    monitors.update({named.id: SampleBlock(times, u, y, signals=signals)})
+    (estimate,) = (p.estimate for p in monitors.by_id[named.id].status().parameters if p.name == "load")
+    assert estimate == pytest.approx(1.3, abs=0.06)
+    with pytest.raises(KeyError, match="load"):
+        ControlledAxis(axis(tmp_path, [], []), np.random.default_rng(seed)).break_down({"load": 1.3})

@@ -258,7 +258,7 @@ def _same(eps: Floats, from_now: Floats, j: int, k: int, found: Sequence[Hypothe
 
 
 def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]) -> Floats:
-    """Innovations (N, len(hypotheses)) for a white torque and a white output; any signals do, as all is linear."""
+    """Innovations (N, len(hypotheses)) for white torque, output and weight; any signals do, as all is linear."""
     many, N = len(hypotheses), 2 * round(_MEMORIES * s.memory / 2)
     tables, predictors = lanes_of(
         model, replace(s, outlier_limit=0.0), hypotheses, np.full(many, np.inf), np.zeros(many)
@@ -267,8 +267,9 @@ def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]
     rng = np.random.default_rng(0)
     u = _STRENGTH * torque_unit(model, s) * rng.standard_normal(N)
     y = _STRENGTH * np.sqrt(s.lam0) * rng.standard_normal(N)
+    weight = _STRENGTH * torque_unit(model, s) * rng.standard_normal(N)
     t_us = np.arange(N, dtype=np.int64) * round(s.interval_s * 1e6)
     trace = BankTrace(*(np.empty((N, H)) for _ in range(3)))
-    block = Block(t_us, u, y, np.empty((0, 1), np.bool_))
+    block = Block(t_us, u, y, np.empty((0, 1), np.bool_), weight)
     run_hypotheses(np.arange(H), tables, predictors, memory_of(tables, H), block, 0, trace)
     return trace.eps[N // 2 :, :many]

@@ -195,21 +195,23 @@ class HypothesisBank:
         self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
 
     def run(
-        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None
-    ) -> list[Event]:
+        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None,
+        weight: Floats | None = None,
+    ) -> list[Event]:  # fmt: skip
         """Run samples (N,) in the order of their receipt: times in us, torque in N m, output.
 
         ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; the last value is kept without it and where it
-        is NaN; nothing is tested while it is NaN.  ``gate`` (N,): test where True.
+        is NaN; nothing is tested while it is NaN.  ``gate`` (N,): test where True.  ``weight`` (N,): torque of the
+        nominal weight [N m], as for ``AxisBatch.run``.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(_block(t_us, u, y, gate), shift, BankTrace(*[np.empty((0, 0))] * 3))
+        return self._run(_block(t_us, u, y, gate, weight), shift, BankTrace(*[np.empty((0, 0))] * 3))
 
     def run_traced(
         self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None,
-        what_holds: bool = False,
+        weight: Floats | None = None, what_holds: bool = False,
     ) -> tuple[list[Event], BankTrace]:  # fmt: skip
         """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
 
@@ -217,7 +219,7 @@ class HypothesisBank:
         """
         first, last = 0 if what_holds else 1, len(self.hypotheses) + 1
         trace = BankTrace(*(np.full((len(t_us), len(self._lanes)), np.nan) for _ in range(3)))
-        events = self._run(_block(t_us, u, y, gate), shift, trace)
+        events = self._run(_block(t_us, u, y, gate, weight), shift, trace)
         return events, BankTrace(*(values[:, first:last] for values in trace))
 
     def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
@@ -231,7 +233,7 @@ class HypothesisBank:
         for rows, moved in steps(self.model, shift, self.moved, N):
             if moved != self.moved:
                 self.follow(moved)
-            part = Block(block.t[rows], block.u[rows], block.y[rows], block.gate[rows])
+            part = Block(block.t[rows], block.u[rows], block.y[rows], block.gate[rows], block.weight[rows])
             events += self._run_on(part, BankTrace(*(values[rows] for values in trace)))
         return events
 
@@ -341,9 +343,12 @@ def _copy(memory: Memory) -> Memory:
     return Memory(**{name: array.copy() for name, array in memory._asdict().items()})
 
 
-def _block(t_us: Ints, u: Floats, y: Floats, gate: Bools | None) -> Block:
+def _block(t_us: Ints, u: Floats, y: Floats, gate: Bools | None, weight: Floats | None) -> Block:
     t = np.ascontiguousarray(t_us, dtype=np.int64)
     opened = np.ascontiguousarray([] if gate is None else gate, np.bool_)[:, np.newaxis]
+    held = np.ascontiguousarray([] if weight is None else weight, float)
     if t.ndim != 1 or np.shape(u) != t.shape or np.shape(y) != t.shape or len(opened) not in {0, len(t)}:
         raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N,) each")
-    return Block(t, np.ascontiguousarray(u, float), np.ascontiguousarray(y, float), opened)
+    if held.shape not in {(0,), t.shape}:
+        raise ValueError(f"weight of shape {held.shape}: need {t.shape}")
+    return Block(t, np.ascontiguousarray(u, float), np.ascontiguousarray(y, float), opened, held)

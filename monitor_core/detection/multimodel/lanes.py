@@ -18,7 +18,7 @@ from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.predictors import Predictors
 from monitor_core.kernel.state import COUNTERS, NEVER
-from monitor_core.kernel.tables import GAINS, OF_MOTION, ONE, TORQUE, Tables
+from monitor_core.kernel.tables import GAINS, OF_MOTION, ONE, TORQUE, WEIGHT, Tables
 from monitor_core.settings import Settings
 
 
@@ -116,7 +116,9 @@ def _held(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats]:
 
 
 def _moving(model: AxisModel, acts: Floats) -> Ints:
-    """Which inputs depend on the motion and act, under any hypothesis."""
+    """Which inputs depend on motion or pose and act, under any hypothesis."""
     kinds = model.drive.inputs
     of_input = np.abs(acts.reshape(len(model.drive.states), len(kinds), -1)).max(axis=(0, 2))
-    return np.array([c for c, kind in enumerate(kinds) if kind in OF_MOTION and of_input[c]], dtype=np.int64)
+    return np.array(
+        [c for c, kind in enumerate(kinds) if kind in (*OF_MOTION, WEIGHT) and of_input[c]], dtype=np.int64
+    )

@@ -27,6 +27,8 @@ _LEVEL_STEP = 1.5
 """Where a noise level hardly shows, it may go anywhere; the other entries then need not wait for it."""
 _LEVELS = (1e-2, 1e-1, 1.0, 1e1, 1e2)
 """Of torque noise over output noise, tried in units of the signals' own ratio."""
+_MOST_LEVELS = 11
+"""With those beyond, where the first or the last predicts best: an angle that travels far is large beside its noise."""
 
 Progress = Callable[[int, float], None]
 """Called with the number of evaluations and the cost whenever that has fallen."""
@@ -177,9 +179,17 @@ def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturban
     if given.torque is not None:
         return given
     unit = given.output * _ratio(records)
-    tried = [replace(given, torque=v * unit, slow=v * unit if given.slow else 0.0) for v in _LEVELS]
-    costs = [_cost(problem, records[:1], noise) for noise in tried]
-    return tried[int(np.argmin(costs))]
+
+    def noise(level: float) -> Disturbance:
+        return replace(given, torque=level * unit, slow=level * unit if given.slow else 0.0)
+
+    costs = {level: _cost(problem, records[:1], noise(level)) for level in _LEVELS}
+    while (best := min(costs, key=costs.__getitem__)) in (min(costs), max(costs)) and len(
+        costs
+    ) < _MOST_LEVELS:
+        beyond = best * (10.0 if best == max(costs) else 0.1)
+        costs[beyond] = _cost(problem, records[:1], noise(beyond))
+    return noise(best)
 
 
 def _ratio(records: Sequence[Record]) -> float:

@@ -167,15 +167,15 @@ def _residuals(found: Estimate) -> Iterator[str]:
     if found.problem.predictor == "innovations" and white.p_value < 1 - CONFIDENCE:
         worst = int(np.argmax(np.abs(white.values)))
         yield (
-            f"The prediction errors are not white (correlation {white.values[worst]:.2f} at lag"
-            f" {white.lags[worst]:.0f}, limit {white.limit:.2f}): the noise model is not right; the standard deviations"
-            " reckon with it."
+            f"The prediction errors are not white (p = {white.p_value:.2g}, largest correlation"
+            f" {white.values[worst]:.2f} at lag {white.lags[worst]:.0f}): the noise model is not right; the standard"
+            " deviations take this into account."
         )
     if independent.p_value < 1 - CONFIDENCE:
         past = independent.lags > 0
         worst = int(np.argmax(np.abs(independent.values[past])))
         yield (
-            f"The prediction errors depend on past torque (correlation {independent.values[past][worst]:.2f} at lag"
-            f" {independent.lags[past][worst]:.0f}, limit {independent.limit:.2f}): the drive does not describe all"
-            " that the record shows."
+            f"The prediction errors depend on past torque (p = {independent.p_value:.2g}, largest correlation"
+            f" {independent.values[past][worst]:.2f} at lag {independent.lags[past][worst]:.0f}): the drive does not"
+            " describe all that the record shows."
         )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigvals
@@ -31,20 +32,30 @@ _NOTHING_KNOWN = Known()
 
 
 class Slip(NamedTuple):
-    """By how much the inertia comes out too large, and by what mistake."""
+    """A mistake of units: by how much the inertia comes out too large, and what puts it right."""
 
     factor: float
     mistake: str
+    signal: Literal["torque", "motion"]
+    """Which signal is in another unit, of those that it can be the likelier one"""
+    unit: float
+    """That unit in SI units"""
 
 
 _SLIPS = (
-    Slip(1000.0, "a torque in N mm or mN m"),
-    Slip(1 / 1000, "a motion in mrad, or a torque in kN m"),
-    Slip(1 / 57.3, "a motion in degrees"),
-    Slip(57.3, "a motion divided by 57.3 twice"),
-    Slip(1 / 9.55, "a speed in revolutions per minute"),
-    Slip(6.28, "an angle in revolutions"),
+    Slip(1000.0, "a torque in N mm or mN m", "torque", 1e-3),
+    Slip(1 / 1000, "a motion in mrad, or a torque in kN m", "motion", 1e-3),
+    Slip(1 / 57.3, "a motion in degrees", "motion", math.pi / 180),
+    Slip(57.3, "a motion divided by 57.3 twice", "motion", 180 / math.pi),
+    Slip(1 / 9.55, "a speed in revolutions per minute", "motion", math.pi / 30),
+    Slip(6.28, "an angle in revolutions", "motion", 2 * math.pi),
 )
+
+
+def slip_of(factor: float) -> Slip | None:
+    """The mistake that would make the inertia come out so many times the true one; None: no usual one."""
+    slip = min(_SLIPS, key=lambda s: abs(math.log(factor / s.factor)))
+    return slip if 1 / _NEAR < factor / slip.factor < _NEAR else None
 
 
 def suspicions(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, ...]:
@@ -98,10 +109,10 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
     factor = rigid.inertia / nominal
     if 1 / _AS_NOMINAL < factor < _AS_NOMINAL:
         return
-    slip = min(_SLIPS, key=lambda s: abs(np.log(factor / s.factor)))
-    near = 1 / _NEAR < factor / slip.factor < _NEAR
-    mistake = f"{slip.mistake} would make it {slip.factor:.3g} times"
-    reason = mistake if near else "are units and gear ratio right?"
+    slip = slip_of(factor)
+    reason = (
+        f"{slip.mistake} would make it {slip.factor:.3g} times" if slip else "are units and gear ratio right?"
+    )
     yield Finding(
         "units",
         "warn",

@@ -20,7 +20,9 @@ from monitor_core.identification import (
     identify,
 )
 from monitor_core.identification.bode import bode_of
-from monitor_core.identification.greybox import fit
+from monitor_core.identification.greybox import Estimate, fit
+from monitor_core.identification.greybox.criterion import choose_disturbance
+from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.records import speed_scales
 from monitor_core.identification.verdict import Basis, Effect, Quality
 from monitor_core.modeling.simulated_axis import SimulatedAxis
@@ -41,8 +43,12 @@ def record(
     one_speed: bool = False,
     seconds: float = 40.0,
     disturbed: float = 0.0,
+    travel: float = 0.0,
 ) -> Record:
-    """A position controller follows sines, or goes to and fro at one speed; encoder noise; a white torque disturbs."""
+    """A position controller follows sines, or goes to and fro at one speed; encoder noise; a white torque disturbs.
+
+    ``travel``: mean speed, rad/s.
+    """
     rng = np.random.default_rng(seed)
     values = {**VALUES, **(WEIGHT if weight else {})}
     axis = SimulatedAxis(values, substeps=4, drive=one_mass(gravity=weight), speed_scale=SCALE)
@@ -54,7 +60,7 @@ def record(
     )
     if one_speed:
         wanted = 0.8 * np.abs((t / 4) % 2 - 1)
-    wanted = np.asarray(wanted) - wanted[0]
+    wanted = np.asarray(wanted) - wanted[0] + travel * t
     u, y, angle, speed, before = np.zeros(t.size), np.zeros(t.size), 0.0, 0.0, 0.0
     for k, goal in enumerate(wanted):
         y[k] = angle + 2e-5 * rng.standard_normal()
@@ -121,6 +127,37 @@ def test_friction_at_one_speed_is_not_divided(seed: int) -> None:
     assert e.sd[k] < DOUBTFUL * e.theta[k]
     (row,) = (row for row in result.rows() if row.name == "fv")
     assert row.held.startswith("the records")
+
+
+@pytest.mark.parametrize("correlation", [-0.99, -0.5])
+@pytest.mark.parametrize("configured", [0.0, VALUES["fv"]])
+def test_zero_beside_a_partner_is_no_finding(correlation: float, configured: float, seed: int) -> None:
+    """Of two frictions that go together the best may be none: a configured value that the record allows is kept."""
+    problem = Problem(one_mass(), VALUES, ("J", "fv", "fc"), speed_scale=SCALE)
+    estimate = fit(problem, [record(seed, seconds=4.0)])
+    k, other = (estimate.names.index(name) for name in ("fv", "fc"))
+    theta, covariance = estimate.theta.copy(), np.diag(np.full(estimate.theta.size, 1e-6))
+    theta[k], covariance[k, k] = 0.0, 1.0
+    covariance[k, other] = covariance[other, k] = correlation * 1e-3
+    kept = list[Problem]()
+
+    def refit(held: Problem) -> Estimate:
+        kept.append(held)
+        raise ValueError("only what would be held is asked for")
+
+    hold_undetermined(
+        replace(estimate, theta=theta, covariance=covariance), {**VALUES, "fv": configured}, ("fc",), refit
+    )
+    assert kept[0].nominal["fv"] == (configured if abs(correlation) > TOGETHER else 0.0)
+
+
+def test_the_level_of_torque_noise_is_looked_for_where_it_is(seed: int) -> None:
+    """However far the axis travels: a search from another level ends in another minimum."""
+    rec = record(seed, disturbed=0.5, travel=20.0)
+    noise = choose_disturbance(Problem(one_mass(), VALUES, ("J", "fv", "fc"), speed_scale=SCALE), [rec])
+    assert noise is not None
+    assert noise.torque is not None
+    assert abs(np.log10(noise.torque / noise.output / (0.5 / 2e-5))) < 1
 
 
 def test_outlook(seed: int) -> None:

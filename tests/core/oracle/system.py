@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGHT
 from monitor_core.settings import Settings
 
 Array = NDArray[np.float64]
@@ -48,8 +48,8 @@ class Interval(NamedTuple):
     torque_before: float
 
 
-def inputs(model: AxisModel, u: float, y: float) -> NDArray[Any]:
-    """What acts after a sample (u, y) but friction: torque, offset, gravity."""
+def inputs(model: AxisModel, u: float, y: float, weight: float = 0.0) -> NDArray[Any]:
+    """What acts after a sample (u, y, weight) but friction: torque, offset, weight, gravity."""
     ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
     functions: dict[int, Callable[[float], Any]] = {
         TORQUE: lambda _: u,
@@ -57,6 +57,7 @@ def inputs(model: AxisModel, u: float, y: float) -> NDArray[Any]:
         ONE: lambda _: 1.0,
         COSINE: lambda ratio: math.cos(ratio * y),
         SINE: lambda ratio: math.sin(ratio * y),
+        WEIGHT: lambda _: weight,
     }
     return np.array([functions[kind](r) for kind, r in zip(model.drive.inputs, ratio, strict=True)])
 

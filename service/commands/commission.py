@@ -1,0 +1,181 @@
+"""``axiswatch commission``: from records of a healthy robot to a configuration that the daemon takes as it is."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from service.commands.calibrate import Budget, seconds_of
+from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
+from service.commands.options import ConfigPath, RecordRanges, configuration
+from service.commands.output_files import replace_text
+
+if TYPE_CHECKING:
+    from monitor_core.calibration import CalibrationOptions
+    from service.commands.axis_commissioning import Order
+    from service.config import Config
+    from service.config.commissioned import Correction
+    from service.reports.commissioning_report import Outcome
+
+CONFIG, REPORT = "axiswatch.toml", "report.html"
+Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for everything that is written.")
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Take all proposals without asking.")]
+
+
+def commission(
+    config: ConfigPath,
+    records: RecordRanges,
+    output: Output = Path("commissioned"),
+    budget: Budget = "1y",
+    yes: Yes = False,
+) -> None:
+    """Commission a robot from records of its healthy state: check, identify and calibrate every axis.
+
+    Writes DIR/axiswatch.toml, which `replay` and `run` take as it is, the nominal values and thresholds that it names,
+    and DIR/report.html: what is found how soon on each axis, what is not, and the next step. What the records show to
+    be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
+    again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
+    """
+    from service.reports.commissioning_report import next_step
+
+    budget_s = seconds_of(budget)
+    read = configuration(config, without_bus=True, thresholds=False)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"{output}: {error.strerror}", param_hint="--output") from None
+    console = Console(highlight=False, soft_wrap=True)
+    with explained():
+        orders = _orders(config, read, records, output, options_for(budget_s), yes)
+        corrections = _agreed(orders, yes, console)
+        outcomes = _carried_out(orders, corrections, console)
+    words = next_step(outcomes, output / CONFIG, bool(read.bus))
+    _write(config, orders[0], outcomes, corrections, words)
+    console.print(words, markup=False)
+    if not any(outcome.found for outcome in outcomes):
+        raise typer.Exit(MISTAKE)
+    if any(outcome.refusal for outcome in outcomes):
+        raise typer.Exit(NOT_TESTED)
+
+
+def _agreed(orders: Sequence[Order], yes: bool, console: Console) -> Mapping[str, Sequence[Correction]]:
+    """The corrections to which the user agrees, by axis."""
+    from service.commands.signal_proposals import exchanged, proposals
+    from service.config.commissioned import corrected
+
+    text, records, folder = orders[0].text, orders[0].records, orders[0].folder
+    agreed: dict[str, list[Correction]] = {order.axis_id: [] for order in orders}
+
+    def ask(axis_id: str, proposed: Sequence[Correction]) -> None:
+        for correction in proposed:
+            console.print(f"{axis_id}: {correction.reason}.", markup=False)
+            if yes or _asks(axis_id, correction):
+                agreed[axis_id].append(correction)
+
+    for axis_id, correction in exchanged(text, records, folder).items():
+        ask(axis_id, [correction])
+    for axis_id, found in agreed.items():
+        text = corrected(text, axis_id, found)
+    for order in orders:
+        ask(order.axis_id, proposals(text, order.axis_id, records, folder))
+    return agreed
+
+
+def _asks(axis_id: str, correction: Correction) -> bool:
+    if not sys.stdin.isatty():
+        raise typer.BadParameter(
+            f"{axis_id}: {correction.change} is proposed, and there is nobody to ask", param_hint="--yes"
+        )
+    return typer.confirm(f"Change {axis_id} to {correction.change}?", default=True)
+
+
+def options_for(budget_s: float) -> CalibrationOptions:
+    """How every axis is calibrated: with the defaults of `calibrate`."""
+    from monitor_core.calibration import CalibrationOptions
+
+    return CalibrationOptions(budget_s)
+
+
+def _orders(
+    path: Path,
+    config: Config,
+    records: Sequence[str],
+    output: Path,
+    options: CalibrationOptions,
+    shorten: bool,
+) -> list[Order]:
+    from service.commands.axis_commissioning import Order
+    from service.config.commissioned import relocated
+    from service.reports.formats import Provenance
+
+    text = relocated(path.read_text(encoding="utf-8-sig"), path.parent.resolve(), output.resolve())
+    return [
+        Order(text, axis.id, tuple(records), output, options, Provenance.now(), shorten)
+        for axis in config.axes
+    ]
+
+
+def _carried_out(
+    orders: Sequence[Order], corrections: Mapping[str, Sequence[Correction]], console: Console
+) -> list[Outcome]:
+    """What became of each axis; several at once, each in a process."""
+    found: dict[str, Outcome] = {}
+    for number, outcome in enumerate(_outcomes(orders, corrections), 1):
+        found[outcome.axis_id] = outcome
+        console.print(f"[{number}/{len(orders)}] {_line(outcome)}", markup=False)
+    return [found[order.axis_id] for order in orders]
+
+
+def _outcomes(orders: Sequence[Order], corrections: Mapping[str, Sequence[Correction]]) -> Iterator[Outcome]:
+    from service.commands.axis_commissioning import commission_axis
+
+    workers = min(len(orders), os.cpu_count() or 1)
+    if workers == 1:
+        yield from (commission_axis(order, corrections[order.axis_id]) for order in orders)
+        return
+    # Not forked: this process has threads.
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        running = [pool.submit(commission_axis, order, corrections[order.axis_id]) for order in orders]
+        try:
+            yield from (done.result() for done in as_completed(running))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _line(outcome: Outcome) -> str:
+    if outcome.refusal:
+        return f"{outcome.axis_id}: {outcome.refusal}"
+    return f"{outcome.axis_id}: {outcome.verdict} {outcome.outlook}"
+
+
+def _write(
+    path: Path,
+    order: Order,
+    outcomes: Sequence[Outcome],
+    corrections: Mapping[str, Sequence[Correction]],
+    words: str,
+) -> None:
+    from service.config.commissioned import commissioned, corrected
+    from service.reports.commissioning_report import as_html
+
+    found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
+    text, written = order.text, [order.folder / REPORT]
+    replace_text(order.folder / REPORT, as_html(outcomes, words, order.provenance))
+    if found:
+        for axis_id, changes in corrections.items():
+            text = corrected(text, axis_id, changes)
+        heading = [f"Made from {path.name} by `axiswatch commission`, {order.provenance.date}."]
+        replace_text(order.folder / CONFIG, commissioned(text, found, heading))
+        written.insert(0, order.folder / CONFIG)
+    print(f"written: {', '.join(map(str, written))}", file=sys.stderr)

@@ -1,0 +1,129 @@
+"""``axiswatch init``: a first configuration from the columns of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from monitor_core.arrays import Floats
+from service.commands.exit_codes import explained
+from service.commands.options import Force
+from service.commands.output_files import check_writable, write_all
+
+if TYPE_CHECKING:
+    from service.ingest.column_roles import AxisColumns, TableRoles
+
+RecordFile = Annotated[
+    Path, typer.Argument(metavar="RECORD", help="A table (.csv .parquet .mat) of the healthy, moving robot.")
+]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
+_FAST_S = 0.006
+"""Up to this interval the records show the springs of the gearbox and the arm."""
+
+
+def init(record: RecordFile, output: Output = Path("axis.toml"), force: Force = False) -> None:
+    """Write a first configuration: which columns of a table are time, torque and motion of which axis.
+
+    The names of the columns and their values are looked at; each proposal says how sure it is. Check it, then run
+    `axiswatch commission` with it. A table without names is understood by its values alone.
+    """
+    check_writable(output)
+    if output.exists() and not force:
+        raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
+    with explained():
+        from service.can.user_errors import RecordError
+        from service.ingest.column_roles import roles
+        from service.ingest.records import is_table
+
+        if not is_table(record):
+            raise typer.BadParameter(
+                f"{record} is a CAN log: describe its signals with a DBC", param_hint="RECORD"
+            )
+        columns, interval_s = _read(record)
+        found = roles(columns)
+        if not found.axes:
+            raise RecordError(
+                f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}"
+            )
+    console = Console(highlight=False, soft_wrap=True)
+    for words in _summary(found):
+        console.print(words, markup=False)
+    write_all([(output, "\n".join(_lines(found, record.name, interval_s)) + "\n")])
+    console.print(f"Next: axiswatch commission {record} --config {output}", markup=False)
+
+
+def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:
+    """The long columns of numbers, and the sample interval, where a variable of its own is that."""
+    import numpy as np
+
+    from service.can.user_errors import RecordError
+    from service.ingest.table_files import open_table
+
+    table, found = open_table(record), dict[str, Floats]()
+    for name in table.names:
+        try:
+            found[name] = np.concatenate([rows.columns[name] for rows in table.rows([name])])
+        except RecordError:
+            continue  # a column of texts
+    longest = max(map(len, found.values()), default=0)
+    intervals = [
+        float(v[0])
+        for name, v in found.items()
+        if len(v) == 1 and name.lower() in ("sample_time", "dt", "ts")
+    ]
+    return {n: v for n, v in found.items() if len(v) == longest}, intervals[0] if intervals else None
+
+
+def _summary(found: TableRoles) -> Iterator[str]:
+    yield f"time: {found.time or 'no column; rows are taken as evenly spaced'}"
+    for axis in found.axes:
+        yield (
+            f"{axis.name}: torque {axis.torque}, {axis.output} {axis.motion}: {axis.sureness}"
+            f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
+        )
+    if found.unused:
+        yield f"not used: {', '.join(found.unused)}"
+
+
+def _lines(found: TableRoles, record: str, interval_s: float | None) -> Iterator[str]:
+    interval_s = found.interval_s or interval_s
+    yield f"# Proposed by `axiswatch init` from {record}."
+    yield "# Check units and signs: torque in N m, motion in rad or rad/s, both of the motor."
+    yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
+    yield "[[robot]]"
+    yield 'name = "robot1"'
+    for axis in found.axes:
+        yield from _axis_lines(found, axis, interval_s)
+
+
+def _axis_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) -> Iterator[str]:
+    drive = "three-mass" if interval_s is not None and interval_s <= _FAST_S else "one-mass"
+    monitor = '["kT", "1/Ja", "fm"]' if drive == "three-mass" else '["kT", "fc", "fm"]'
+    nominal = "{ kT = 1, r = 1 }" if drive == "three-mass" else "{ kT = 1 }"
+    yield ""
+    yield "[[robot.axis]]"
+    yield f"name = {_quoted(axis.name)}"
+    if interval_s is None:
+        yield "sample_interval_s = 0.001  # not known: correct it"
+    else:
+        yield f"sample_interval_s = {interval_s:.4g}"
+    if found.time is not None:
+        unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
+        yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
+    factor = ", factor = -1" if axis.turned else ""
+    remark = f"  # {axis.sureness}" + (
+        "; a current: factor is the torque constant [N m/A]" if axis.current else ""
+    )
+    yield f"torque = {{ column = {_quoted(axis.torque)}{factor} }}{remark}"
+    yield f"{axis.output} = {{ column = {_quoted(axis.motion)} }}"
+    yield f'model = {{ drive = "{drive}", monitor = {monitor}, nominal = {nominal} }}'
+
+
+def _quoted(text: str) -> str:
+    import json
+
+    return json.dumps(text, ensure_ascii=False)

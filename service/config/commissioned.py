@@ -1,0 +1,118 @@
+"""A configuration with what commissioning found: the user's own text, comments included, with new values in it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import tomlkit
+from tomlkit import TOMLDocument
+
+from service.config.base_table import SUFFIX
+
+_IN_NOMINAL_FILE = {
+    "model": ("nominal", "friction_speed_scale"),
+    "estimator": ("predictor", "torque_noise", "output_noise", "innovation_variance", "initial_p"),
+}
+"""Keys of an axis by table that a nominal_file replaces."""
+_IN_THRESHOLDS_FILE = ("alpha_1", "alpha_2")
+"""Keys of its detector that a thresholds_file replaces."""
+
+
+class Correction(NamedTuple):
+    """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why."""
+
+    key: tuple[str, ...]
+    value: float | str
+    reason: str
+
+    @property
+    def change(self) -> str:
+        """As in the configuration."""
+        value = f'"{self.value}"' if isinstance(self.value, str) else f"{self.value:.6g}"
+        return f"{'.'.join(self.key)} = {value}"
+
+    def __str__(self) -> str:
+        return f"{self.change}: {self.reason}"
+
+
+class Found(NamedTuple):
+    """What was found for an axis; files are named relative to the folder of the new configuration."""
+
+    nominal_file: str
+    thresholds_file: str | None
+    monitor: Sequence[str]
+
+
+def relocated(text: str, source: Path, target: Path) -> str:
+    """The text of a configuration for another folder: files that it names stay where they are."""
+    document = tomlkit.parse(text)
+    for table, key in _paths(document):
+        table[key] = os.path.relpath(source / str(table[key]), target)
+    return tomlkit.dumps(document)
+
+
+def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str:
+    """The text of a configuration with other values of an axis, "robot.axis"."""
+    document = tomlkit.parse(text)
+    axis = next(axis for name, axis in _axes(document) if name == axis_id)
+    for correction in corrections:
+        *tables, key = correction.key
+        table = axis
+        for name in tables:
+            table = table[name]
+        value = correction.value
+        table[key] = value if isinstance(value, str) else float(f"{value:.10g}")
+    return tomlkit.dumps(document)
+
+
+def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] = ()) -> str:
+    """The text of a configuration with the axes that were commissioned, by their names "robot.axis", and no others.
+
+    ``heading``: lines of comment at the top.
+    """
+    document = tomlkit.parse(text)
+    for name, axis in _axes(document):
+        if name in found:
+            _set(axis, found[name])
+    for robot in document["robot"]:
+        for number, axis in reversed(list(enumerate(robot["axis"]))):
+            if f"{robot['name']}.{axis['name']}" not in found:
+                del robot["axis"][number]
+    for number, robot in reversed(list(enumerate(document["robot"]))):
+        if not robot["axis"]:
+            del document["robot"][number]
+    return "".join(f"# {line}\n" for line in heading) + tomlkit.dumps(document)
+
+
+def _axes(document: TOMLDocument) -> Iterator[tuple[str, Any]]:
+    for robot in document["robot"]:
+        for axis in robot["axis"]:
+            yield f"{robot['name']}.{axis['name']}", axis
+
+
+def _set(axis: Any, found: Found) -> None:
+    for table, keys in _IN_NOMINAL_FILE.items():
+        for key in keys:
+            if key in axis.get(table, {}):
+                del axis[table][key]
+    model = axis["model"]
+    model["monitor"] = list(found.monitor)
+    model["nominal_file"] = found.nominal_file
+    model.pop("thresholds_file", None)
+    if found.thresholds_file is not None:
+        model["thresholds_file"] = found.thresholds_file
+        for key in _IN_THRESHOLDS_FILE:
+            if key in axis.get("detector", {}):
+                del axis["detector"][key]
+
+
+def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
+    """Where the configuration names files that stay where they are."""
+    for bus in document.get("bus", ()):
+        yield bus, "dbc"
+    for _, axis in _axes(document):
+        if str(axis["model"].get("drive", "")).endswith(SUFFIX):
+            yield axis["model"], "drive"

@@ -1,0 +1,93 @@
+"""The summary of a commissioned robot: each axis with what is found how soon, what is not, and the next step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from monitor_core.wording import duration
+from service.config.commissioned import Correction, Found
+from service.reports.formats import Provenance, Table, percent, render
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of an axis, in values and words."""
+
+    axis_id: str
+    verdict: str = ""
+    outlook: str = ""
+    """What can be watched, and what would give the rest"""
+    watched: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    corrections: tuple[Correction, ...] = ()
+    nominal_file: str | None = None
+    thresholds_file: str | None = None
+    budget_s: float | None = None
+    """Of the thresholds; None: there are none"""
+    promise: str = ""
+    within_s: float = 0.0
+    smallest: tuple[tuple[str, float | None, float | None], ...] = ()
+    """By parameter, the smallest changes up and down that are found within that time"""
+    refusal: str = ""
+    """Why the axis has no nominal values, or no thresholds; empty: it has both"""
+    pages: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> Found | None:
+        """For the configuration; None: the axis cannot be monitored."""
+        if self.nominal_file is None or not self.watched:
+            return None
+        return Found(self.nominal_file, self.thresholds_file, self.watched)
+
+
+def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool) -> str:
+    """What to do now, in a sentence or two."""
+    lost = [outcome.axis_id for outcome in outcomes if outcome.refusal]
+    if not any(outcome.found for outcome in outcomes):
+        return "No axis could be commissioned: the report says why, and which record would help."
+    run = f"Next: `axiswatch replay RECORD --config {config}` with another record"
+    run += f", or `axiswatch run --config {config}`." if on_a_bus else "; to run, add the bus to that file."
+    if not lost:
+        return run
+    return f"Not complete: {', '.join(lost)}; the report says why, and which record would help. {run}"
+
+
+def smallest(outcome: Outcome) -> Table:
+    """A row for each parameter: the smallest changes that are found in time."""
+    rows = [(name, *(_size(size) for size in sizes)) for name, *sizes in outcome.smallest]
+    return Table(("parameter", "up", "down"), rows)
+
+
+def _size(size: float | None) -> str:
+    return "none of those tried" if size is None else percent(size, signed=True)
+
+
+def overview(outcomes: Sequence[Outcome]) -> Table:
+    """A row for each axis."""
+    rows = [
+        (
+            outcome.axis_id,
+            ", ".join(outcome.watched) or "nothing",
+            "" if outcome.budget_s is None else duration(outcome.budget_s),
+            outcome.refusal or "ready",
+        )
+        for outcome in outcomes
+    ]
+    return Table(("axis", "watched", "one false alarm in", "state"), rows)
+
+
+def as_html(outcomes: Sequence[Outcome], next_step: str, provenance: Provenance) -> str:
+    """The page, beside the pages of each axis."""
+    ready = sum(not outcome.refusal for outcome in outcomes)
+    return render(
+        "commissioning.html",
+        title="Commissioned robot",
+        outcomes=outcomes,
+        ready=ready,
+        next_step=next_step,
+        overview=overview(outcomes),
+        tables=[smallest(outcome) for outcome in outcomes],
+        provenance=provenance,
+    )

@@ -1,0 +1,177 @@
+"""An arm with an unknown payload, and with drives that fail: the load is named where it is that, and no fault is.
+
+Nominal values, noises and thresholds are those that ``identify`` and ``calibrate`` found in records of the arm, as
+tests/soak/test_payload.py has them found for arms with other values.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from monitor_core.detection import Alarm
+from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Operating, Term
+from monitor_core.modeling.drawing import Drawing, part
+from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.statespace import drive_of
+from monitor_core.monitoring import AxisMonitor, MonitoringOptions, recommended_settings
+from monitor_core.samples import SampleBlock
+from monitor_core.settings import Settings, Threshold
+from tests.core.arm import AXES, INTERVAL_S, Arm, ArmSamples, ArmTruth, R
+
+MONITORED = ("kT", "fm", "fc", "load")
+MEMORY_S, MIN_SPEED = 10.0, 3.0
+SEED_S, HEALTHY_S, WATCH_S = 200.0, 200.0, 170.0
+
+
+class Found(NamedTuple):
+    """What was found for an axis; ``weight``: terms, slopes, ranges."""
+
+    J: float
+    fm: float
+    fc: float
+    tau0: float
+    weight: tuple[tuple[str, float, float, float], ...]
+    noise: tuple[float, float, float]  # torque, output, lambda_0
+    thresholds: tuple[Threshold, ...]
+
+
+SHOULDER = Found(
+    0.006520848127,
+    0.003754260099,
+    0.3137609842,
+    -0.00118591224,
+    (("cos(q2)", -1.277119898, 0.006319, 1.0), ("cos(q2 + q3)", -0.6476650605, -0.59966, 1.0)),
+    (0.07176129143, 2.250460132e-05, 1.827131867e-06),
+    (
+        Threshold(1.680654574, 599.2389629, 0.0, 0.002986584442),
+        Threshold(1.134185389, 2425.446268, 0.007079279516, 0.03451224991),
+        Threshold(1.084463816, 1124.469533, 0.009650546246, 0.02342430266),
+        Threshold(1.608069783, 602.028487, 0.0, 0.002946340656),
+    ),
+)
+ELBOW = Found(
+    0.002990687477,
+    0.001409037099,
+    0.1042051995,
+    0.008737072096,
+    (("cos(q2 + q3)", -0.6340941972, -0.59966, 1.0),),
+    (0.0496359882, 2.184635941e-05, 5.411978617e-06),
+    (
+        Threshold(1.030034414, 1057.017155, 0.01914745645, 0.02875638493),
+        Threshold(0.9671343527, 4724.835294, 0.02569249928, 0.07703240732),
+        Threshold(0.9114115195, 2189.039317, 0.0, 0.01246731882),
+        Threshold(1.002514018, 1092.996736, 0.01549494632, 0.02527351104),
+    ),
+)
+
+
+def rigid() -> Drive:
+    """A motor with its mass, friction and offset; its angle is measured."""
+    components = [
+        part("torque", "motor", "shaft", kT="kT"),
+        part("inertia", "mass", "shaft", J="J"),
+        part("viscous-friction", "bearing", "shaft", d="fm"),
+        part("coulomb-friction", "friction", "shaft", fc="fc"),
+        part("torque-offset", "offset", "shaft", tau0="tau0"),
+        part("angle-sensor", "encoder", "shaft"),
+    ]
+    return drive_of(eliminate(Drawing("rigid", components).flat(), "angle"))
+
+
+class AxisWatch:
+    """The monitor of an axis with what was found for it."""
+
+    def __init__(self, found: Found) -> None:
+        values = {"kT": 1.0, "J": found.J, "fm": found.fm, "fc": found.fc, "tau0": found.tau0, "load": 1.0}
+        model = AxisModel(rigid().with_load("tau0"), values, MONITORED)
+        self.monitor = AxisMonitor(model, settings(model, found))
+        terms = [Follow("tau0", Term.read(text), slope, 0.0, *ends) for text, slope, *ends in found.weight]
+        self._operating = Operating(model, Conditions(("q2", "q3"), (), (), MIN_SPEED, weight=tuple(terms)))
+
+    def take(self, samples: SampleBlock) -> list[Alarm]:
+        return [change.alarm for change in self.monitor.update(self._operating.conditioned(samples))]
+
+
+def settings(model: AxisModel, found: Found) -> Settings:
+    torque, output, lam0 = found.noise
+    options = MonitoringOptions(
+        torque_noise=torque, output_noise=output, innovation_variance=lam0, lam=1 - INTERVAL_S / MEMORY_S
+    )
+    plain = recommended_settings(model, INTERVAL_S, options)
+    return replace(plain, thresholds=found.thresholds)
+
+
+class ArmWatch:
+    """The monitors of both axes."""
+
+    def __init__(self) -> None:
+        self._axes = {axis: AxisWatch(found) for axis, found in zip(AXES, (SHOULDER, ELBOW), strict=True)}
+
+    def take(self, samples: ArmSamples) -> dict[tuple[str, object], Alarm]:
+        """The last form of each alarm that changed."""
+        found = dict[tuple[str, object], Alarm]()
+        for k, (axis, watch) in enumerate(self._axes.items()):
+            block = SampleBlock(samples.t_us, samples.u[:, k], samples.y[:, k], signals=samples.y * R)
+            found |= {(axis, alarm.key): alarm for alarm in watch.take(block)}
+        return found
+
+    def copy(self) -> ArmWatch:
+        """Another one in the same state."""
+        other = ArmWatch()
+        for axis, watch in self._axes.items():
+            other._axes[axis].monitor.from_arrays(watch.monitor.to_arrays())
+        return other
+
+
+@pytest.fixture(scope="module")
+def healthy(seed: int) -> tuple[Arm, ArmWatch]:
+    """The arm and its monitors, which have found P(0)."""
+    arm, watch = Arm(ArmTruth(), np.random.default_rng(seed)), ArmWatch()
+    assert not watch.take(arm.take(SEED_S))
+    return arm, watch
+
+
+def after(healthy: tuple[Arm, ArmWatch], changes: dict[str, float], seconds: float = WATCH_S) -> list[Alarm]:
+    """All alarms in so many seconds after a change, shoulder first; arm and monitors stay as they are."""
+    arm, watch = copy.deepcopy(healthy[0]), healthy[1].copy()
+    found = dict[tuple[str, object], Alarm]()
+    for _ in range(round(seconds / 10)):
+        found |= watch.take(arm.take(10.0, changes))
+    print(*found.items(), sep="\n")
+    return [alarm for axis in AXES for (of_axis, _), alarm in found.items() if of_axis == axis]
+
+
+def names(alarms: list[Alarm]) -> list[tuple[str, str, str]]:
+    return [(alarm.stage, alarm.parameter, alarm.direction) for alarm in alarms]
+
+
+def test_a_healthy_arm_is_quiet(healthy: tuple[Arm, ArmWatch]) -> None:
+    assert after(healthy, {}, HEALTHY_S) == []
+
+
+def test_a_heavier_payload_is_a_load_on_both_axes(healthy: tuple[Arm, ArmWatch]) -> None:
+    """Each names its own share: payload and forearm are all that the elbow carries, 21 % more, the shoulder 14 %."""
+    alarms = after(healthy, {"payload": 1.3})
+    assert names(alarms) == [("named", "load", "up")] * 2
+    shoulder, elbow = (alarm.size for alarm in alarms)
+    assert shoulder == pytest.approx(0.14, abs=0.04)
+    assert elbow == pytest.approx(0.21, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("changes", "parameter", "direction"),
+    [
+        ({"shoulder kT": 0.8}, "kT", "down"),
+        ({"shoulder kT": 1.2}, "kT", "up"),
+        ({"elbow fm": 1.5}, "fm", "up"),
+    ],
+)
+def test_a_fault_of_a_drive_is_no_load(
+    changes: dict[str, float], parameter: str, direction: str, healthy: tuple[Arm, ArmWatch]
+) -> None:
+    assert names(after(healthy, changes)) == [("named", parameter, direction)]

@@ -1,0 +1,142 @@
+"""``axiswatch commission``: from a table with columns of its own names to a configuration that ``replay`` takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration import CalibrationOptions
+from monitor_core.modeling import SimulatedAxis, two_mass
+from service.commands import commission
+from service.commands.exit_codes import MISTAKE, NOT_TESTED
+from service.config import load
+from tests.service.command_line import axiswatch
+
+H = 0.005
+VALUES = {
+    "Jm": 0.006,
+    "Ja": 100.0,
+    "k": 1.5e5,
+    "d": 400.0,
+    "fm": 0.06,
+    "fc": 0.08,
+    "tau0": 0.0,
+    "kT": 1.0,
+    "r": 0.0085,
+}
+AXIS = """
+[[robot.axis]]
+name = "a{n}"  # on the floor
+sample_interval_s = {interval}
+time = {{ column = "Time" }}
+torque = {{ column = "A{n}_Trq" }}
+angle = {{ column = "A{n}_Pos" }}
+estimator = {{ torque_noise = 1.0, output_noise = 1.0 }}
+model = {{ drive = "two-mass", monitor = ["kT", "fm"], friction_speed_scale = 1.0, nominal = {{ kT = 1, r = 0.0085 }} }}
+"""
+FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=200_000, bank_copies=20_000)
+
+
+def table(path: Path, seed: int, seconds: float, fault: float = 1.0, axes: int = 1, sign: int = 1) -> Path:
+    """Axes in a position loop with a test signal; kT of the first is multiplied by a factor after half the time.
+
+    ``sign``: of the torque as written.
+    """
+    rng, t = np.random.default_rng(seed), np.arange(round(seconds / H)) * H
+    columns = [1.76e9 + t]
+    for n in range(axes):
+        period = 5.0 + 2.0 * n
+        plant = SimulatedAxis(VALUES, 1.0, drive=two_mass("angle"))
+        test = 0.6 * np.sign(rng.standard_normal(t.size)) * (
+            np.arange(t.size) // 3 % 2
+        ) + 0.2 * rng.standard_normal(t.size)
+        torque, angle = np.zeros(t.size), np.zeros(t.size)
+        for k in range(t.size):
+            if n == 0 and fault != 1 and k == t.size // 2:
+                plant.set({**VALUES, "kT": fault})
+            angle[k] = plant.angle + 1e-4 * rng.standard_normal()
+            torque[k] = (
+                0.08 * (6 * np.sin(2 * np.pi * t[k] / period) - plant.speed)
+                + 0.6 * np.sin(2 * np.pi * t[k] / period)
+                + test[k]
+            )
+            plant.step(torque[k] + 0.02 * rng.standard_normal(), H)
+        columns += [sign * torque, angle]
+    names = ["Time", *(f"A{n + 1}_{what}" for n in range(axes) for what in ("Trq", "Pos"))]
+    np.savetxt(
+        path,
+        np.column_stack(columns),
+        fmt=["%.6f", *["%.10g"] * (2 * axes)],
+        delimiter=",",
+        header=",".join(names),
+        comments="",
+    )
+    return path
+
+
+def configured(path: Path, *axes: str) -> Path:
+    path.write_text("# my robot\n[[robot]]\nname = 'cell'\n" + "".join(axes), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder in which commands run; calibrations are short."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)
+    return tmp_path
+
+
+def test_from_a_table_to_a_configuration(folder: Path, seed: int) -> None:
+    """A torque of the wrong sign and a wrong interval are put right; what is there is not computed again."""
+    record = table(folder / "healthy.csv", seed, 40.0, sign=-1)
+    config = configured(folder / "robot.toml", AXIS.format(n=1, interval=0.01))
+    words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made", "--yes")
+    result = axiswatch(*words)
+    assert result.exit_code == 0, result.output
+    assert "the wrong sign" in result.output
+    assert "0.005 s apart, not 0.01 s" in result.output
+    made = (folder / "made" / "axiswatch.toml").read_text(encoding="utf-8")
+    assert "# my robot" in made
+    assert "# on the floor" in made
+    (axis,) = load(folder / "made" / "axiswatch.toml").axes
+    assert axis.config.torque.factor == -1
+    assert axis.config.sample_interval_s == 0.005
+    assert axis.config.model.monitor == ("kT", "fm")
+    page = (folder / "made" / "report.html").read_text(encoding="utf-8")
+    assert "1 of 1 axis ready." in page
+    assert 'href="cell.a1-identification.html"' in page
+
+    before = {path: path.stat().st_mtime_ns for path in (folder / "made").glob("cell.a1*")}
+    assert axiswatch(*words).exit_code == 0
+    assert {path: path.stat().st_mtime_ns for path in (folder / "made").glob("cell.a1*")} == before
+
+    faulty = table(folder / "faulty.csv", seed + 1, 40.0, fault=0.8, sign=-1)
+    found = axiswatch("replay", faulty, "--config", folder / "made" / "axiswatch.toml")
+    assert found.exit_code == 0, found.output
+    assert "kT" in found.output.split("Alarms")[1]
+
+
+def test_an_axis_that_stands_still_does_not_hinder_the_other(folder: Path, seed: int) -> None:
+    record = table(folder / "healthy.csv", seed, 40.0, axes=2)
+    text = record.read_text(encoding="utf-8").splitlines()
+    still = [text[0], *(",".join([*line.split(",")[:3], "0.1", "0"]) for line in text[1:])]
+    record.write_text("\n".join(still) + "\n", encoding="utf-8")
+    config = configured(folder / "robot.toml", *(AXIS.format(n=n, interval=H) for n in (1, 2)))
+    result = axiswatch("commission", record, "--config", config, "--output", "made")
+    assert result.exit_code == NOT_TESTED, result.output
+    assert "cell.a2: not identified: refused" in result.output
+    assert "Not complete: cell.a2" in result.output
+    assert [axis.id for axis in load(folder / "made" / "axiswatch.toml").axes] == ["cell.a1"]
+    assert "1 of 2 axes ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
+
+
+def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
+    record = table(folder / "healthy.csv", seed, 20.0)
+    config = configured(folder / "robot.toml", AXIS.format(n=1, interval=0.01))
+    result = axiswatch("commission", record, "--config", config, "--output", "made")
+    assert result.exit_code == MISTAKE
+    assert "sample_interval_s = 0.005 is proposed, and there is nobody to ask" in result.stderr
+    assert not list((folder / "made").iterdir())

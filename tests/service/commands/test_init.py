@@ -1,0 +1,69 @@
+"""``axiswatch init``: columns become axes, by their names and by their values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.config import load
+from tests.service.command_line import refused, shown
+from tests.service.commands.test_commission import table
+
+
+@pytest.fixture
+def record(tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A table of two axes with names: Time, A1_Trq, A1_Pos, A2_Trq, A2_Pos."""
+    monkeypatch.chdir(tmp_path)
+    return table(tmp_path / "record.csv", seed, 20.0, axes=2)
+
+
+def test_names_of_columns(record: Path) -> None:
+    text = shown("init", record)
+    assert "axis1: torque A1_Trq, angle A1_Pos: sure" in text
+    assert "Next: axiswatch commission" in text
+    first, second = load(Path("axis.toml")).axes
+    assert (first.config.torque.column, first.config.motion.column) == ("A1_Trq", "A1_Pos")
+    assert (second.config.torque.column, second.config.motion.column) == ("A2_Trq", "A2_Pos")
+    assert first.config.sample_interval_s == pytest.approx(0.005)
+    assert first.config.time.column == "Time"
+
+
+def test_values_alone(record: Path) -> None:
+    """Without names, times in milliseconds, one torque turned, a speed beside its angle, a wanted angle."""
+    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    t = 1e3 * (rows[:, 0] - rows[0, 0])
+    first, second = (np.gradient(rows[:, k], 0.005) for k in (2, 4))
+    columns = np.column_stack([t, rows[:, 2], first, -rows[:, 1], rows[:, 3], rows[:, 4], second, 0 * t])
+    np.savetxt(record, columns, "%.12g", ",")
+    text = shown("init", record)
+    assert "not used: 2, 6, 7" in text
+    a, b = (axis.config for axis in load(Path("axis.toml")).axes)
+    assert (a.torque.column, a.motion.column, a.torque.factor) == ("3", "1", -1)
+    assert (b.torque.column, b.motion.column, b.torque.factor) == ("4", "5", 1)
+    assert a.time.factor == 0.001
+    assert a.sample_interval_s == pytest.approx(0.005)
+
+
+def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
+    lines = record.read_text(encoding="utf-8").splitlines()
+    lines[0] = "t,tau_1,q_1,tau_ref_2,q_cmd_2"
+    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "not used: tau_ref_2, q_cmd_2" in shown("init", record)
+    assert [axis.id for axis in load(Path("axis.toml")).axes] == ["robot1.axis1"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["record.csv", "-o", "record.csv"], "is there already"),
+        (["frames.log"], "is a CAN log"),
+        (["missing.csv"], "cannot read missing.csv"),
+        (["still.csv"], "no torque and motion of an axis in still.csv; its columns are t, u, y"),
+    ],
+)
+def test_mistakes(record: Path, words: list[str], message: str) -> None:
+    Path("still.csv").write_text("t,u,y\n" + "".join(f"{k},0,1\n" for k in range(9)), encoding="utf-8")
+    assert record.exists()
+    assert message in refused("init", *words)

@@ -1,0 +1,104 @@
+"""Mistakes in the columns of a table, each named by what puts it right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from service.commands.signal_proposals import exchanged, proposals
+from tests.service.commands.test_commission import AXIS, VALUES, H, table
+
+ROBOT = "[[robot]]\nname = 'cell'\n"
+NOMINAL = ", ".join(f"{name} = {value}" for name, value in VALUES.items())
+
+
+def known(n: int = 1) -> str:
+    """An axis whose nominal values are about known."""
+    text = AXIS.format(n=n, interval=H).replace(
+        "nominal = { kT = 1, r = 0.0085 }", f"nominal = {{ {NOMINAL} }}"
+    )
+    return text.replace("Jm = 0.006", "Jm = 0.005").replace("Ja = 100.0", "Ja = 85.0")
+
+
+def changed(path: Path, change: Callable[[Floats], None]) -> str:
+    """The table with other columns: time, torque, angle, torque, ..."""
+    head = path.read_text(encoding="utf-8").partition("\n")[0]
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    rows[:, 0] -= rows[0, 0]
+    change(rows)
+    np.savetxt(path, rows, "%.12g", ",", header=head, comments="")
+    return str(path)
+
+
+def nothing(_rows: Floats) -> None:
+    pass
+
+
+def milliseconds(rows: Floats) -> None:
+    rows[:, 0] *= 1e3
+
+
+def half_the_rate(rows: Floats) -> None:
+    rows[:, 0] *= 2
+
+
+def turned(rows: Floats) -> None:
+    rows[:, 1] *= -1
+
+
+def degrees(rows: Floats) -> None:
+    rows[:, 2] *= 180 / math.pi
+
+
+def revolutions(rows: Floats) -> None:
+    rows[:, 2] /= 2 * math.pi
+
+
+def newton_millimetres(rows: Floats) -> None:
+    rows[:, 1] *= 1e3
+
+
+def turned_in_milliseconds(rows: Floats) -> None:
+    turned(rows)
+    milliseconds(rows)
+
+
+MISTAKES: list[tuple[Callable[[Floats], None], list[tuple[tuple[str, ...], float]]]] = [
+    (milliseconds, [(("time", "factor"), 1e-3)]),
+    (half_the_rate, [(("sample_interval_s",), 0.01)]),
+    (turned, [(("torque", "factor"), -1.0)]),
+    (degrees, [(("angle", "factor"), math.pi / 180)]),
+    (revolutions, [(("angle", "factor"), 2 * math.pi)]),
+    (newton_millimetres, [(("torque", "factor"), 1e-3)]),
+    (turned_in_milliseconds, [(("time", "factor"), 1e-3), (("torque", "factor"), -1.0)]),
+    (nothing, []),
+]
+
+
+@pytest.mark.parametrize(("change", "right"), MISTAKES, ids=[change.__name__ for change, _ in MISTAKES])
+def test_each_mistake_is_put_right(
+    change: Callable[[Floats], None], right: list[tuple[tuple[str, ...], float]], tmp_path: Path, seed: int
+) -> None:
+    record = changed(table(tmp_path / "record.csv", seed, 20.0), change)
+    found = proposals(ROBOT + known(), "cell.a1", [record], tmp_path)
+    assert [correction.key for correction in found] == [key for key, _ in right]
+    assert [correction.value for correction in found] == pytest.approx(
+        [value for _, value in right], rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_axes_with_the_torque_of_each_other(swap: bool, tmp_path: Path, seed: int) -> None:
+    def change(rows: Floats) -> None:
+        if swap:
+            rows[:, [1, 3]] = rows[:, [3, 1]]
+
+    record = changed(table(tmp_path / "record.csv", seed, 20.0, axes=2), change)
+    found = exchanged(ROBOT + known(1) + known(2), [record], tmp_path)
+    right = {"cell.a1": "A2_Trq", "cell.a2": "A1_Trq"} if swap else {}
+    assert {axis: correction.value for axis, correction in found.items()} == right

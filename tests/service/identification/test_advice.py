@@ -1,0 +1,124 @@
+"""What the messages of ``identify`` and ``check`` advise is done here, and works."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from monitor_core.modeling import SimulatedAxis
+from service.config import drive_of, given_values, load
+from tests.end_to_end.processes import edit
+from tests.service.command_line import axiswatch, shown
+from tests.service.identification.conftest import write_robot
+
+H = 0.005
+TIMES = np.arange(round(16 / H)) * H
+SLOW = 0.3 * np.sin(2 * np.pi * TIMES / 20)
+"""rad/s: within the speed scale of Coulomb friction, which then looks like viscous friction."""
+STEADY = np.full(TIMES.size, 6.0)
+SEVERAL_SPEEDS = 6 * np.sin(2 * np.pi * TIMES / 4) + 3 * np.sin(2 * np.pi * TIMES / 1.1)
+OUTLOOK = re.compile(r"This axis can.*")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with robot.toml, whose axis has Coulomb friction and true nominal values, in which commands run."""
+    write_robot(tmp_path, {"fc": 0.08})
+    edit(tmp_path / "robot.toml", ("initial_p = ", "#initial_p = "))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def plant_of(folder: Path) -> SimulatedAxis:
+    axis = load(folder / "robot.toml", {}).axes[0].config
+    return SimulatedAxis(given_values(axis), 1.0, drive=drive_of(axis, "angle"))
+
+
+def recorded(
+    folder: Path, name: str, seed: int, commanded: Callable[[int, float], float], samples: int, coarse: float
+) -> str:
+    """A table of the true axis that gets a torque by sample and speed; ``coarse``: noise of the angle, rad."""
+    plant, rng, rows = plant_of(folder), np.random.default_rng(seed), list[tuple[float, float, float]]()
+    for k in range(samples):
+        u = commanded(k, plant.speed)
+        rows.append((k * H, u, plant.angle + coarse * rng.standard_normal()))
+        plant.step(u + 0.02 * rng.standard_normal(), H)
+    lines = "".join(f"{t:.6f},{u:.10g},{y:.13g}\n" for t, u, y in rows)
+    (folder / name).write_text("t,torque,angle\n" + lines, encoding="utf-8")
+    return name
+
+
+def followed(folder: Path, name: str, seed: int, reference: Floats, coarse: float = 1e-4) -> str:
+    """A table of the true axis whose speed is controlled."""
+    total = 0.0
+
+    def commanded(k: int, speed: float) -> float:
+        nonlocal total
+        total += 0.002 * (reference[k] - speed)
+        return float(np.clip(0.05 * (reference[k] - speed) + total, -3, 3))
+
+    return recorded(folder, name, seed, commanded, reference.size, coarse)
+
+
+def outlook(*words: str, free: str = "Jm,Ja,fm,fc") -> str:
+    """The last line: for what the axis can be watched, and what would give the rest."""
+    start = ("identify", "--config", "robot.toml", "--start", "values", "--force")
+    result = axiswatch(*start, *(("--free", free) if free else ()), *words)
+    assert result.exit_code == 0, result.output
+    return str(OUTLOOK.findall(result.output)[-1])
+
+
+def test_motion_at_several_speeds_tells_friction_apart(folder: Path, seed: int) -> None:
+    first = outlook(followed(folder, "slow.csv", seed, SLOW))
+    lost = re.search(
+        r"Not for fm .* record motion at several speeds, slow and fast, in both directions", first
+    )
+    assert lost, first
+    again = outlook("slow.csv", followed(folder, "more.csv", seed + 1, SEVERAL_SPEEDS))
+    assert "fm (changes from" in again
+    assert "Not for" not in again
+
+
+def test_the_motion_that_excite_plans_shows_the_inertia(folder: Path, seed: int) -> None:
+    first = outlook(followed(folder, "steady.csv", seed, STEADY, coarse=5e-3))
+    advice = re.search(r"Not for 1/Ja.*record the motion that `axiswatch (excite --find 1/Ja)` plans", first)
+    assert advice, first
+    shown(
+        *advice[1].split(),
+        "--config",
+        "robot.toml",
+        "--seconds",
+        "8",
+        "--torque-limit",
+        "3",
+        "-o",
+        "plan.csv",
+    )
+    torque = np.genfromtxt("plan.csv", delimiter=",", names=True)["torque_Nm"]
+    again = outlook(
+        recorded(folder, "planned.csv", seed, lambda k, _: float(torque[k]), torque.size, coarse=5e-3)
+    )
+    assert "1/Ja (changes from" in again
+    assert "Not for 1/Ja" not in again
+
+
+def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:
+    """tau0 is configured, and the records show none."""
+    record = followed(folder, "record.csv", seed, SEVERAL_SPEEDS)
+    edit(folder / "robot.toml", ("tau0 = 0.0", "tau0 = 0.02"), ('"1/Ja", "fm"]', '"fm", "tau0"]'))
+    first = outlook(record, free="Jm,Ja,fm,fc,tau0")
+    advice = re.search(
+        r"Not for tau0, .* from zero: .*give the size of a change in (\[robot.axis.model.scales\])",
+        first,
+    )
+    assert advice, first
+    edit(
+        folder / "robot.toml",
+        ("[robot.axis.model.nominal]", f"{advice[1]}\ntau0 = 0.02\n\n[robot.axis.model.nominal]"),
+    )
+    assert "tau0 (changes from" in outlook(record, free="Jm,Ja,fm,fc,tau0")
