@@ -18,6 +18,11 @@ from which one of them is doubtful, as the change that the paper looks for is th
 of such a pair; with both of them free the daemon would test nothing."""
 
 
+MODEL_ERRORS = 2.0
+"""So many standard deviations of what a model of the nominal values lacks are allowed for.  They are those of its worst
+times, and an upper bound: with three of them 30 % more Coulomb friction of a warm axis was not always found."""
+
+
 class Threshold(NamedTuple):
     """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size.
 
@@ -51,6 +56,10 @@ class Settings:
     alpha2: float = 20.0
     thresholds: tuple[Threshold, ...] = ()
     """One for each parameter; empty: alpha1 and alpha2 for all, without an allowance."""
+    model_error: tuple[float, ...] = ()
+    """For each parameter: standard deviation of what its nominal value is off by, as it follows a model (a warm-up
+    without a thermometer), in sizes; empty: nothing.  The allowance of its tests is at least ``MODEL_ERRORS`` times
+    that."""
     K: tuple[float, ...] = ()
     """Filter gain of the innovations form, one number per state; empty is K = 0, the paper's output error."""
     K_after: tuple[tuple[float, ...], ...] = ()
@@ -125,6 +134,7 @@ class Settings:
                 self.outlier_limit == 0 or 3 <= self.outlier_limit < math.inf,
             ),
             "covariance_reset": (self.covariance_reset, 0 <= self.covariance_reset <= 1e6),
+            "model_error": (self.model_error, all(0 <= v < math.inf for v in self.model_error)),
             "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),
         }
         for name, (value, good) in ranges.items():
@@ -160,17 +170,32 @@ class Settings:
         """alpha1, alpha2 and the allowance of each parameter (3, p).
 
         Raises:
-            ValueError: the thresholds are for another number of parameters.
+            ValueError: the thresholds, or the model errors, are for another number of parameters.
         """
         own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
         if len(own) != p:
             raise ValueError(f"there are {len(own)} thresholds, {p} parameters are monitored")
-        return np.array([threshold[:3] for threshold in own], float).reshape(p, 3).T
+        tests = np.array([threshold[:3] for threshold in own], float).reshape(p, 3).T
+        # Healthy records show some of the model error, too: the larger one, not the sum.
+        tests[2] = np.maximum(tests[2], self.model_errors(p))
+        return tests
+
+    def model_errors(self, p: int) -> Floats:
+        """What the tests of each parameter (p,) allow for, as its nominal value follows a model, in sizes.
+
+        Raises:
+            ValueError: the model errors are for another number of parameters.
+        """
+        if not self.model_error:
+            return np.zeros(p)
+        if len(self.model_error) != p:
+            raise ValueError(f"there are {len(self.model_error)} model errors, {p} parameters are monitored")
+        return np.array([MODEL_ERRORS * error for error in self.model_error])
 
     def size_errors(self, p: int) -> Floats:
         """Standard deviation of what healthy estimates are off by beside their scatter, in sizes (p,)."""
         own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
-        return np.array([math.hypot(t.allowance, t.size_error) for t in own], float)
+        return np.array([math.hypot(a, t.size_error) for a, t in zip(self.tests(p)[2], own, strict=True)])
 
     def gain(self, n: int) -> Floats:
         """K as a vector (n,).

@@ -4,7 +4,7 @@ The copies have the motion of the records, because model errors depend on the mo
 (synthetic_innovations.py).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +60,9 @@ def multimodel_statistics(
         ValueError: the detector is not available for the axis; no record has tested samples.
     """
     bank = HypothesisBank(model, settings, default_hypotheses(model, settings))
-    allowance = allowances(bank, records)
+    allowance = np.max(
+        [allowances(bank, moved) for moved in _as_they_may_be(model, settings, records)], axis=0
+    )
     bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
     variance = settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
     recorded, places = ExcursionPeaks(len(allowance)), _Blocks(settings, records)
@@ -96,6 +98,22 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
         means = sums[counts > 0] / counts[counts > 0, np.newaxis]
         most = np.maximum(most, 2 * means.max(axis=0, initial=0.0))
     return most
+
+
+def _as_they_may_be(
+    model: AxisModel, settings: Settings, records: Sequence[SampleBlock]
+) -> Iterator[Sequence[SampleBlock]]:
+    """The records, and with nominal values that are off by what is allowed for as they follow a model."""
+    yield records
+    p = len(model.monitored)
+    for i, error in enumerate(settings.model_errors(p) * model.scale):
+        for step in (error, -error) if error > 0 else ():
+            move = np.where(np.arange(p) == i, step, 0.0)
+            yield [record._replace(shift=_shift(record, p) + move) for record in records]
+
+
+def _shift(record: SampleBlock, p: int) -> Floats:
+    return np.zeros((record.size, p)) if record.shift is None else record.shift
 
 
 class _Blocks:

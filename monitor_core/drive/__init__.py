@@ -2,7 +2,7 @@
 
 * ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
 * ``operating_conditions``: nominal values that follow signals, gates.  ``thermal_state``: warm-up without a
-  thermometer.  ``measured_speed``.
+  thermometer.  ``friction_roles``: which parameters are friction.  ``measured_speed``.
 * ``assembly``, ``discretization``: what the kernel takes.  ``kalman``: the predictor.
 """
 
@@ -11,7 +11,7 @@ from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import DELAY, LOAD, Drive, Output, Parameter, split_name
-from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, ThermalState
+from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, ThermalState, Unwatched
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "ThermalModel",
     "ThermalStart",
     "ThermalState",
+    "Unwatched",
     "slowest_time_constant",
     "split_name",
 ]

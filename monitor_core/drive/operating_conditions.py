@@ -37,6 +37,7 @@ Bools = NDArray[np.bool_]
 MARGIN = 0.1
 """Of the width of the range in which a slope was found: so far beyond its ends the nominal value still follows."""
 
+_HEAT = Term.read(HEAT)
 _SAME = 1e-6
 """Relative: signals are scaled numbers."""
 
@@ -51,12 +52,17 @@ class Follow(NamedTuple):
     reference: float
     low: float = -math.inf
     high: float = math.inf
+    margin: float = MARGIN
+    """Of the width of that range: so far beyond its ends the parameter still follows"""
 
     def change(self, at: Floats) -> Floats:
         """Change of the parameter (N,), at values of the term (N,); NaN where it is unknown."""
-        reach = MARGIN * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
-        known = (at >= self.low - reach) & (at <= self.high + reach)
-        return np.where(known, self.slope * (at - self.reference), math.nan)
+        return np.where(self.knows(at), self.slope * (at - self.reference), math.nan)
+
+    def knows(self, at: Floats | float) -> Bools:
+        """Whether the parameter follows (N,), at values of the term (N,)."""
+        reach = self.margin * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
+        return np.asarray((at >= self.low - reach) & (at <= self.high + reach), np.bool_)
 
 
 class Gate(NamedTuple):
@@ -196,6 +202,35 @@ class Operating:
         for follower in self._followers:
             shift[follower.i] = follower.shift(s[np.newaxis], self._column)[0]
         return shift
+
+    @property
+    def heat_range(self) -> tuple[float, float]:
+        """Lowest and highest heat at which friction is known from records."""
+        known = [(f.low, f.high) for follower in self._followers for f in follower.follows if f.term == _HEAT]
+        return max((low for low, _ in known), default=-math.inf), min(
+            (high for _, high in known), default=math.inf
+        )
+
+    def shift_beyond(self) -> Floats:
+        """Part (p,) of the shift at the last sample that the heat makes beyond the range that is known."""
+        if self.thermal is None:
+            return np.zeros(len(self._model.monitored))
+        low, high = self.heat_range
+        nearest = min(max(self.thermal.heat, low), high)
+        if nearest == self.thermal.heat:
+            return np.zeros(len(self._model.monitored))
+        beyond = self.shift_at_heat(self.thermal.heat) - self.shift_at_heat(nearest)
+        return np.where(np.isfinite(beyond), beyond, 0.0)
+
+    @property
+    def far_beyond(self) -> str:
+        """That the heat at the last sample is beyond that range and its margin, in words; empty: it is not."""
+        if self.thermal is None or self._last is None:
+            return ""
+        low, high = self.heat_range
+        if Follow("", _HEAT, 0.0, 0.0, low, high).knows(self.thermal.heat):
+            return ""
+        return f"heat = {self.thermal.heat:.3g}, friction known from {low:.3g} to {high:.3g}"
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]] | None:
         """What must be saved to carry on after a restart: arrays by name; None: nothing."""

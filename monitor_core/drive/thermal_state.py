@@ -7,9 +7,12 @@ exact for a constant power, heat+ = a heat + (1 - a) P with a = exp(-h / tau).  
 fault that changes friction does not change the heat.  Friction that follows the heat does so as it would follow a
 measured temperature (``operating_conditions``).
 
-An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  After that,
+An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  While nothing
+could have been received (``unwatched``), it may also have moved and come back: then less of its heat is known, the
+longer that was.  After that,
 after a clock that was set, and at a start of which nothing is known, the heat may be anything from 0 to the largest of
-the records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``).
+the records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``), to that of what
+the model lacks.
 
 The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state.
 """
@@ -35,6 +38,8 @@ MOVED = 1.0
 """rad at the sensor: an axis that comes back from a pause so far away has moved meanwhile."""
 
 ThermalStart = Literal["cold", "unknown"]
+Unwatched = Literal["stood", "unknown"]
+"""What an axis did in a pause in which nothing could have been received, and after which it is where it was."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,9 @@ class ThermalModel:
         fc: Coulomb friction for the power [N m].
         largest: heat in the records [W], at the most.
         start: how an axis begins of which nothing is known: cold, or at any heat up to the largest.
+        unwatched: what an axis did between a saved state and its first sample: it stood, or it may have moved and come
+            back.
+        error: standard deviation [W] of what the heat is off by when it is known, as the model is not the axis.
 
     Raises:
         ValueError: a value out of its range.
@@ -57,6 +65,8 @@ class ThermalModel:
     fc: float
     largest: float
     start: ThermalStart = "unknown"
+    unwatched: Unwatched = "stood"
+    error: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("tau_s", "largest"):
@@ -66,6 +76,8 @@ class ThermalModel:
             raise ValueError(
                 f"fm = {self.fm}, fc = {self.fc}: need finite values, at least zero, and one above"
             )
+        if not 0 <= self.error < math.inf:
+            raise ValueError(f"error = {self.error}: need a finite value, at least zero")
 
     def power(self, speed: Floats) -> Floats:
         """Friction power [W] (N,) at speeds [rad/s] (N,); 0 where the speed is unknown."""
@@ -89,13 +101,19 @@ class ThermalState:
         self.since_us: int | None = None
         """When it became unknown, or was last observed; None: before the first sample"""
         self._variance = 0.0  # at that time
+        self._restored = False  # and no sample has come since
         self._now_us: int | None = None
         if model.start == "unknown":
             self._lose(None)
 
     @property
     def sd(self) -> float:
-        """Standard deviation of the heat now [W]."""
+        """Standard deviation of the heat now [W], with what the model lacks."""
+        return math.hypot(self.sd_of_start, self.model.error)
+
+    @property
+    def sd_of_start(self) -> float:
+        """The part of it that is of a heat that was not known, or of its observation; it falls with time [W]."""
         passed_us = 0 if self.since_us is None or self._now_us is None else self._now_us - self.since_us
         return math.sqrt(self._variance) * self.model.kept(max(passed_us, 0) * 1e-6)
 
@@ -112,6 +130,10 @@ class ThermalState:
         # One by one: a vectorised exponential may depend on the place in the array in its last bit.
         a = np.array([self.model.kept(us * 1e-6) for us in distinct.tolist()])[which]
         brought = (1.0 - a) * np.where(h <= gap, self.model.power(steps.speed), 0.0)
+        if self._restored and self.model.unwatched == "unknown" and h[0] > gap and not lost[0]:
+            self._doubt(int(t_us[0]), float(a[0]))
+            a[0], brought[0] = 1.0, 0.0
+        self._restored = False
         heat, ends = np.empty(N), [0, *np.flatnonzero(lost).tolist(), N]
         for first, end in pairwise(ends):
             if first == end:
@@ -131,6 +153,12 @@ class ThermalState:
         """From now on nothing is known but the range."""
         self.heat = self.model.largest / 2
         self._variance, self.since_us, self.known = self.heat**2, t_us, False
+
+    def _doubt(self, t_us: int, a: float) -> None:
+        """After a pause that keeps a of a heat: it may have stood, or worked at up to the largest power, or both."""
+        more = (1.0 - a) * self.model.largest / 2
+        self._variance = (a * self.sd_of_start) ** 2 + more**2
+        self.heat, self.since_us, self._now_us, self.known = a * self.heat + more, t_us, t_us, False
 
     def observed(self, heat: float, sd: float, known: bool) -> None:
         """Set what was found of the heat now [W], and whether that is enough to test what follows it."""
@@ -155,3 +183,4 @@ class ThermalState:
             raise ValueError("this is no state of a warm-up")
         self.heat, self._variance = float(state[0]), float(state[1])
         self.since_us, self._now_us, self.known = int(state[2]), int(state[3]), bool(state[4])
+        self._restored = True

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.drive.thermal_state import HEAT, ThermalStart
 from monitor_core.identification.bode import Bode, bode_of
@@ -31,7 +32,6 @@ from monitor_core.identification.starting import (
 )
 from monitor_core.identification.verdict import Quality, Verdict, verdict_of
 from monitor_core.identification.warm_up import (
-    FRICTION,
     LEAST_MOTION_S,
     FoundWarmUp,
     find_warm_up,
@@ -325,7 +325,8 @@ def _warming(
     """The warm-up that the records show, the fit with it, the records with their heat, and what follows it."""
     watched = {split_name(name)[0] for name in options.monitored}
     free = set(found.problem.free) - set(found.problem.varying)
-    followers = [name for name in FRICTION if name in free and name in watched]
+    friction = friction_of(found.drive)
+    followers = [name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched]
     assert options.thermal is not None
     if not followers or moving_s(records) < LEAST_MOTION_S:
         return None, found, records, options.scheduled

@@ -9,7 +9,8 @@ of this is in sums over short windows, psi psi' and psi eps, within which the he
 squares problem for each time constant and each heat at the start of a record, which are searched for.
 
 A first record that begins cold makes the slopes certain: with a motion that is always alike, a record that begins at an
-unknown heat shows how friction falls, but not from which heat.  A record that follows another one in time, without a
+unknown heat shows how friction falls, but not from which heat.  What friction is off by beside the heat is judged by
+windows that a fit has not seen (``warm_up_error``).  A record that follows another one in time, without a
 motion in between, begins with what the pause has left of its heat; any other one begins with an unknown heat.
 """
 
@@ -17,11 +18,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
+from monitor_core.drive.friction_roles import braking
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import Output
 from monitor_core.drive.thermal_state import HEAT, MOVED, ThermalModel, ThermalStart, ThermalState
@@ -29,10 +31,9 @@ from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record
+from monitor_core.identification.warm_up_error import model_errors
 from monitor_core.identification.warm_up_search import Search, chosen, heat_course, speeds_of, windows_of
 
-FRICTION = ("fm", "fc")
-"""Parameters that may follow the heat, by name."""
 LEAST_MOTION_S = 180.0
 """Records with less motion are not searched for a warm-up."""
 _STANDS = 0.05
@@ -47,11 +48,14 @@ class FoundWarmUp:
         model: time constant, friction for the power, largest heat.
         slopes: of the parameters that follow the heat, by name, with their standard deviations.
         starts: heat at the first sample of each record [W].
+        errors: standard deviation of what friction is off by beside the heat, by name, of those that might follow it;
+            those that do not are off by their warm-up, too.
     """
 
     model: ThermalModel
     slopes: dict[str, tuple[float, float]]
     starts: tuple[float, ...]
+    errors: dict[str, float] = field(default_factory=dict)
 
 
 def moving_s(records: Sequence[Record]) -> float:
@@ -80,7 +84,7 @@ def find_warm_up(
         start: how the first record begins.
         begins_s: clock times of the first samples [s]; None, or none at all: unknown.
     """
-    fm, fc = (max(float(found.values.get(name, 0.0)), 0.0) for name in FRICTION)
+    fm, fc = braking(found.drive, found.values)
     if not followers or not fm + fc > 0:
         return None
     unit = ThermalModel(1.0, fm, fc, 1.0)
@@ -94,10 +98,12 @@ def find_warm_up(
     if fit is None:
         return None
     slopes = {names[i]: (float(s), float(sd)) for i, s, sd in zip(fit.which, fit.slopes, fit.sd, strict=True)}
+    errors = model_errors(windows, fit.which, carried, start)
+    known = {names[i]: float(errors[i]) for i in index if math.isfinite(errors[i])}
     starts, model = tuple(fit.starts.tolist()), ThermalModel(fit.tau_s, fm, fc, 1.0)
     heats = [with_heat(record, model, start) for record, start in zip(records, starts, strict=True)]
     largest = max(float(record.signals[HEAT].max()) for record in heats)
-    return FoundWarmUp(replace(model, largest=largest), slopes, starts)
+    return FoundWarmUp(replace(model, largest=largest), slopes, starts, known)
 
 
 def following(

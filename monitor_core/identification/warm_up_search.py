@@ -28,7 +28,7 @@ _SHOWN = 1.0
 _TAUS = 18
 _SHORTEST_S, _LONGEST = 60.0, 2.0
 """Time constants that are tried; the longest in lengths of the records."""
-_GROUP = 6
+GROUP = 6
 """Windows in a row whose errors may be correlated."""
 _RIDGE = 1e-9
 
@@ -53,7 +53,6 @@ def speeds_of(record: Record) -> tuple[Floats, Floats]:
 def windows_of(
     found: Estimate, records: Sequence[Record], unit: ThermalModel
 ) -> tuple[list[str], list[Windows]]:
-    """Names of what psi is of, and the windows of each record; power by the friction of ``unit``."""
     """Names of what psi is of, and the windows of each record; power by the friction of ``unit``."""
     problem = found.problem
     predictor = Predictor(problem, records, problem.disturbance)
@@ -103,6 +102,8 @@ class WarmUpFit(NamedTuple):
     starts: Floats  # (R,)
     heats: list[Floats]  # of each record (W,)
     which: list[int]
+    constants: Floats
+    """(p,) of all parameters, at the mean of the heats"""
     slopes: Floats
     sd: Floats
     covariance: Floats
@@ -126,7 +127,7 @@ class Search:
         start: ThermalStart,
     ) -> None:
         self.windows, self.index, self._carried = windows, index, carried
-        self._free = [k for k, pause in enumerate(carried) if pause is None and (k > 0 or start == "unknown")]
+        self.free = [k for k, pause in enumerate(carried) if pause is None and (k > 0 or start == "unknown")]
         self._information = np.concatenate([w.information for w in windows])
         self._score = np.concatenate([w.score for w in windows])
         p = self._score.shape[1]
@@ -142,7 +143,7 @@ class Search:
     def heats(self, tau_s: float, free: Floats) -> tuple[list[Floats], Floats]:
         """Heat in the windows of each record, and at its first sample."""
         out, starts, now = list[Floats](), np.zeros(len(self.windows)), 0.0
-        given = dict(zip(self._free, free.tolist(), strict=True))
+        given = dict(zip(self.free, free.tolist(), strict=True))
         for k, w in enumerate(self.windows):
             pause = self._carried[k]
             now = given.get(k, 0.0) if pause is None else now * math.exp(-pause / tau_s)
@@ -170,13 +171,13 @@ class Search:
 
     def best(self, index: list[int]) -> WarmUpFit:
         """The best time constant and starts for these followers."""
-        free = np.full(len(self._free), 0.5 * self.highest)
+        free = np.full(len(self.free), 0.5 * self.highest)
 
         def cost(tau_s: float, starts: Floats) -> float:
             return self.solve(self.heats(tau_s, starts)[0], index)[2]
 
         def at(tau_s: float, starts: Floats) -> tuple[float, Floats]:
-            if not self._free:
+            if not self.free:
                 return cost(tau_s, starts), starts
             scale = max(abs(cost(tau_s, starts)), 1e-300)
 
@@ -205,17 +206,34 @@ class Search:
         beta, inverse, cost = self.solve(heats, index)
         p, heat = self._p, np.concatenate(heats)
         heat = heat - heat.mean()
-        delta = np.repeat(beta[np.newaxis, :p], heat.size, axis=0)
-        delta[:, index] += heat[:, np.newaxis] * beta[p:]
-        left = self._score - np.einsum("wij,wj->wi", self._information, delta)
+        left = _left(self._information, self._score, heat, beta[:p], index, beta[p:])
         g = np.concatenate([left, heat[:, np.newaxis] * left[:, index]], axis=1)
-        groups = np.add.reduceat(g, np.arange(0, len(g), _GROUP), axis=0)
+        groups = np.add.reduceat(g, np.arange(0, len(g), GROUP), axis=0)
         covariance = (inverse @ (groups.T @ groups) @ inverse)[p:, p:]
         size = self._size[index]
         covariance = covariance * size[:, np.newaxis] * size
         covariance += 1e-12 * np.diag(np.diag(covariance))
         sd = np.sqrt(np.diag(covariance))
-        return WarmUpFit(tau_s, starts, heats, index, beta[p:] * size, sd, covariance, cost)
+        constants = beta[:p] * self._size
+        return WarmUpFit(tau_s, starts, heats, index, constants, beta[p:] * size, sd, covariance, cost)
+
+
+def _left(
+    information: Floats, score: Floats, heat: Floats, constants: Floats, index: list[int], slopes: Floats
+) -> Floats:
+    """Scores of windows (W, p) less what constants (p,) and slopes over the heat (W,) explain."""
+    delta = np.repeat(constants[np.newaxis], heat.size, axis=0)
+    delta[:, index] += heat[:, np.newaxis] * slopes
+    return np.asarray(score - np.einsum("wij,wj->wi", information, delta))
+
+
+def left_of(windows: Sequence[Windows], fit: WarmUpFit) -> list[Floats]:
+    """Scores of the windows (W, p) of each record less what a fit explains."""
+    mean = float(np.concatenate(fit.heats).mean())
+    return [
+        _left(w.information, w.score, heat - mean, fit.constants, fit.which, fit.slopes)
+        for w, heat in zip(windows, fit.heats, strict=True)
+    ]
 
 
 def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:

@@ -67,6 +67,8 @@ class AxisBatch:
         pairs = list(enumerate(zip(models, settings, strict=True)))
         self.thresholds: Floats = named.h
         """h (p, W)"""
+        self.allowance: Floats = named.allowance
+        """What nu allows for beside chance (p, W); ``allow`` changes it"""
         self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
         """Bounds of theta (p, W), each: the models' own, drawn in to where the predictors are stable."""
         judged = named.lower, named.upper, self.state.P_nom
@@ -189,6 +191,11 @@ class AxisBatch:
         """Whether the estimates of an axis are tested from now on, and are readings for its trend."""
         self.judged[a] = on
         self._tested[a] = on and not self.settings[a].unidentifiable
+
+    def allow(self, a: int, more: Floats) -> None:
+        """Allow in the tests of an axis for so much more (p,) than its settings do, until the next call."""
+        p = len(self.models[a].scale)
+        self.allowance[:, a] = self.settings[a].tests(p)[2] * self.models[a].scale + more
 
     def move_nominal(self, a: int, step: Floats) -> None:
         """Move theta_0(s) of an axis by a step (p,), but not its estimates; former deviations are forgotten."""

@@ -50,6 +50,7 @@ _NOT_PART_OF_STATE: dict[str, Any] = {
     "alpha1": 0.0,
     "alpha2": 1.0,
     "thresholds": (),
+    "model_error": (),
     "P0": (),
     "run_on": False,
     "outlier_limit": 0.0,
@@ -120,6 +121,7 @@ class AxisMonitor:
         self._tracker = AlarmTracker(reopen_us=self._reopen_us)
         self.look_alike: Mapping[str, str] = {}
         """What else a change of a parameter may be, for its alarms, by its name"""
+        self._models_wait = False
 
     @property
     def open_alarms(self) -> tuple[Alarm, ...]:
@@ -211,14 +213,22 @@ class AxisMonitor:
         return self.multimodel.bank.run_traced(*self.judged(samples)[:6]) if self.multimodel else ((), None)
 
     def judged(self, samples: SampleBlock) -> SampleBlock:
-        """The samples for the multi-model detector: with a closed gate while estimates are only made."""
-        if self.batch.judged[self.lane]:
+        """The samples for the multi-model detector: with a closed gate while estimates are only made, or it waits."""
+        if self.batch.judged[self.lane] and not self._models_wait:
             return samples
         return samples._replace(gate=np.zeros(samples.size, np.bool_))
 
     def judge(self, on: bool) -> None:
         """Whether estimates are tested from now on; otherwise they are only made."""
         self.batch.judge(self.lane, on)
+
+    def allow(self, more: Floats, models_wait: bool) -> None:
+        """Allow in the CUSUM tests for so much more (p,) than the settings do, until the next call.
+
+        The allowance of the multi-model detector is that of its records: it may have to wait meanwhile.
+        """
+        self.batch.allow(self.lane, more)
+        self._models_wait = models_wait
 
     @property
     def learned(self) -> int:
@@ -231,12 +241,12 @@ class AxisMonitor:
         if st.seed_left[a] or st.t[a] == NEVER:
             return None
         d = st.theta[:, a] - self.model.theta0 - st.shift[:, a]
-        P, size = st.P[:, :, a], np.asarray(self.model.scale)
+        P = st.P[:, :, a]
         return Deviations(
             np.where(st.observed[:, a] == UNSEEN, math.nan, d),
             self.settings.lam0 * P / self.settings.divisor,
             np.array([self._nu(i, float(P[i, i])) for i in range(len(d))]),
-            self.settings.tests(len(size))[2] * size,
+            self.batch.allowance[:, a].copy(),
         )
 
     def move_nominal(self, step: Floats) -> None:
@@ -347,8 +357,8 @@ class AxisMonitor:
         return remedy(self.model, self.settings, seed_left, int(counts[SEEDING] + counts[USED]))
 
     def _nu(self, i: int, P_ii: float) -> float:
-        alpha1, _, allowance = self.settings.tests(len(self.model.scale))[:, i]
-        return float(alpha1 * math.sqrt(self.settings.lam0 * P_ii) + allowance * self.model.scale[i])
+        alpha1 = float(self.settings.tests(len(self.model.scale))[0, i])
+        return alpha1 * math.sqrt(self.settings.lam0 * P_ii) + float(self.batch.allowance[i, self.lane])
 
     def _confounded(self) -> tuple[str, ...]:
         st, a = self.batch.state, self.lane

@@ -9,6 +9,9 @@ s of the nominal values over the heat, the heat is corrected as by a Kalman filt
 until what is left of its uncertainty moves no nominal value by more than a part of what the tests tolerate.  Only the
 parameters that follow the heat are looked at: a change of another one does not pull it.  A change of friction that is
 there already cannot be told from heat, unless it is larger than heat could be.
+
+What the thermal model lacks is part of what the tests tolerate (``Settings.model_error``).  Beyond the heat of the
+records they tolerate all that the straight lines change there, too.
 """
 
 from __future__ import annotations
@@ -57,11 +60,15 @@ class WarmUp:
         monitor.look_alike = dict.fromkeys(operating.following(HEAT), LOOKS_ALIKE)
         s = monitor.settings
         self._every_us = max(1, round(1e6 * s.memory * s.interval_s / LOOKS_PER_MEMORY))
-        self._needed = round(MEMORIES * s.memory)
+        self._needed, self._widen_us = (
+            round(MEMORIES * s.memory),
+            self._every_us * LOOKS_PER_MEMORY * MEMORIES,
+        )
         self._since_us: int | None = None  # when the heat that is being observed became unknown
         self._learned = 0  # samples, at that time or at the last observation
-        self._due_us: int | None = None
         self._last_us: int | None = None
+        self.widened = ""
+        """That the heat is far beyond that of the records, where friction is tested with a wider allowance, in words"""
 
     def part(self, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
         """The first samples of a block, with their conditions, for the monitor; and the others, if any.
@@ -71,6 +78,7 @@ class WarmUp:
         if not block.size:
             return self._operating.conditioned(block), None
         self._look(int(block.t_us[0]))
+        self._widen(int(block.t_us[0]))
         n = self._alike(block)
         taken = self._operating.conditioned(block.select(slice(n)))
         self._last_us = int(block.t_us[n - 1])
@@ -83,11 +91,18 @@ class WarmUp:
         """Number of samples before the next look, and before a pause."""
         if self._last_us is not None and abs(int(block.t_us[0]) - self._last_us) > GAP_S * 1e6:
             return 1
-        n = self._operating.alike(block.t_us)
-        if self._thermal.known:
-            return n
-        due = np.flatnonzero(block.t_us[:n] >= self._next_look(int(block.t_us[0])))
+        n, now_us = self._operating.alike(block.t_us), int(block.t_us[0])
+        due_us = (now_us // self._widen_us + 1) * self._widen_us
+        if not self._thermal.known:
+            due_us = min(due_us, self._next_look(now_us))
+        due = np.flatnonzero(block.t_us[:n] >= due_us)
         return int(due[0]) if due.size else n
+
+    def _widen(self, now_us: int) -> None:
+        """Set what the tests tolerate beyond the heat of the records, at times that depend on the samples alone."""
+        if self._last_us is None or self._last_us // self._widen_us != now_us // self._widen_us:
+            self.widened = self._operating.far_beyond
+            self._monitor.allow(np.abs(self._operating.shift_beyond()), bool(self.widened))
 
     def _next_look(self, now_us: int) -> int:
         since = now_us if self._thermal.since_us is None else self._thermal.since_us
@@ -99,7 +114,8 @@ class WarmUp:
             return
         if self._next_look(self._last_us) > now_us or (found := self._monitor.deviations()) is None:
             return
-        heat, sd, slopes = self._thermal.heat, self._thermal.sd, self._slopes()
+        # What the model lacks is in what the tests tolerate: no observation makes it less.
+        heat, sd, slopes = self._thermal.heat, self._thermal.sd_of_start, self._slopes()
         if self._monitor.learned - self._learned >= self._needed:
             heat, sd = corrected(heat, sd, slopes, found)
             self._learned = self._monitor.learned
@@ -190,4 +206,4 @@ def _first_heat(
         return None  # a pause in between, of which nothing is known
     # What was observed is a difference to the heat without, which has decayed since the first sample.
     kept = thermal.model.kept((int(record.t_us[taken - 1]) - int(record.t_us[0])) * 1e-6)
-    return thermal.model.largest / 2 + (thermal.heat - alone.heat) / kept, thermal.sd / kept
+    return thermal.model.largest / 2 + (thermal.heat - alone.heat) / kept, thermal.sd_of_start / kept

@@ -16,8 +16,10 @@ from service.commands.options import (
     JsonFile,
     RecordRanges,
     ReportFile,
+    ThermalStartOption,
     axis_named,
     configuration,
+    starting_as,
 )
 from service.commands.output_files import Files
 from service.commands.progress import steps_bar
@@ -69,6 +71,7 @@ def calibrate(
     within: Within = None,
     sizes: Sizes = "5,10,20,30,50",
     onsets: Onsets = 100,
+    thermal: ThermalStartOption = None,
     output: Output = Path("thresholds.toml"),
     report: ReportFile = None,
     json: JsonFile = None,
@@ -83,7 +86,7 @@ def calibrate(
     files = Files.chosen(output, report, json)
     files.check(force, "thresholds")
     wanted = seconds_of(budget), within, _sizes(sizes), onsets
-    read = configuration(config, without_bus=True, thresholds=False)
+    read = starting_as(configuration(config, without_bus=True, thresholds=False), thermal)
     chosen = axis_named(read.axes, axis)
     with explained():
         from monitor_core.calibration import CalibrationOptions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -48,6 +48,17 @@ Port = Annotated[
 ]
 
 
+ThermalStartOption = Annotated[
+    Literal["cold", "unknown"] | None,
+    typer.Option(
+        "--thermal",
+        help="How warm an axis is at the beginning of the first record, where its friction follows a heat that nobody"
+        " measures: unknown, it is found from the motion. Default: as in the configuration, [robot.axis.thermal].",
+        show_default=False,
+    ),
+]
+
+
 def names_in(text: str) -> tuple[str, ...]:
     """Names separated by commas; those of merged parameters contain blanks."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
@@ -86,6 +97,36 @@ def configuration(path: Path, without_bus: bool = False, thresholds: bool = True
         typer.echo(f"axiswatch: {path}: {_NO_BUS}", err=True)
         raise typer.Exit(MISTAKE)
     return found
+
+
+def starting_as(config: Config, start: Literal["cold", "unknown"] | None) -> Config:
+    """The configuration with this start of all axes without a thermometer; None: as configured.
+
+    Raises:
+        typer.BadParameter: no axis follows its heat.
+    """
+    from service.config.conditions import thermal_of
+
+    if start is None:
+        return config
+    if all(thermal_of(axis.config) is None for axis in config.axes):
+        raise typer.BadParameter(
+            "no axis follows its heat: no nominal_file has [thermal], as identify writes it where friction falls with"
+            " the warm-up; leave this option out",
+            param_hint="--thermal",
+        )
+    robots = (
+        robot.model_copy(
+            update={
+                "axis": tuple(
+                    axis.model_copy(update={"thermal": axis.thermal.model_copy(update={"start": start})})
+                    for axis in robot.axis
+                )
+            }
+        )
+        for robot in config.robot
+    )
+    return config.model_copy(update={"robot": tuple(robots)})
 
 
 def _line(problem: Problem) -> Text:

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
-from service.commands.options import ConfigPath, JsonFile, configuration
+from service.commands.options import ConfigPath, JsonFile, ThermalStartOption, configuration, starting_as
 from service.commands.output_files import STDOUT, check_writable, write, write_all
 from service.commands.progress import progress_bar
 from service.config import Config
@@ -32,7 +32,13 @@ Page = Annotated[
 ]
 
 
-def replay(config: ConfigPath, records: Records, json: JsonFile = None, report: Page = None) -> None:
+def replay(
+    config: ConfigPath,
+    records: Records,
+    thermal: ThermalStartOption = None,
+    json: JsonFile = None,
+    report: Page = None,
+) -> None:
     """Run records through the same decoding, estimation and detection as the daemon, and list the alarms.
 
     Several records are one after the other in the life of the robot; the estimates of one are the start of
@@ -40,7 +46,7 @@ def replay(config: ConfigPath, records: Records, json: JsonFile = None, report: 
     """
     from service.reports.replay_report import as_json, print_text
 
-    read = configuration(config, without_bus=True)
+    read = starting_as(configuration(config, without_bus=True), thermal)
     if report is not None:
         check_writable(report)
     with explained():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, reason_unavailable
@@ -10,7 +11,7 @@ from monitor_core.drive import AxisModel
 from monitor_core.monitoring import MonitoringOptions, recommended_settings
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
-from service.config.conditions import varying_of
+from service.config.conditions import thermal_of, varying_of
 from service.config.drives import axis_model
 from service.config.schema import AxisConfig, NamedAxis
 from service.config.thresholds_file import with_thresholds
@@ -74,6 +75,7 @@ def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
     config = axis.config
     try:
         settings = recommended_settings(model, config.sample_interval_s, _options(config, model))
+        settings = replace(settings, model_error=model_error(config, model))
         thresholds = config.model.thresholds_file
         return settings if thresholds is None else with_thresholds(settings, model, thresholds)
     except ValueError as error:
@@ -103,6 +105,17 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
         alpha2=config.detector.alpha_2,
         covariance_reset=config.detector.covariance_reset,
         unidentifiable=untold(config),
+    )
+
+
+def model_error(config: AxisConfig, model: AxisModel) -> tuple[float, ...]:
+    """What each monitored parameter is off by beside the heat that it follows, in sizes; empty: there is no heat."""
+    table = None if config.model.nominal_file is None else config.model.nominal_file.thermal
+    if table is None or thermal_of(config) is None:
+        return ()
+    size = model.scale * model.unit
+    return tuple(
+        table.model_error.get(name, 0.0) / float(s) for name, s in zip(model.monitored, size, strict=True)
     )
 
 

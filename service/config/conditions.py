@@ -33,7 +33,8 @@ def follow_of(schedule: Schedule) -> Follow:
         ValueError: the signal is no term.
     """
     v = schedule
-    return Follow(v.parameter, Term.read(v.signal), v.slope, v.reference, *(v.range or (-math.inf, math.inf)))
+    low, high = v.range or (-math.inf, math.inf)
+    return Follow(v.parameter, Term.read(v.signal), v.slope, v.reference, low, high)
 
 
 def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
@@ -87,12 +88,19 @@ def conditions_of(axis: NamedAxis) -> Conditions:
     weight = weight_of(axis.config)
     return Conditions(
         tuple(source.name for source in needed(axis)),
-        tuple(follow_of(v) for _, v in varying_of(axis.config) if v not in weight),
+        tuple(_within(follow_of(v), axis.config) for _, v in varying_of(axis.config) if v not in weight),
         tuple(_gate(gate) for gate in axis.config.gate),
         axis.config.min_speed or 0.0,
         thermal_of(axis.config),
         tuple(map(follow_of, weight)),
     )
+
+
+def _within(follow: Follow, axis: AxisConfig) -> Follow:
+    """As configured, the parameter follows the heat beyond that of the records, too."""
+    if axis.detector.outside_calibration == "widen" and follow.term.signals == (HEAT,):
+        return follow._replace(margin=math.inf)
+    return follow
 
 
 def thermal_of(axis: AxisConfig) -> ThermalModel | None:
@@ -101,8 +109,20 @@ def thermal_of(axis: AxisConfig) -> ThermalModel | None:
     table = None if found is None else found.thermal
     if table is None or all(HEAT not in Term.read(v.signal).signals for _, v in varying_of(axis)):
         return None
-    friction = table.viscous_friction, table.coulomb_friction
-    return ThermalModel(table.time_constant_s, *friction, table.largest_w, axis.thermal.start)
+    friction, slopes = (table.viscous_friction, table.coulomb_friction), dict[str, float]()
+    for _, v in varying_of(axis):
+        if v.signal == HEAT:
+            slopes[v.parameter] = v.slope
+    # What friction is off by, as a heat that is off.
+    errors = [table.model_error.get(name, 0.0) / abs(s) for name, s in slopes.items() if s]
+    return ThermalModel(
+        table.time_constant_s,
+        *friction,
+        table.largest_w,
+        axis.thermal.start,
+        axis.thermal.unwatched,
+        max(errors, default=0.0),
+    )
 
 
 def signal_names(axis: AxisConfig) -> list[str]:

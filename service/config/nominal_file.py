@@ -77,6 +77,8 @@ class ThermalTable(FoundTable):
     viscous_friction: NotNegative
     coulomb_friction: NotNegative
     largest_w: Positive
+    model_error: dict[str, NotNegative] = Field(default_factory=dict)
+    """Standard deviation of what parameters are off by beside the heat; none in files of earlier versions"""
 
     @model_validator(mode="after")
     def _some_friction(self) -> ThermalTable:

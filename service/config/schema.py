@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from monitor_core.drive import Output, ThermalStart
+from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
@@ -110,6 +110,9 @@ class ThermalConfig(Table):
     start: ThermalStart = "unknown"
     """how warm it is where no checkpoint tells: "unknown", its first motion tells, until then nothing is tested; or
     "cold" """
+    unwatched: Unwatched = "unknown"
+    """what it did while the daemon did not run, if it is where it was: "unknown", the longer that was the less is
+    known of its heat; or "stood", the robot never works without the daemon"""
 
 
 # --- Service, buses, robots, axes -------------------------------------------------------------------------------------

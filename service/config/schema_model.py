@@ -125,9 +125,10 @@ class DetectorConfig(Table):
     """drift nu = alpha_1 standard deviations"""
     alpha_2: Positive = 20.0
     """threshold h = alpha_2 times the size of the parameter"""
-    outside_calibration: Literal["report", "wait"] = "report"
+    outside_calibration: Literal["report", "wait", "widen"] = "report"
     """where speed or signals are outside their range in the calibration records: "report" (tests go on, alarms are
-    marked) or "wait" (nothing is tested)"""
+    marked), "wait" (nothing is tested), or "widen": as "report", and where friction follows the heat of the axis the
+    CUSUM tests go on beyond the heat of the records, with a wider allowance, instead of waiting"""
     covariance_reset: Real = Field(0.0, ge=0, le=1e6)
     """after an alarm P_ii is at least this many times P(0)_ii: faster convergence; 0: P stays"""
 

@@ -82,7 +82,10 @@ class AxisMonitors:
             for axis, s, (_, _, c) in zip(axes, settings, conditions, strict=True)
             if axis.config.model.thresholds_file is not None and axis.config.model.thresholds_file.range
         }
-        self._waiting = {axis.id for axis in axes if axis.config.detector.outside_calibration == "wait"}
+        self._waiting, self._widening = (
+            {axis.id for axis in axes if axis.config.detector.outside_calibration == way}
+            for way in ("wait", "widen")
+        )
 
     def update(self, samples: Samples, observer: Observer | None = None) -> list[AxisAlarm]:
         """Let every axis take its samples; returns the alarms that changed, axis by axis."""
@@ -153,8 +156,11 @@ class AxisMonitors:
 
     def outside_calibration(self, axis_id: str) -> tuple[str, ...]:
         """Conditions of the last sample of an axis that are outside the range of its calibration, in words."""
-        calibrated = self._calibrated.get(axis_id)
-        return () if calibrated is None else calibrated.outside
+        calibrated, warm_up = self._calibrated.get(axis_id), self._warm_ups.get(axis_id)
+        outside = () if calibrated is None else calibrated.outside
+        if axis_id in self._widening and warm_up is not None and warm_up.widened:
+            return (*outside, f"{warm_up.widened}: tested with a wider allowance")
+        return outside
 
     def dropped(self, axis_id: str) -> Mapping[str, int]:
         """Samples of an axis that were refused before its monitor, by reason."""

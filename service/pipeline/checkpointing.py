@@ -1,7 +1,6 @@
 """Checkpoints of all monitors, at an interval and at the end; and the restart from them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from time import monotonic
 from typing import Literal, NamedTuple
@@ -25,7 +24,8 @@ from service.store.journal import Journal
 log = structlog.get_logger(__name__)
 
 THERMAL_SCHEMA = "thermal schema=1"
-"""Beginning of the key of a saved warm-up state; the rest is its thermal model, without how it starts."""
+"""Beginning of the key of a saved warm-up state; the rest is its thermal model, without how it starts and
+what it lacks."""
 
 Part = Literal["estimates", "multimodel", "thermal", "history"]
 
@@ -54,7 +54,8 @@ def states_of(axis_id: str, monitor: AxisMonitor, operating: Operating | None = 
             lambda arrays: multimodel.bank.from_arrays(arrays),
         )
     if operating is not None and operating.thermal is not None:
-        key = f"{THERMAL_SCHEMA} {replace(operating.thermal.model, start='cold')}"
+        m = operating.thermal.model
+        key = f"{THERMAL_SCHEMA} tau={m.tau_s} fm={m.fm} fc={m.fc} largest={m.largest}"
         name = f"{axis_id} (warm-up state)"
         yield SavedState("thermal", name, key, operating.to_arrays, operating.from_arrays)
 

@@ -98,11 +98,15 @@ def thresholds(calibration: Calibration) -> Table:
             name,
             plain(own.alpha1, 3),
             plain(own.alpha2, 3),
-            percent(own.allowance) if own.allowance else "0",
+            percent(float(allowed)) if allowed else "0",
             percent(float(sigma)),
         )
-        for name, own, sigma in zip(
-            result.model.monitored, result.settings.thresholds, result.scatter.sigma, strict=True
+        for name, own, allowed, sigma in zip(
+            result.model.monitored,
+            result.settings.thresholds,
+            result.settings.tests(len(result.model.monitored))[2],
+            result.scatter.sigma,
+            strict=True,
         )
     ]
     return Table(("", "alpha_1", "alpha_2", "allowance", "sd of the estimate"), rows)

@@ -25,6 +25,7 @@ from monitor_core.identification import (
     Verdict,
     Watched,
 )
+from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration
 from service.ingest.identification_records import Source
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
@@ -66,6 +67,7 @@ class IdentificationReport:
             *self._held(),
             *self._friction(),
             *self._short_of_warm(),
+            *self._beside_the_heat(),
         )
 
     @property
@@ -130,6 +132,28 @@ class IdentificationReport:
                 f"The axis warms up with a time constant of {duration(found.model.tau_s)}, and the longest record lasts"
                 f" {duration(longest_s)}: in operation it becomes warmer than in any record, and may raise false alarms"
                 f" then. Record at least {duration(needed_s)} of operation without a pause, from cold on."
+            )
+
+    def _beside_the_heat(self) -> Iterator[str]:
+        """What the warm-up that was found lacks."""
+        found = self.result.warm_up
+        if found is None:
+            return
+        values = {row.name: row.value for row in self.result.rows()}
+        off = [
+            f"{name} is off by {percent(error / abs(values[name]))}"
+            for name, error in found.errors.items()
+            if values.get(name)
+        ]
+        if off:
+            yield (
+                f"Beside the heat {' and '.join(off)} (standard deviation; the larger, the less there is to judge it"
+                f" by): the tests allow for {MODEL_ERRORS:g} times that."
+            )
+        else:
+            yield (
+                "These records are too short to judge by how much friction is off beside the heat, and the tests"
+                " allow for nothing: give two records from cold on."
             )
 
     def _held(self) -> Iterator[str]:

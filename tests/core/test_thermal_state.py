@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, ThermalModel
+from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, ThermalModel, Unwatched
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.samples import SampleBlock
 
@@ -116,6 +117,58 @@ def test_beyond_the_heat_of_the_records_nothing_is_known() -> None:
     assert axis.reason.endswith(", beyond 0 to 30")
 
 
+def test_with_a_wide_margin_friction_follows_beyond_the_records() -> None:
+    """By the straight line; the part beyond the range is known apart."""
+    wide = FRICTION._replace(margin=math.inf)
+    axis = Operating(TURNING, Conditions((), (wide,), thermal=COLD))
+    t_us = np.arange(12_000) * H_US
+    shift, _ = axis.take(t_us, np.full(t_us.size, 60.0), None)
+    assert axis.thermal is not None
+    assert axis.thermal.heat > 100.0
+    assert shift[-1, 1] == pytest.approx(-0.001 * (axis.thermal.heat - 10.0))
+    assert axis.shift_beyond() == pytest.approx([0.0, -0.001 * (axis.thermal.heat - 30.0)])
+    assert axis.far_beyond.endswith(", friction known from 0 to 30")
+    axis.take(t_us[:1] + t_us[-1] + 3_600_000_000, np.zeros(1), None)
+    assert axis.heat_range == (0.0, 30.0)
+    assert not axis.shift_beyond().any()
+    assert axis.far_beyond == ""
+
+
+@pytest.mark.parametrize("unwatched", ["stood", "unknown"])
+@pytest.mark.parametrize("pause_s", [3.0, 300.0, 30_000.0])
+def test_what_it_did_while_nothing_was_received(unwatched: Unwatched, pause_s: float) -> None:
+    """From 9 W, over a restart: it stood, or it may have worked at up to 30 W and come back."""
+    model = ThermalModel(600.0, 0.05, 0.4, 30.0, "cold", unwatched)
+    before, after = (operating(model, MODEL) for _ in range(2))
+    t_us = np.arange(60_000) * H_US
+    warm = heat_of(before, t_us, t_us * 1e-5)[-1]
+    arrays = before.to_arrays()
+    assert arrays is not None
+    after.from_arrays(arrays)
+    later_us = t_us[-1:] + round(pause_s * 1e6)
+    (heat,) = heat_of(after, later_us, t_us[-1:] * 1e-5)
+    a, thermal = math.exp(-pause_s / 600.0), after.thermal
+    assert thermal is not None
+    more = (1 - a) * 15.0 if unwatched == "unknown" else 0.0
+    assert heat == pytest.approx(a * warm + more)
+    assert thermal.sd == pytest.approx(more)
+    assert thermal.known == (unwatched == "stood")
+    # A pause while it is received is one in which it stood.
+    (last,) = heat_of(after, later_us + round(pause_s * 1e6), t_us[-1:] * 1e-5)
+    assert last == pytest.approx(a * heat)
+
+
+def test_what_the_model_lacks_stays_in_the_standard_deviation() -> None:
+    axis = operating(ThermalModel(600.0, 0.05, 0.4, 30.0, error=2.0))
+    t_us = np.arange(60_000) * H_US
+    heat_of(axis, t_us[:1], np.zeros(1))
+    assert axis.thermal is not None
+    assert axis.thermal.sd == pytest.approx(math.hypot(15.0, 2.0))
+    heat_of(axis, t_us[1:], np.full(t_us.size - 1, 10.0))
+    assert axis.thermal.sd == pytest.approx(2.0, rel=1e-6)
+    assert axis.thermal.sd_of_start < 0.001
+
+
 @given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1))
 def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -144,9 +197,10 @@ def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
         ((10.0, 0.0, 0.0, 10.0), "fm = 0.0, fc = 0.0"),
         ((10.0, -1.0, 2.0, 10.0), "fm = -1.0"),
         ((10.0, 0.1, 0.1, math.inf), "largest = inf"),
+        ((10.0, 0.1, 0.1, 10.0, "cold", "stood", -1.0), "error = -1.0"),
     ],
 )
-def test_an_impossible_model_is_refused(values: tuple[float, float, float, float], words: str) -> None:
+def test_an_impossible_model_is_refused(values: tuple[Any, ...], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         ThermalModel(*values)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 import tomllib
 from pathlib import Path
 from typing import NamedTuple
@@ -11,12 +12,21 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import NotTested
+from service.commands.exit_codes import NOT_TESTED
 from service.texts import episode_words
 from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import Warming, WarmingPlant
-from tests.service.command_line import shown
-from tests.service.warming_axis import CUSUM, Watcher, after_fault, identified, on_a_bus, write
+from tests.service.command_line import refused, shown
+from tests.service.warming_axis import (
+    CUSUM,
+    PARAMETERS,
+    Watcher,
+    after_fault,
+    identified,
+    on_a_bus,
+    write,
+)
 
 QUICK = Warming(fast_s=60.0, slow_s=200.0)
 DAY_S, NIGHT_S = 240.0, 8 * 3600.0
@@ -40,7 +50,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Made:
         plant.rest(NIGHT_S)
     words = ("--start", "values", "--free", "fm,fc")
     config, output = identified(folder, FOUND, records, *words)
-    text = config.read_text(encoding="utf-8").replace(CUSUM, f"{CUSUM}, alpha_1 = 4.0, alpha_2 = 400.0")
+    text = config.read_text(encoding="utf-8").replace(CUSUM, f"{CUSUM}, alpha_2 = 400.0")
     config.write_text(text, encoding="utf-8")
     return Made(plant, records, config, output)
 
@@ -117,6 +127,60 @@ def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> N
     assert abs(finds.heat.heat_w - knows.heat.heat_w) < 4 * np.hypot(finds.heat.sd_w, knows.heat.sd_w)
 
 
+def narrowed(made: Made, largest_w: float, config: str) -> Path:
+    """The axis with records that were less warm, and this further line of [robot.axis.detector]."""
+    folder = made.config.parent
+    text = (folder / "nominal.toml").read_text(encoding="utf-8")
+    schedules = tomllib.loads(text)["schedule"]
+    assert {s["range"][1] for s in schedules} == {schedules[0]["range"][1]}
+    text = re.sub(r"^range = \[.*\]", f"range = [0.0, {largest_w}]", text, flags=re.MULTILINE)
+    (folder / "narrow.toml").write_text(text, encoding="utf-8")
+    path = folder / f"axis_{config}.toml"
+    detector = f'alarm_source = "cusum", outside_calibration = "{config}", '
+    axis = made.config.read_text(encoding="utf-8").replace('alarm_source = "cusum", ', detector)
+    path.write_text(axis.replace("nominal.toml", "narrow.toml"), encoding="utf-8")
+    return path
+
+
+def test_warmer_than_in_the_records_it_waits_or_allows_for_more(made: Made) -> None:
+    """As configured; what is allowed for is what the straight lines change there, and faults are named yet."""
+    plant = copy.deepcopy(made.plant)
+    waits, widens = (Watcher(narrowed(made, 8.0, way)) for way in ("report", "widen"))
+    block = plant.take(200.0)
+    for watcher in (waits, widens):
+        assert watcher.take(block) == []
+    assert {p.not_tested for p in waits.monitor.status().parameters} == {NotTested.CONDITIONS}
+    assert {p.not_tested for p in widens.monitor.status().parameters} == {None}
+    (words,) = widens.outside
+    assert words.startswith("heat = ")
+    assert words.endswith(", friction known from 0 to 8: tested with a wider allowance")
+    wide, usual = widens.monitor.deviations(), widens.monitor.settings.tests(len(PARAMETERS))[2]
+    assert wide is not None
+    more = wide.allowance - usual * widens.monitor.model.scale
+    slopes = {
+        s["parameter"]: s["slope"]
+        for s in tomllib.loads(made.config.with_name("nominal.toml").read_text())["schedule"]
+    }
+    assert widens.heat is not None
+    for name, extra in zip(PARAMETERS, more, strict=True):
+        assert extra == pytest.approx(
+            abs(slopes.get(name, 0.0)) * (widens.heat.heat_w - 8.0), abs=0.2 * abs(slopes["fc"])
+        )
+    (alarm,) = after_fault(plant, widens, {"kT": 1.2}, 60.0)
+    assert (alarm.parameter, alarm.direction) == ("kT", "up")
+
+
+def test_the_tests_allow_for_what_the_model_lacks(made: Made) -> None:
+    found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
+    lacks = found["thermal"]["model_error"]
+    assert set(lacks) == {"fm", "fc"}
+    monitor = Watcher(made.config).monitor
+    allowed = dict(zip(PARAMETERS, monitor.settings.tests(len(PARAMETERS))[2].tolist(), strict=True))
+    assert allowed["kT"] == 0.0
+    for name, error in lacks.items():
+        assert allowed[name] == pytest.approx(2 * error / found["values"][name])
+
+
 def test_the_heat_does_not_depend_on_the_cuts_between_blocks(made: Made) -> None:
     block = copy.deepcopy(made.plant).take(120.0)
     at_once, parts = Watcher(made.config), Watcher(made.config)
@@ -131,6 +195,18 @@ def test_the_heat_does_not_depend_on_the_cuts_between_blocks(made: Made) -> None
         at_once.monitor.to_arrays().values(), parts.monitor.to_arrays().values(), strict=True
     ):
         np.testing.assert_array_equal(mine, other)
+
+
+def test_a_start_is_said_on_the_command_line(made: Made, tmp_path: Path) -> None:
+    """Of a quarter of a minute, in which an unknown heat is not found yet."""
+    config, record = on_a_bus(made.config), tmp_path / "short.csv"
+    lines = made.records[0].read_text(encoding="utf-8").splitlines(keepends=True)
+    record.write_text("".join(lines[:3000]), encoding="utf-8")
+    for start, known in (("unknown", False), ("cold", True)):
+        output = shown("replay", record, "--config", config, "--thermal", start, code=NOT_TESTED)
+        assert ("not known yet" in output) != known
+    shipped = Path(__file__).resolve().parents[2] / "config" / "axiswatch.toml"
+    assert "no axis follows its heat" in refused("replay", record, "--config", shipped, "--thermal", "cold")
 
 
 def test_replay_says_how_warm_it_is(made: Made) -> None:

@@ -45,6 +45,7 @@ torque = {{ column = "torque" }}
 angle = {{ column = "angle", resolution = {STEP} }}
 estimator = {{ memory_s = 5.0 }}
 detector = {{ {CUSUM} }}
+thermal = {{ unwatched = "stood" }}
 [robot.axis.model]
 drive = "three-mass"
 friction_speed_scale = 1.0
@@ -129,6 +130,11 @@ class Watcher:
     def heat(self) -> Heat | None:
         """How warm it believes the axis to be."""
         return self._monitors.heat(AXIS_ID)
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        """Conditions that are outside those of its records."""
+        return self._monitors.outside_calibration(AXIS_ID)
 
     def restarted(self) -> Watcher:
         """Another one that carries on from the checkpoint of this one."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -127,6 +128,33 @@ def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
     assert ("kT", 0.2) not in grown
     monkeypatch.setattr(watched, "_CHUNK", 777)
     np.testing.assert_allclose(allowances(bank, [healthy, scaled]), beside, rtol=1e-9, atol=1e-12)
+
+
+def test_allowances_are_for_nominal_values_that_follow_a_model(seed: int) -> None:
+    """With kT off by 10 %, as is allowed for, changes by 5 and 10 % are no faults; the largest change still is one."""
+    plant = plant_with(0.0, memory=100)
+    error = tuple(0.05 if name == "kT" else 0.0 for name in plant.model.monitored)
+    found = [
+        watched.multimodel_statistics(
+            plant.model, settings, [record(plant, seed, 6000)], np.random.default_rng(seed), copies=1
+        )
+        for settings in (plant.settings, replace(plant.settings, model_error=error))
+    ]
+    plain, moved = (
+        dict(zip([(h.cause, h.size) for h in result.hypotheses], result.allowance.tolist(), strict=True))
+        for result in found
+    )
+    assert all(moved[cause] >= plain[cause] for cause in plain)
+    for size in (0.05, 0.1, -0.05, -0.1):
+        assert moved["kT", size] > plain["kT", size] + 1e-4
+    largest = max(size for cause, size in plain if cause == "kT")
+    assert moved["kT", largest] == pytest.approx(plain["kT", largest])
+
+
+@pytest.mark.parametrize("error", [(0.1,), (0.1, -0.1, 0.0)])
+def test_impossible_model_errors_are_refused(error: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=r"model.error"):
+        replace(plant_with(0.0).settings, model_error=error).tests(3)
 
 
 def test_alarms_that_are_one_leave_room_for_lower_thresholds(

@@ -1,0 +1,71 @@
+"""Which parameters of a drive are friction, by their place in A and B, and what friction brakes a lasting motion.
+
+Viscous friction acts between a mass and the ground: it is a damper whose terms in A are all in the column of one speed.
+A damper between two masses has terms in the columns of both.  Coulomb friction is a torque in B that multiplies the
+direction of a motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DAMPING, INERTIA, TORQUE_UNIT, Drive
+from monitor_core.kernel.tables import COULOMB
+
+
+class Friction(NamedTuple):
+    """Names of the parameters of a drive that are friction."""
+
+    viscous: tuple[str, ...]
+    coulomb: tuple[str, ...]
+
+
+def friction_of(drive: Drive) -> Friction:
+    """Parameters that are friction, in the order of the drive."""
+    return Friction(tuple(_viscous(drive)), tuple(_coulomb(drive)))
+
+
+def braking(drive: Drive, values: Mapping[str, float]) -> tuple[float, float]:
+    """Viscous friction [N m s/rad] and Coulomb friction [N m] of a lasting motion, at the sensor; at least 0."""
+    speeds, angles = _rigid_speeds(drive, values), drive.matrix("ratio", values)[:, 0]
+    viscous, coulomb = _viscous(drive), _coulomb(drive)
+    d = sum(max(values[name], 0.0) * float(speeds[column]) ** 2 for name, column in viscous.items())
+    c = sum(max(values[name], 0.0) * abs(float(angles[column])) for name, column in coulomb.items())
+    return d, c
+
+
+def _viscous(drive: Drive) -> dict[str, int]:
+    """Columns in A of the speeds that viscous frictions brake, by their names."""
+    found = dict[str, int]()
+    for p in drive.parameters:
+        columns = {t.col for t in drive.terms if t.matrix == "A" and p.name in dict(t.powers)}
+        if p.unit == DAMPING and len(columns) == 1:
+            found[p.name] = columns.pop()
+    return found
+
+
+def _coulomb(drive: Drive) -> dict[str, int]:
+    """Columns in B of Coulomb frictions, by their names."""
+    found = dict[str, int]()
+    for p in drive.parameters:
+        columns = {t.col for t in drive.terms if t.matrix == "B" and p.name in dict(t.powers)}
+        if p.unit == TORQUE_UNIT and len(columns) == 1 and drive.inputs[min(columns)] == COULOMB:
+            found[p.name] = columns.pop()
+    return found
+
+
+def _rigid_speeds(drive: Drive, values: Mapping[str, float]) -> Floats:
+    """The state (n,) of the drive moving rigidly at a speed of 1 at the sensor; 0 where it is no speed."""
+    rest = drive.matrix("rest", values)[:, 0]
+    if drive.output != "angle":
+        return rest
+    # The angle at the sensor grows by 1, no spring is loaded: rows of A in which no mass is divided by.
+    inertias = {p.name for p in drive.parameters if p.unit == INERTIA}
+    dynamic = {t.row for t in drive.terms if t.matrix in ("A", "B") and inertias & dict(t.powers).keys()}
+    rows = [row for row in range(len(drive.states)) if row not in dynamic]
+    A = drive.matrix("A", values)
+    return np.asarray(np.linalg.lstsq(A[rows], rest[rows], rcond=None)[0], np.float64)
