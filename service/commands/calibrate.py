@@ -119,12 +119,11 @@ def calibrate_axis(
     from monitor_core.monitoring import ranges
     from service.commands.progress import Background
     from service.config import conditions_of
-    from service.config.axis_settings import alarm_source_of, axis_settings
-    from service.config.drives import axis_model
+    from service.config.axis_settings import alarm_source_of, axis_settings, monitored_model
     from service.ingest.calibration_records import read
     from service.reports.calibration_report import Calibration, one_sided, warnings
 
-    model = axis_model(axis.config)
+    model = monitored_model(axis)
     settings = axis_settings(axis, model)
     records, sources = read(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
     result = find_thresholds(model, settings, records, options, progress, Background)

@@ -11,7 +11,6 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from monitor_core.drive import Drive
 from monitor_core.excitation import (
     Estimation,
     ExcitationError,
@@ -24,9 +23,9 @@ from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import explained
 from service.commands.options import AxisName, ConfigPath, axis_of, names_in
 from service.commands.output_files import write
-from service.config import NamedAxis, drive_of, given_values, predictor_of
-from service.config.axis_settings import axis_settings
-from service.config.drives import axis_model, lacking
+from service.config import NamedAxis, drive_of, given_values
+from service.config.axis_settings import axis_settings, unknown_of
+from service.config.drives import axis_model
 from service.reports.excitation_report import as_csv, as_picture, print_text
 
 Output = Annotated[
@@ -123,7 +122,7 @@ def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
     """
     config = axis.config
     values, h = given_values(config), config.sample_interval_s
-    _check_known(axis, drive_of(config))
+    _check_known(axis)
     model = axis_model(config)
     settings = axis_settings(axis, model)
     K = np.array(settings.K) if settings.K else None
@@ -134,13 +133,9 @@ def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
     return plant, Estimation(measured, values, h, settings.lam0, K, config.model.scales)
 
 
-def _check_known(axis: NamedAxis, drive: Drive) -> None:
+def _check_known(axis: NamedAxis) -> None:
     """Check that nominal values and noise are known, which an axis without a bus may lack."""
-    values, predictor = given_values(axis.config), predictor_of(axis.config)
-    missing = lacking(drive, values)
-    if predictor.innovation_variance is None:
-        missing += [name for name in ("torque_noise", "output_noise") if getattr(predictor, name) is None]
-    if missing:
+    if missing := unknown_of(axis.config):
         raise ExcitationError(
             f"{axis.id}: a motion is planned with the drive's values and noises, and the configuration has no"
             f" {', '.join(missing)}: give a guess, or identify a first record and name its nominal_file"

@@ -12,13 +12,36 @@ from monitor_core.monitoring import MonitoringOptions, recommended_settings
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
 from service.config.conditions import thermal_of, varying_of
-from service.config.drives import axis_model
+from service.config.drives import axis_model, lacking, watched_drive, watched_values
 from service.config.schema import AxisConfig, NamedAxis
 from service.config.thresholds_file import with_thresholds
 
 
 class AxisError(Exception):
     """An axis that cannot be monitored as configured; the text names it and says what would be right."""
+
+
+def monitored_model(axis: NamedAxis) -> AxisModel:
+    """The model of an axis that is to be monitored.
+
+    Raises:
+        AxisError: values or noises are missing, as an axis in tables may have before it is identified.
+    """
+    if missing := unknown_of(axis.config):
+        raise AxisError(
+            f"{axis.id}: {', '.join(missing)} not known: identify the axis first, and name its nominal_file in"
+            " [robot.axis.model]"
+        )
+    return axis_model(axis.config)
+
+
+def unknown_of(axis: AxisConfig) -> list[str]:
+    """Values of the drive and noises that the configuration does not have, and that a predictor needs."""
+    predictor = predictor_of(axis)
+    missing = lacking(watched_drive(axis), watched_values(axis))
+    if predictor.innovation_variance is None:
+        missing += [name for name in ("torque_noise", "output_noise") if getattr(predictor, name) is None]
+    return missing
 
 
 class Predictor(NamedTuple):

@@ -21,8 +21,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.can.frames import Frame, Sample
 from service.config import Config, NamedAxis, conditions_of
-from service.config.axis_settings import axis_settings, detectors_of
-from service.config.drives import axis_model
+from service.config.axis_settings import axis_settings, detectors_of, monitored_model
 from service.ingest.bus_samples import Ingest, block_of
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarms import AxisAlarm
@@ -53,7 +52,7 @@ class AxisMonitors:
 
     def __init__(self, axes: Sequence[NamedAxis]) -> None:
         self._ids = [axis.id for axis in axes]
-        models = [axis_model(axis.config) for axis in axes]
+        models = [monitored_model(axis) for axis in axes]
         settings = [axis_settings(axis, m) for axis, m in zip(axes, models, strict=True)]
         detectors = [detectors_of(*each) for each in zip(axes, models, settings, strict=True)]
         self._fleet = Fleet(

@@ -123,12 +123,21 @@ def test_columns_are_enough(directory: Path) -> None:
 
 
 @pytest.mark.usefixtures("directory")
-@pytest.mark.parametrize("command", ["run", "check", "listen", "simulate", "play r.csv", "replay r.csv"])
+@pytest.mark.parametrize("command", ["run", "check", "listen", "simulate", "play r.csv"])
 def test_what_needs_a_bus_says_so(command: str) -> None:
     result = call(command)
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr.startswith("axiswatch: axis.toml: no bus: ")
     assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["replay", "calibrate"])
+def test_a_table_is_watched_only_with_nominal_values(command: str, directory: Path) -> None:
+    (directory / "r.csv").write_text("t,torque,angle\n0,0,0\n0.005,0.1,0\n", encoding="utf-8")
+    result = call(f"{command} r.csv")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.startswith("axiswatch: cell1.axis1: Jm, ")
+    assert "not known: identify the axis first, and name its nominal_file" in result.stderr
 
 
 @pytest.mark.usefixtures("directory")
