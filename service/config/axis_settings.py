@@ -40,7 +40,8 @@ def unknown_of(axis: AxisConfig) -> list[str]:
     predictor = predictor_of(axis)
     missing = lacking(watched_drive(axis), watched_values(axis))
     if predictor.innovation_variance is None:
-        missing += [name for name in ("torque_noise", "output_noise") if getattr(predictor, name) is None]
+        noises = ("output_noise",) if predictor.kind == "output-error" else ("torque_noise", "output_noise")
+        missing += [name for name in noises if getattr(predictor, name) is None]
     return missing
 
 
