@@ -90,8 +90,10 @@ def open_buses(configs: Iterable[BusSettings]) -> Iterator[dict[str, Bus]]:
         yield buses
 
 
-def send(bus: Bus, key: FrameKey, data: bytes) -> None:
+def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
     """Send a frame: CAN FD when it is longer than 8 bytes.
+
+    ``at_s``: the time of its receipt since 1970 on a bus inside the process that keeps times; others ignore it.
 
     Raises:
         BusError: the bus does not take it.
@@ -102,6 +104,7 @@ def send(bus: Bus, key: FrameKey, data: bytes) -> None:
         data=data,
         is_fd=len(data) > 8,
         bitrate_switch=len(data) > 8,
+        timestamp=at_s,
     )
     end = time.monotonic() + _SEND_TIMEOUT_S
     while True:

@@ -22,6 +22,8 @@ from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 log = structlog.get_logger(__name__)
 
 _MOST_AXES = 6
+_LATEST_S = 5.0
+"""Samples may be sent so late [s]: their times are kept, as those of a kernel that receives them."""
 
 Axes = Annotated[int, typer.Option("--axes", min=1, max=_MOST_AXES, help="Number of axes.")]
 
@@ -48,8 +50,11 @@ def demo(
 
 def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Config:
     robot = config.robot[0].model_copy(update={"axis": config.robot[0].axis[:axes]})
+    # The robot shares this process with the daemon: the bus keeps the times at which it should have sent.
+    bus = config.bus[0].model_copy(update={"options": {"preserve_timestamps": True}})
     return config.model_copy(
         update={
+            "bus": (bus,),
             "robot": (robot,),
             "service": config.service.model_copy(update={"state_dir": state_dir}),
             "web": config.web if port is None else config.web.model_copy(update={"port": port}),
@@ -84,7 +89,7 @@ def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: t
     ready.wait()
     try:
         with open_buses(config.bus) as buses:
-            sent = run_robot(robot, sender(config, buses), stop, _log_fault)
+            sent = run_robot(robot, sender(config, buses), stop, _log_fault, latest_s=_LATEST_S)
     finally:
         stop.set()
     if sent.left_out:

@@ -96,7 +96,7 @@ def _try_out(fault: Fault, config: Config) -> None:
 _CATCH_UP = 0.7
 """Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
 
-_LATEST_S = 0.4
+LATEST_S = 0.4
 """Samples later than this [s] are left out: a controller sends at its time or not at all, and a monitor that follows
 its counter takes more than half a second for a clock that was set."""
 
@@ -105,21 +105,24 @@ Send = Callable[[Moment], int]
 
 
 def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
-    """Sends moments on open buses.
+    """Sends moments on open buses, with their times since the first one for a bus that keeps them.
 
     Raises:
         BusError: a bus does not take a frame.
         DbcError, IngestError: the configuration cannot be used, or a value does not fit into its signal.
     """
     encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
+    began_s: float | None = None
 
     def send_moment(moment: Moment) -> int:
+        nonlocal began_s
+        began_s = time.time() - moment.time_s if began_s is None else began_s
         # All encoded, then all sent: the frames of a moment are close together on the bus.
         frames = [
             (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
         ]
         for bus, (key, data) in frames:
-            send(bus, key, data)
+            send(bus, key, data, began_s + moment.time_s)
         return len(frames)
 
     return send_moment
@@ -138,8 +141,9 @@ def run_robot(
     stop: threading.Event,
     happened: Callable[[Fault], None] = lambda _: None,
     duration_s: float | None = None,
+    latest_s: float = LATEST_S,
 ) -> Sent:
-    """Send the samples of a robot on a schedule that does not drift.
+    """Send the samples of a robot on a schedule that does not drift; those later than ``latest_s`` are left out.
 
     It ends when ``stop`` is set, or after ``duration_s``.
     """
@@ -150,7 +154,7 @@ def run_robot(
         now, planned = time.monotonic(), start + moment.time_s
         if stop.is_set() or (duration_s is not None and moment.time_s >= duration_s):
             break
-        sending = planned > now - (_LATEST_S if sending else 0.0)
+        sending = planned > now - (latest_s if sending else 0.0)
         if not sending:
             left_out += 1
             continue

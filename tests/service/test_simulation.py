@@ -14,12 +14,13 @@ import pytest
 from monitor_core.drive.operating_conditions import Gate
 from monitor_core.drive.signal_terms import Term
 from monitor_core.samples import SampleBlock
+from service.can.bus import open_buses
 from service.config import NamedAxis, conditions_of
 from service.config.schema import SpeedConfig
 from service.config.schema_model import EstimatorConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, SimulatedConditions
-from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot
+from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config
 from tests.service.pipeline.robots import changed, demo
 
@@ -118,6 +119,28 @@ def test_after_a_stall_the_robot_goes_on_in_the_present(tmp_path: Path, seed: in
     assert frames + left_out == 200
     assert sent[6] - sent[5] > 0.6 / 0.005 - 1
     assert min(late_s) >= 0  # nothing is sent before its time
+
+
+def test_a_bus_inside_the_process_keeps_the_times_of_late_frames(tmp_path: Path, seed: int) -> None:
+    """The robot of the demo may be stalled by what else its process does; its samples are not."""
+    config = demo(tmp_path, 1)
+    (bus,) = config.bus
+    config = config.model_copy(
+        update={"bus": (bus.model_copy(update={"options": {"preserve_timestamps": True}}),)}
+    )
+    with open_buses(config.bus) as buses, open_buses(config.bus) as listening:
+        send = sender(config, buses)
+
+        def stalled(moment: Moment) -> int:
+            if moment.number == 3:
+                time.sleep(0.1)
+            return send(moment)
+
+        frames, left_out = run_robot(SimulatedRobot(config, seed), stalled, threading.Event(), duration_s=0.2)
+        times = [listening[bus.name].recv(0) for _ in range(frames)]
+    assert left_out == 0
+    stamps = np.array([message.timestamp for message in times if message is not None])
+    np.testing.assert_allclose(np.unique(stamps) - stamps[0], np.arange(40) * 0.005, atol=1e-6)
 
 
 # --- signals: they open gates, lie where they are followed, and are what drives follow ----------------------
