@@ -55,6 +55,8 @@ def broken(draw: st.DrawFn) -> str:
 @settings(deadline=None, max_examples=60)
 @given(text=broken())
 @example(text=TWO_MASS.replace("displayUnit =", "displayUnit"))
+@example(text=NESTED.replace("type Mass = Real", "type Mass = c"))
+@example(text=NESTED.replace("R.Inertia mass(J = J)", "J mass(J = J)"))
 def test_read_or_told(text: str) -> None:
     try:
         model = read([Source("d.mo", text)])
