@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from service.commands.output_files import replace_text
-from service.commands.signal_proposals import configured
+from service.commands.signal_proposals import Review, configured
 from service.config.commissioned import Correction, commissioned, corrected
 from service.reports.commissioning_report import Outcome
 
@@ -41,15 +40,23 @@ class Order(NamedTuple):
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
 
 
-def commission_axis(order: Order, corrections: Sequence[Correction]) -> Outcome:
-    """Identify and calibrate an axis, unless that was done before with the same configuration and records."""
+def commission_axis(order: Order, review: Review) -> Outcome:
+    """Identify and calibrate an axis, unless that was done before with the same configuration and records.
+
+    ``review``: of its signals; with faults the axis is refused.
+    """
     name = order.axis_id
-    text = corrected(order.text, name, corrections)
+    text = corrected(order.text, name, review.corrections)
     digest = _digest(text, order)
     kept = order.folder / f"{name}.json"
     if (before := _read(kept, digest, order.folder)) is not None:
         return before
-    first = Outcome(name, corrections=tuple(corrections))
+    if review.faults:
+        faults = "; ".join(review.faults)
+        return Outcome(name, corrections=review.corrections, refusal=f"not identified: {faults}")
+    open_points = tuple(f"{words[0].upper()}{words[1:]}." for words in review.doubts)
+    open_points += (review.unchecked,) if review.unchecked else ()
+    first = Outcome(name, corrections=review.corrections, notes=open_points)
     outcome = _identified(order, text, first)
     if outcome.found is not None:
         outcome = _calibrated(order, text, outcome)
@@ -75,7 +82,7 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
         outcome,
         verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
         outlook=outlook_words(report),
-        notes=report.warnings,
+        notes=(*outcome.notes, *report.warnings),
         pages=(page,),
     )
     if report.rejection:

@@ -127,7 +127,7 @@ def test_an_axis_that_stands_still_does_not_hinder_the_other(folder: Path, seed:
     config = configured(folder / "robot.toml", *(AXIS.format(n=n, interval=H) for n in (1, 2)))
     result = axiswatch("commission", record, "--config", config, "--output", "made")
     assert result.exit_code == NOT_TESTED, result.output
-    assert "cell.a2: not identified: refused" in result.output
+    assert "cell.a2: not identified: column A2_Trq (the torque) is 0.1 throughout" in result.output
     assert "Not complete: cell.a2" in result.output
     assert [axis.id for axis in load(folder / "made" / "axiswatch.toml").axes] == ["cell.a1"]
     assert "1 of 2 axes ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
@@ -138,5 +138,7 @@ def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
     config = configured(folder / "robot.toml", AXIS.format(n=1, interval=0.01))
     result = axiswatch("commission", record, "--config", config, "--output", "made")
     assert result.exit_code == MISTAKE
-    assert "sample_interval_s = 0.005 is proposed, and there is nobody to ask" in result.stderr
+    words = " ".join(result.stderr.replace("│", " ").split())
+    assert "1 proposed change, and nobody to ask: cell.a1: sample_interval_s = 0.005" in words
+    assert f"axiswatch commission {record} --config {config} --budget 1y --output made --yes" in words
     assert not list((folder / "made").iterdir())
