@@ -346,10 +346,9 @@ def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     if record.quantity == "speed":
         speed = abs(y[found.start])
         turns = (speed > _STANDS * np.median(speed)) & np.append(visible, True)
-        # From full speed to nothing within a sample and back: no signal, no standstill.
-        usual = np.quantile(abs(np.diff(y)), 0.9)
-        far = (steps > _JUMP * usual) & (usual > 0)
-        return np.asarray(turns | (np.append(False, far) & np.append(far, False)), np.bool_)
+        # From full speed to nothing within a sample, or back: no signal, no standstill.
+        far = steps > _JUMP * np.quantile(steps, 0.9)
+        return np.asarray(turns | np.append(False, far) | np.append(far, False), np.bool_)
     elapsed = t[found.start[1:]] - t[found.start[1:] - 1]
     speed = steps / elapsed
     clear = (speed > _MOVING * np.median(speed)) & visible

@@ -38,10 +38,10 @@ _WORKS = 0.5
 change while it stands; so that is asked only of a motion that never comes back."""
 _SURE, _EXPLAINS = 4.0, 0.5
 """Standard deviations of an inertia, and the part of the torque that one mass explains, to say that the axis moves."""
-_TURNS_BACK = 2
-"""A constant torque can turn the motion once, as under a weight; not twice."""
-_SPEED = 0.3
-"""Of the root mean square of the speed: what counts as a motion in a direction."""
+_MOST_CHANGES = 2
+"""Under a constant torque a speed may rise and fall once, as with a weight; not rise, fall and rise."""
+_SPEED = 0.5
+"""Of the root mean square of the speed: smaller changes are not looked at."""
 
 
 class Span(NamedTuple):
@@ -154,19 +154,19 @@ def _extent(values: Floats) -> float:
 
 
 def _stuck_torque(record: Record) -> Runs:
-    """A torque that stays as it was while the motion goes to and fro."""
+    """A torque that stays as it was while the motion goes on as if it did not."""
     found = runs(record.u)
     if found.start.size == 1:
         return found
     seconds = found.length * record.interval_s
     usual = float(np.median(found.length))
     candidates = np.flatnonzero((seconds > _STUCK_S) & (found.length > _STUCK_RUN * usual))
-    turning = [k for k in candidates.tolist() if _turns_back(record, found, k) >= _TURNS_BACK]
-    return Runs(found.start[turning], found.length[turning])
+    wrong = [k for k in candidates.tolist() if _changes(record, found, k) >= _MOST_CHANGES]
+    return Runs(found.start[wrong], found.length[wrong])
 
 
-def _turns_back(record: Record, found: Runs, k: int) -> int:
-    """How often the motion changes its direction within a run."""
+def _changes(record: Record, found: Runs, k: int) -> int:
+    """How often the speed turns from rising to falling or back within a run."""
     t, y = record.t[record.measured], record.y[record.measured]
     if t.size < 2:
         return 0
@@ -175,5 +175,5 @@ def _turns_back(record: Record, found: Runs, k: int) -> int:
     smooth = np.convolve(speed, np.full(9, 1 / 9), mode="same")
     enough = _SPEED * float(np.sqrt(np.mean(smooth**2)))
     part = smooth[found.start[k] : found.start[k] + found.length[k]]
-    direction = np.sign(part[abs(part) > enough])
-    return int(np.count_nonzero(np.diff(direction)))
+    steps = np.diff(np.rint(part / enough)) if enough > 0 else np.zeros(0)
+    return int(np.count_nonzero(np.diff(np.sign(steps[steps != 0]))))
