@@ -61,7 +61,7 @@ def commission(
         orders = _orders(config, read, records, output, options_for(budget_s), yes)
         reviews = _reviewed(orders, yes, console, _command(records, config, output, budget))
         outcomes = _carried_out(orders, reviews, console)
-    corrections = {axis_id: review.corrections for axis_id, review in reviews.items()}
+    corrections = {outcome.axis_id: outcome.corrections for outcome in outcomes}
     words = next_step(outcomes, output / CONFIG, bool(read.bus))
     _write(config, orders[0], outcomes, corrections, words)
     console.print(words, markup=False)

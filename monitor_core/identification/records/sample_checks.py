@@ -345,10 +345,7 @@ def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     visible = steps > _DIGITS * steps.min()
     if record.quantity == "speed":
         speed = abs(y[found.start])
-        turns = (speed > _STANDS * np.median(speed)) & np.append(visible, True)
-        # From full speed to nothing within a sample, or back: no signal, no standstill.
-        far = steps > _JUMP * np.quantile(steps, 0.9)
-        return np.asarray(turns | np.append(False, far) | np.append(far, False), np.bool_)
+        return np.asarray((speed > _STANDS * np.median(speed)) & np.append(visible, True), np.bool_)
     elapsed = t[found.start[1:]] - t[found.start[1:] - 1]
     speed = steps / elapsed
     clear = (speed > _MOVING * np.median(speed)) & visible

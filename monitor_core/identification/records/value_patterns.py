@@ -36,6 +36,8 @@ _WORKS_S, _WORKS_RUN = 1.0, 20.0
 _WORKS = 0.5
 """Of the range of the torque beside such stretches: an axis that stands needs less than one that moves.  A weight may
 change while it stands; so that is asked only of a motion that never comes back."""
+_FAR = 3.0
+"""Times the step that is exceeded in a tenth of the samples."""
 _SURE, _EXPLAINS = 4.0, 0.5
 """Standard deviations of an inertia, and the part of the torque that one mass explains, to say that the axis moves."""
 _MOST_CHANGES = 2
@@ -133,6 +135,11 @@ def _stuck_motion(record: Record, u: Floats) -> Runs:
     usual = _extent(u[beside])
     ends = [(a, b) for a, b in long if not still[a] and (a == 0 or b == y.size)]
     works = [(a, b) for a, b in ends if _extent(u[a:b]) > _WORKS * usual]
+    if record.quantity == "speed":
+        # From full speed to nothing within a sample, or back: no signal, no standstill.
+        far = abs(np.diff(y)) > _FAR * np.quantile(abs(np.diff(y)[np.diff(y) != 0]), 0.9)
+        far = np.concatenate(([False], far, [False]))
+        works += [(a, b) for a, b in long if not still[a] and (far[a] or far[b]) and (a, b) not in works]
     if works and not _drives(record, beside):
         works = []
     start = np.concatenate([found.start, [a for a, _ in works]]).astype(np.int64)

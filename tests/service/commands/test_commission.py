@@ -133,6 +133,44 @@ def test_an_axis_that_stands_still_does_not_hinder_the_other(folder: Path, seed:
     assert "1 of 2 axes ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
 
 
+def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
+    """Milliseconds, per mille of 2.4 N m, counts of 2^14; the nominal values are about known."""
+    record = table(folder / "healthy.csv", seed, 30.0)
+    head, rows = (
+        record.read_text(encoding="utf-8").partition("\n")[0],
+        np.loadtxt(record, delimiter=",", skiprows=1),
+    )
+    wrong = [1e3 * (rows[:, 0] - rows[0, 0]), 1000 / 2.4 * rows[:, 1], 2**14 / (2 * np.pi) * rows[:, 2]]
+    np.savetxt(
+        record, np.column_stack([wrong[0], *np.rint(wrong[1:])]), "%.12g", ",", header=head, comments=""
+    )
+    nominal = ", ".join(f"{name} = {0.9 * v if name in ('Jm', 'Ja') else v}" for name, v in VALUES.items())
+    config = configured(
+        folder / "robot.toml", AXIS.format(n=1, interval=H).replace("kT = 1, r = 0.0085", nominal)
+    )
+    words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made")
+    asked = axiswatch(*words)
+    assert asked.exit_code == MISTAKE
+    assert "3 proposed changes, and nobody to ask" in " ".join(asked.stderr.replace("│", " ").split())
+    result = axiswatch(*words, "--yes")
+    assert result.exit_code == 0, result.output
+    assert "per mille of a rated torque of about 2." in result.output
+    assert "2^14 = 16384" in result.output
+    assert "18 s of the records can be used, 18 memories of 1 s" in (
+        folder / "made" / "report.html"
+    ).read_text("utf-8")
+    (axis,) = load(folder / "made" / "axiswatch.toml").axes
+    assert axis.config.estimator.memory_s is not None
+    assert 0.5 < axis.config.estimator.memory_s < 1
+    assert axis.config.time.factor == 1e-3
+    assert axis.config.motion.factor == pytest.approx(2 * np.pi / 2**14)
+    assert axis.config.torque.factor == pytest.approx(2.4e-3, rel=0.25)
+    found = axis.config.model.nominal_file
+    assert found is not None
+    scale = axis.config.torque.factor / 2.4e-3  # friction is as right as the rated torque
+    assert found.values["fm"] == pytest.approx(scale * VALUES["fm"], rel=0.1)
+
+
 def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
     record = table(folder / "healthy.csv", seed, 20.0)
     config = configured(folder / "robot.toml", AXIS.format(n=1, interval=0.01))
