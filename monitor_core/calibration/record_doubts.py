@@ -36,11 +36,24 @@ class CalibrationError(Exception):
 
     Attributes:
         budget_s: the budget of one false alarm in this time [s] that the records would support; None: not known.
+        memory_s: the memory for which they would suffice [s]; None: not known.
+        joint_state: that memory needs ``joint_state = true``.
+        without: parameters that they do not show; the others they may.
     """
 
-    def __init__(self, text: str, budget_s: float | None = None) -> None:
+    def __init__(
+        self,
+        text: str,
+        budget_s: float | None = None,
+        memory_s: float | None = None,
+        joint_state: bool = False,
+        without: Sequence[str] = (),
+    ) -> None:
         super().__init__(text)
         self.budget_s = budget_s
+        self.memory_s = memory_s
+        self.joint_state = joint_state
+        self.without = tuple(without)
 
 
 def check_settings(settings: Settings) -> None:
@@ -66,7 +79,8 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
         raise CalibrationError(
             f"P(0) was not found, because {listed(uncertain)} cannot be determined within a memory of"
             f" {memory * h:.3g} s: take {'it' if len(uncertain) == 1 else 'them'} out of `monitor`, raise memory_s, or"
-            " give motion that accelerates and has several speeds within memory_s"
+            " give motion that accelerates and has several speeds within memory_s",
+            without=uncertain,
         )
     if not tested.any() and after < memory:
         needed = SEEDING_MEMORIES + FEWEST + 1
@@ -77,7 +91,9 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
             ways.append(f"set memory_s = {shorter:g}{' and joint_state = true' if joint else ''}")
         raise CalibrationError(
             f"the records hold {len(tested) * h:.3g} s, and P(0) was not found in them: that takes ten memories of"
-            f" {memory * h:.3g} s of motion; {', or '.join(ways)}"
+            f" {memory * h:.3g} s of motion; {', or '.join(ways)}",
+            memory_s=shorter,
+            joint_state=joint,
         )
     for i, name in enumerate(model.monitored):
         share = tested[:, i].sum() / max(after, 1)
@@ -85,14 +101,27 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
             hints = "".join(f"; {words}" for deviations in found for words in deviations.confounded[:2])
             raise CalibrationError(
                 f"{name} is observed in {100 * share:.0f} % of the time after the start, {tested[:, i].sum() * h:.3g}"
-                f" of {after * h:.3g} s{hints}: give records that move the axis as in operation"
+                f" of {after * h:.3g} s{hints}: give records that move the axis as in operation",
+                without=(name,),
             )
     tested_samples = tested.all(axis=1).sum()
     if tested_samples < FEWEST * memory:
+        # With another memory another part of the records is taken to find P(0).
+        usable_s = (tested_samples + SEEDING_MEMORIES * memory * len(found)) * h
+        shorter, joint = fitting_memory(
+            model, settings, usable_s / (FEWEST + SEEDING_MEMORIES * len(found) + 1)
+        )
+        way = (
+            ""
+            if shorter is None
+            else f", or memory_s = {shorter:g}{' with joint_state = true' if joint else ''}"
+        )
         raise CalibrationError(
             f"{tested_samples * h:.3g} s of the records can be used, {tested_samples / memory:.0f} memories of"
             f" {memory * h:.3g} s:"
-            f" at least {FEWEST} are needed, {FEWEST * memory * h:.3g} s"
+            f" at least {FEWEST} are needed, {FEWEST * memory * h:.3g} s{way}",
+            memory_s=shorter,
+            joint_state=joint,
         )
 
 

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from service.commands.output_files import replace_text
-from service.commands.signal_proposals import configured
+from service.commands.signal_proposals import Review, configured
 from service.config.commissioned import Correction, commissioned, corrected
 from service.reports.commissioning_report import Outcome
 
 if TYPE_CHECKING:
-    from monitor_core.calibration import CalibrationOptions
-    from service.reports.calibration_report import Calibration
+    from monitor_core.calibration import CalibrationError, CalibrationOptions
     from service.reports.formats import Provenance
 
 
@@ -41,15 +39,23 @@ class Order(NamedTuple):
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
 
 
-def commission_axis(order: Order, corrections: Sequence[Correction]) -> Outcome:
-    """Identify and calibrate an axis, unless that was done before with the same configuration and records."""
+def commission_axis(order: Order, review: Review) -> Outcome:
+    """Identify and calibrate an axis, unless that was done before with the same configuration and records.
+
+    ``review``: of its signals; with faults the axis is refused.
+    """
     name = order.axis_id
-    text = corrected(order.text, name, corrections)
+    text = corrected(order.text, name, review.corrections)
     digest = _digest(text, order)
     kept = order.folder / f"{name}.json"
     if (before := _read(kept, digest, order.folder)) is not None:
         return before
-    first = Outcome(name, corrections=tuple(corrections))
+    if review.faults:
+        faults = "; ".join(review.faults)
+        return Outcome(name, corrections=review.corrections, refusal=f"not identified: {faults}")
+    open_points = tuple(f"{words[0].upper()}{words[1:]}." for words in review.doubts)
+    open_points += (review.unchecked,) if review.unchecked else ()
+    first = Outcome(name, corrections=review.corrections, notes=open_points)
     outcome = _identified(order, text, first)
     if outcome.found is not None:
         outcome = _calibrated(order, text, outcome)
@@ -75,7 +81,7 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
         outcome,
         verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
         outlook=outlook_words(report),
-        notes=report.warnings,
+        notes=(*outcome.notes, *report.warnings),
         pages=(page,),
     )
     if report.rejection:
@@ -90,30 +96,34 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
     from service.commands.calibrate import calibrate_axis
     from service.reports.calibration_files import as_html, as_toml
 
-    assert outcome.found is not None
-    config, axis = configured(commissioned(text, {order.axis_id: outcome.found}), order.axis_id, order.folder)
-
-    def calibrate(options: CalibrationOptions) -> Calibration:
-        return calibrate_axis(config, axis, order.records, options, order.provenance)
-
-    options, notes = order.options, outcome.notes
-    try:
+    options, found = order.options, None
+    for _ in range(_MOST_REMEDIES):
+        assert outcome.found is not None
+        changed = corrected(text, order.axis_id, outcome.corrections)
+        own = commissioned(changed, {order.axis_id: outcome.found})
+        config, axis = configured(own, order.axis_id, order.folder)
         try:
-            found = calibrate(options)
+            found = calibrate_axis(config, axis, order.records, options, order.provenance)
+            break
         except CalibrationError as error:
-            if error.budget_s is None or not order.shorten:
-                raise
-            notes, options = (*notes, f"{error}."), replace(options, budget_s=_rounded(error.budget_s))
-            found = calibrate(options)
-    except _mistakes() as error:
-        return replace(outcome, refusal=f"not calibrated: {error}")
+            remedy = _remedy(error, outcome, options)
+            if remedy is None or not order.shorten:
+                taken = "" if remedy is None else f"; --yes takes {remedy.words}"
+                return replace(outcome, refusal=f"not calibrated: {error}{taken}")
+            outcome, options = remedy.outcome, remedy.options
+        except _mistakes() as error:
+            return replace(outcome, refusal=f"not calibrated: {error}")
+    if found is None:
+        return replace(
+            outcome, refusal="not calibrated: the records are too short, or move the axis too little"
+        )
     page, values = f"{order.axis_id}-calibration.html", f"{order.axis_id}-thresholds.toml"
     replace_text(order.folder / page, as_html(found))
     replace_text(order.folder / values, as_toml(found))
     first = found.detectors[0]
     return replace(
         outcome,
-        notes=(*notes, *found.warnings),
+        notes=(*outcome.notes, *found.warnings),
         thresholds_file=values,
         budget_s=options.budget_s,
         promise=first.promise,
@@ -121,6 +131,39 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
         smallest=tuple((name, *first.smallest(name)) for name in found.result.model.monitored),
         pages=(*outcome.pages, page),
     )
+
+
+_MOST_REMEDIES = 5
+"""One refusal may come after the other."""
+
+
+class _Remedy(NamedTuple):
+    """What another attempt to calibrate is made with."""
+
+    words: str
+    outcome: Outcome
+    options: CalibrationOptions
+
+
+def _remedy(error: CalibrationError, outcome: Outcome, options: CalibrationOptions) -> _Remedy | None:
+    """What would do where these records do not; None: only other records would."""
+    outcome = replace(outcome, notes=(*outcome.notes, f"{error}."))
+    if error.budget_s is not None:
+        budget_s = _rounded(error.budget_s)
+        return _Remedy(f"a budget of {budget_s:g} s", outcome, replace(options, budget_s=budget_s))
+    if error.memory_s is not None:
+        reason = "for a longer one the records are too short"
+        changes = [Correction(("estimator", "memory_s"), error.memory_s, reason)]
+        if error.joint_state:
+            changes.append(
+                Correction(("estimator", "joint_state"), True, f"with a memory of {error.memory_s:g} s")
+            )
+        words = ", ".join(change.change for change in changes)
+        return _Remedy(words, replace(outcome, corrections=(*outcome.corrections, *changes)), options)
+    left = tuple(name for name in outcome.watched if name not in error.without)
+    if error.without and left:
+        return _Remedy(f"monitor = {list(left)}", replace(outcome, watched=left), options)
+    return None
 
 
 def _rounded(budget_s: float) -> float:

@@ -12,17 +12,20 @@ from service.commands.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
 from service.config.axis_settings import detectors_in_words
 from service.config.base_table import SUFFIX
+from service.config.drives import not_identified
 from service.config.remarks import remarks
+from service.config.schema import SignalConfig
 
 
 def check(config: ConfigPath) -> None:
     """Check a configuration with its DBC files; name every problem by file and line."""
-    read = configuration(config)
+    read = configuration(config, without_bus=True)
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
         notes = tuple(remarks(read))
         axes = _axes(read)
     console = Console()
-    console.print(_buses(read))
+    if read.bus:
+        console.print(_buses(read))
     console.print(axes)
     for note in notes:
         console.print(Text.assemble(("Note: ", "bold yellow"), note), soft_wrap=True)
@@ -44,18 +47,22 @@ def _axes(config: Config) -> Table:
     return table
 
 
+def _place(source: SignalConfig) -> str:
+    return f"{source.message}.{source.signal}" if source.message else f"column {source.column}"
+
+
 def _cells(axis: NamedAxis) -> tuple[str, ...]:
     config = axis.config
     found = [file for file in (config.model.nominal_file, config.model.thresholds_file) if file is not None]
     files = [line for file in found for line in (file.path.name, f"of {file.date[:10]}")]
     watched = ", ".join(config.model.monitor)
+    detectors = "not identified yet" if not_identified(config) else detectors_in_words(axis)
     return (
         axis.id,
-        config.bus,
-        f"{config.torque.message}.{config.torque.signal}\n"
-        f"{config.motion.message}.{config.motion.signal} ({config.output})",
+        config.bus or "tables",
+        f"{_place(config.torque)}\n{_place(config.motion)} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
-        "\n".join((_drive(config.model), watched, *files, *in_words(config), detectors_in_words(axis))),
+        "\n".join((_drive(config.model), watched, *files, *in_words(config), detectors)),
     )
 
 

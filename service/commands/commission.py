@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -21,6 +22,7 @@ from service.commands.output_files import replace_text
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
     from service.commands.axis_commissioning import Order
+    from service.commands.signal_proposals import Review
     from service.config import Config
     from service.config.commissioned import Correction
     from service.reports.commissioning_report import Outcome
@@ -57,8 +59,9 @@ def commission(
     console = Console(highlight=False, soft_wrap=True)
     with explained():
         orders = _orders(config, read, records, output, options_for(budget_s), yes)
-        corrections = _agreed(orders, yes, console)
-        outcomes = _carried_out(orders, corrections, console)
+        reviews = _reviewed(orders, yes, console, _command(records, config, output, budget))
+        outcomes = _carried_out(orders, reviews, console)
+    corrections = {outcome.axis_id: outcome.corrections for outcome in outcomes}
     words = next_step(outcomes, output / CONFIG, bool(read.bus))
     _write(config, orders[0], outcomes, corrections, words)
     console.print(words, markup=False)
@@ -68,35 +71,50 @@ def commission(
         raise typer.Exit(NOT_TESTED)
 
 
-def _agreed(orders: Sequence[Order], yes: bool, console: Console) -> Mapping[str, Sequence[Correction]]:
-    """The corrections to which the user agrees, by axis."""
-    from service.commands.signal_proposals import exchanged, proposals
+def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
+    """What was found about the signals of each axis, with the corrections to which the user agrees.
+
+    Raises:
+        typer.BadParameter: there are proposals, and nobody to ask.
+    """
+    from service.commands.signal_proposals import exchanged, review
     from service.config.commissioned import corrected
 
     text, records, folder = orders[0].text, orders[0].records, orders[0].folder
+    ask = yes or sys.stdin.isatty()
     agreed: dict[str, list[Correction]] = {order.axis_id: [] for order in orders}
+    proposed: list[str] = []
 
-    def ask(axis_id: str, proposed: Sequence[Correction]) -> None:
-        for correction in proposed:
-            console.print(f"{axis_id}: {correction.reason}.", markup=False)
-            if yes or _asks(axis_id, correction):
+    def take(axis_id: str, corrections: Sequence[Correction]) -> None:
+        refused = set[tuple[str, ...]]()
+        for correction in corrections:
+            console.print(f"{axis_id}: {correction.reason}. -> {correction.change}", markup=False)
+            proposed.append(f"{axis_id}: {correction.change}")
+            if correction.key in refused:
+                continue  # it builds on what was refused
+            if yes or not ask or typer.confirm(f"Change {axis_id} to {correction.change}?", default=True):
                 agreed[axis_id].append(correction)
+            else:
+                refused.add(correction.key)
 
-    for axis_id, correction in exchanged(text, records, folder).items():
-        ask(axis_id, [correction])
+    for axis_id, corrections in exchanged(text, records, folder).items():
+        take(axis_id, corrections)
     for axis_id, found in agreed.items():
         text = corrected(text, axis_id, found)
-    for order in orders:
-        ask(order.axis_id, proposals(text, order.axis_id, records, folder))
-    return agreed
-
-
-def _asks(axis_id: str, correction: Correction) -> bool:
-    if not sys.stdin.isatty():
+    reviews = {order.axis_id: review(text, order.axis_id, records, folder) for order in orders}
+    for axis_id, looked in reviews.items():
+        take(axis_id, looked.corrections)
+        for words in looked.doubts:
+            console.print(f"{axis_id}: {words}.", markup=False)
+    if proposed and not ask:
         raise typer.BadParameter(
-            f"{axis_id}: {correction.change} is proposed, and there is nobody to ask", param_hint="--yes"
+            f"{len(proposed)} proposed {'changes' if len(proposed) > 1 else 'change'}, and nobody to ask:"
+            f" {'; '.join(proposed)}. Take all with: {command} --yes",
+            param_hint="--yes",
         )
-    return typer.confirm(f"Change {axis_id} to {correction.change}?", default=True)
+    return {
+        axis_id: looked._replace(corrections=tuple(agreed[axis_id])) for axis_id, looked in reviews.items()
+    }
 
 
 def options_for(budget_s: float) -> CalibrationOptions:
@@ -104,6 +122,12 @@ def options_for(budget_s: float) -> CalibrationOptions:
     from monitor_core.calibration import CalibrationOptions
 
     return CalibrationOptions(budget_s)
+
+
+def _command(records: Sequence[str], config: Path, output: Path, budget: str) -> str:
+    """As it is typed in a shell."""
+    words = ["axiswatch", "commission", *records, "--config", config, "--budget", budget, "--output", output]
+    return shlex.join(map(str, words))
 
 
 def _orders(
@@ -125,27 +149,25 @@ def _orders(
     ]
 
 
-def _carried_out(
-    orders: Sequence[Order], corrections: Mapping[str, Sequence[Correction]], console: Console
-) -> list[Outcome]:
+def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
     """What became of each axis; several at once, each in a process."""
     found: dict[str, Outcome] = {}
-    for number, outcome in enumerate(_outcomes(orders, corrections), 1):
+    for number, outcome in enumerate(_outcomes(orders, reviews), 1):
         found[outcome.axis_id] = outcome
         console.print(f"[{number}/{len(orders)}] {_line(outcome)}", markup=False)
     return [found[order.axis_id] for order in orders]
 
 
-def _outcomes(orders: Sequence[Order], corrections: Mapping[str, Sequence[Correction]]) -> Iterator[Outcome]:
+def _outcomes(orders: Sequence[Order], reviews: Mapping[str, Review]) -> Iterator[Outcome]:
     from service.commands.axis_commissioning import commission_axis
 
     workers = min(len(orders), os.cpu_count() or 1)
     if workers == 1:
-        yield from (commission_axis(order, corrections[order.axis_id]) for order in orders)
+        yield from (commission_axis(order, reviews[order.axis_id]) for order in orders)
         return
     # Not forked: this process has threads.
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        running = [pool.submit(commission_axis, order, corrections[order.axis_id]) for order in orders]
+        running = [pool.submit(commission_axis, order, reviews[order.axis_id]) for order in orders]
         try:
             yield from (done.result() for done in as_completed(running))
         except BaseException:

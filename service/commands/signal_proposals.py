@@ -5,16 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from monitor_core.arrays import Floats
+from service.commands.checked_axis import Checked
 from service.commands.output_files import replace_text
+from service.commands.signal_doubts import unchecked, unknown_units
+from service.commands.signal_faults import faults
+from service.commands.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.config import Config, NamedAxis, load
 from service.config.commissioned import Correction, corrected
 
 if TYPE_CHECKING:
-    from monitor_core.identification import Known, Record
+    from monitor_core.identification import Record
+    from service.ingest.identification_records import Loaded
 
 _SAME_INTERVAL = 0.01
 """Relative: a measured interval that differs by less is the configured one."""
@@ -24,18 +31,27 @@ _ABOUT = 2.5
 """Times in another unit need not have the configured interval; by this factor they may differ."""
 _EXPLAINS = 0.3
 """Of the variance of the torque, by which two axes explain more with their torques exchanged."""
-_ROUNDS = 4
+_MOST = 50_000
+"""Samples that are compared."""
+_ROUNDS = 8
 """One mistake hides another: after a correction it is looked again."""
 
 
-class _Checked(NamedTuple):
-    axis: NamedAxis
-    records: Sequence[Record]
-    known: Known
+class Review(NamedTuple):
+    """What was found about the signals of an axis."""
+
+    corrections: tuple[Correction, ...]
+    """In the order in which they are to be made"""
+    faults: tuple[str, ...]
+    """What no correction mends: the axis cannot be identified with these records"""
+    doubts: tuple[str, ...]
+    """What looks wrong and cannot be told from the records, and what would settle it"""
+    unchecked: str
+    """What was taken as configured"""
 
 
-def proposals(text: str, axis_id: str, records: Sequence[str], folder: Path) -> list[Correction]:
-    """Corrections of the signals of an axis, in the order in which they are to be made.
+def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Review:
+    """Look at the signals of an axis.
 
     Args:
         text: of a configuration that is valid in ``folder``.
@@ -47,38 +63,69 @@ def proposals(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         RecordError, DbcError, IngestError: a record cannot be read.
     """
     found: list[Correction] = []
-    for _ in range(_ROUNDS):
+    wrong: tuple[str, ...] = ()
+    while True:
         checked = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
-        new = next((c for check in _CHECKS for c in check(checked)), None)
-        if new is None or any(new.key == before.key for before in found):
-            break
+        new = next(_of(_TIME_CHECKS, checked), None)
+        if new is None:
+            wrong = tuple(faults(checked, tuple(records)))
+            new = None if wrong else next(_of(_SIGNAL_CHECKS, checked), None)
+        if new is None or len(found) == _ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
+            doubts = () if wrong else tuple(unknown_units(checked))
+            return Review(tuple(found), wrong, doubts, unchecked(checked))
         found.append(new)
-    return found
 
 
-def exchanged(text: str, records: Sequence[str], folder: Path) -> dict[str, Correction]:
-    """Axes of a robot whose torques are those of each other, by their names: with the column that is theirs."""
-    from monitor_core.identification import rigid_fit
-
+def exchanged(text: str, records: Sequence[str], folder: Path) -> dict[str, tuple[Correction, ...]]:
+    """Axes of a robot whose torques are those of others, by their names: with the signal that is theirs."""
     config, _ = configured(text, None, folder)
-    axes = [axis for axis in config.axes if axis.config.torque.column is not None]
-    loaded = {axis.id: _records(config, axis, records[:1])[0] for axis in axes}
-
-    def explained(torque: NamedAxis, motion: NamedAxis) -> float:
-        fit = rigid_fit(replace(loaded[motion.id], u=loaded[torque.id].u))
-        return fit.explained if fit is not None and fit.inertia > 0 else 0.0
-
-    found: dict[str, Correction] = {}
-    for first, second in combinations(axes, 2):
-        if first.robot != second.robot or len(loaded[first.id]) != len(loaded[second.id]):
-            continue
-        now = max(explained(first, first), explained(second, second))
-        if min(explained(second, first), explained(first, second)) > now + _EXPLAINS:
-            for axis, partner in ((first, second), (second, first)):
-                reason = f"the motion of this axis follows the torque of {partner.config.name}"
-                column = str(partner.config.torque.column)
-                found[axis.id] = Correction(("torque", "column"), column, reason)
+    found: dict[str, tuple[Correction, ...]] = {}
+    for robot in config.robot:
+        found |= _exchanged_in(config, [axis for axis in config.axes if axis.robot == robot.name], records)
     return found
+
+
+def _exchanged_in(
+    config: Config, axes: Sequence[NamedAxis], records: Sequence[str]
+) -> dict[str, tuple[Correction, ...]]:
+    """Of one robot."""
+    from scipy.optimize import linear_sum_assignment
+
+    loaded = {axis.id: _loaded(config, axis, records[:1])[0].record for axis in axes}
+    longest = max(map(len, loaded.values()))
+    axes = [
+        axis for axis in axes if len(loaded[axis.id]) == longest
+    ]  # others are no samples of the same moments
+    part = slice(min(longest, _MOST))
+    moved = [loaded[axis.id].select(part) for axis in axes]
+    explained = np.array([[_explained(motion, torque.u) for torque in moved] for motion in moved])
+    # A torque that is its own explains the motion best.  Small differences are no reason to look elsewhere.
+    _, best = linear_sum_assignment(-explained - _EXPLAINS * np.eye(len(axes)))
+    now = explained.diagonal()
+    changed = [k for k, other in enumerate(best.tolist()) if other != k]
+    if not changed or min(explained[k, best[k]] - now[k] for k in changed) < _EXPLAINS:
+        return {}
+    return {axes[k].id: tuple(_torque_of(axes[k], axes[best[k]])) for k in changed}
+
+
+def _explained(motion: Record, torque: Floats) -> float:
+    """Part of the torque that is explained if the motion is that of a mass which it drives."""
+    from monitor_core.identification import rigid_fit, speed_scales
+
+    if np.ptp(torque) == 0 or np.ptp(motion.y[motion.measured]) == 0:
+        return 0.0
+    record = replace(motion, u=torque)
+    fit = rigid_fit(record, speed_scales([record])[1])
+    return max(0.0, fit.explained) if fit is not None and fit.inertia > 0 else 0.0
+
+
+def _torque_of(axis: NamedAxis, partner: NamedAxis) -> Iterator[Correction]:
+    reason = f"the motion of this axis follows the torque of {partner.config.name}"
+    mine, other = axis.config.torque, partner.config.torque
+    for key in ("column", "message", "signal"):
+        value = getattr(other, key)
+        if value and value != getattr(mine, key):
+            yield Correction(("torque", key), value, reason)
 
 
 def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, NamedAxis]:
@@ -92,46 +139,42 @@ def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, Na
     return config, next(axis for axis in config.axes if axis_id in (None, axis.id))
 
 
-def _records(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Record]:
+def _loaded(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Loaded]:
     from service.ingest.identification_records import load as load_record
 
-    return [load_record(record, config, axis.id).record for record in records]
+    return [load_record(record, config, axis.id) for record in records]
 
 
-def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> _Checked:
-    from monitor_core.identification import Known, known_of
-    from service.commands.identification_task import known_values
-    from service.config.drive_sources import model_of_axis
+def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> Checked:
+    from service.ingest.axis_records import wanted
+    from service.ingest.records import is_table
 
-    drive = model_of_axis(axis.config).drive
-    values, unknown = known_values(axis, drive)
-    known = Known() if unknown else known_of(drive, values, 0, axis.config.model.friction_speed_scale)
-    return _Checked(axis, _records(config, axis, records), known)
+    return Checked(config, axis, _loaded(config, axis, records), is_table(wanted(records[0]).path))
 
 
 # --- The checks, in the order in which their corrections are to be made -----------------------------------------------
 
 
-def _unit_of_time(checked: _Checked) -> Iterator[Correction]:
+def _unit_of_time(checked: Checked) -> Iterator[Correction]:
     ratio = _interval_s(checked) / checked.axis.config.sample_interval_s
     for factor, unit in _UNITS.items():
         if checked.axis.config.time.column is not None and 1 / _ABOUT < ratio / factor < _ABOUT:
             yield Correction(("time", "factor"), 1 / factor, f"the times look like {unit}")
 
 
-def _interval(checked: _Checked) -> Iterator[Correction]:
+def _interval(checked: Checked) -> Iterator[Correction]:
     configured_s, measured_s = checked.axis.config.sample_interval_s, _interval_s(checked)
     if not math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL):
         reason = f"the samples of the records are {measured_s:.6g} s apart, not {configured_s:g} s"
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 
 
-def _interval_s(checked: _Checked) -> float:
+def _interval_s(checked: Checked) -> float:
     """The median of the records."""
     return sorted(record.mean_interval_s for record in checked.records)[len(checked.records) // 2]
 
 
-def _sign(checked: _Checked) -> Iterator[Correction]:
+def _sign(checked: Checked) -> Iterator[Correction]:
     from monitor_core.identification import suspicions
 
     for finding in (f for record in checked.records for f in suspicions(record)):
@@ -140,16 +183,32 @@ def _sign(checked: _Checked) -> Iterator[Correction]:
             yield Correction(("torque", "factor"), -checked.axis.config.torque.factor, reason)
 
 
-def _units(checked: _Checked) -> Iterator[Correction]:
-    from monitor_core.identification import slip_of, suspicions
+def _wrap(checked: Checked) -> Iterator[Correction]:
+    """The angle starts again after each turn, or after each overflow of a counter."""
+    from monitor_core.identification import wrap_of
 
-    axis = checked.axis.config
-    for finding in (f for record in checked.records for f in suspicions(record, checked.known)):
-        slip = slip_of(finding.number) if finding.kind == "units" else None
-        if slip is not None:
-            key = "torque" if slip.signal == "torque" else axis.output
-            before = (axis.torque if slip.signal == "torque" else axis.motion).factor
-            yield Correction((key, "factor"), before * slip.unit, finding.sentence)
+    angle = checked.axis.config.angle
+    if angle is None or checked.output != "angle":
+        return
+    if angle.wrap_period is None:
+        record = checked.records[0]
+        period = wrap_of((record.y[record.measured] - angle.offset) / angle.factor)
+        if period is not None:
+            yield Correction(("angle", "wrap_period"), period, f"the angle starts again after {period:.6g}")
+        return
+    for period, words in _TURNS.items():
+        if math.isclose(angle.wrap_period, period) and abs(angle.factor) == 1:
+            reason = f"an angle that starts again after {period:g} is in {words}"
+            yield Correction(("angle", "factor"), angle.factor * 2 * math.pi / period, reason)
 
 
-_CHECKS: tuple[Callable[[_Checked], Iterator[Correction]], ...] = (_unit_of_time, _interval, _sign, _units)
+_TURNS = {360.0: "degrees", 1.0: "revolutions"}
+
+
+def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
+    return (correction for check in checks for correction in check(checked))
+
+
+_Check = Callable[[Checked], Iterator[Correction]]
+_TIME_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval)
+_SIGNAL_CHECKS: tuple[_Check, ...] = (_wrap, by_name, _sign, by_ratio, by_weight, by_inertia, by_speed)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from monitor_core.drive import COSINE, SINE
 from monitor_core.monitoring import MIN_MEMORY_SAMPLES
 from service.config.axis_settings import step_noise
-from service.config.drives import watched_values
+from service.config.drives import not_identified, watched_values
 from service.config.model_rules import usable_drive
 from service.config.problems import Finding
 from service.config.schema import AxisConfig
@@ -88,6 +88,8 @@ def noises(axis: AxisConfig) -> Iterator[Finding]:
     """Everything is there that the filter gain and lambda_0 are computed from."""
     e = axis.estimator
     if axis.model.nominal_file is not None or axis.records_only:
+        return
+    if axis.to_be_identified and usable_drive(axis) and not_identified(axis):
         return
     output_noise = e.output_noise or step_noise(axis)
     if e.predictor == "output-error":

@@ -27,12 +27,21 @@ def monitored_model(axis: NamedAxis) -> AxisModel:
     Raises:
         AxisError: values or noises are missing, as an axis in tables may have before it is identified.
     """
+    check_known(axis)
+    return axis_model(axis.config)
+
+
+def check_known(axis: NamedAxis) -> None:
+    """Check that the values of the drive and the noises are known.
+
+    Raises:
+        AxisError: as ``monitored_model``.
+    """
     if missing := unknown_of(axis.config):
         raise AxisError(
             f"{axis.id}: {', '.join(missing)} not known: identify the axis first, and name its nominal_file in"
             " [robot.axis.model]"
         )
-    return axis_model(axis.config)
 
 
 def unknown_of(axis: AxisConfig) -> list[str]:

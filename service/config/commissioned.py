@@ -25,13 +25,16 @@ class Correction(NamedTuple):
     """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why."""
 
     key: tuple[str, ...]
-    value: float | str
+    value: float | str | bool
     reason: str
 
     @property
     def change(self) -> str:
         """As in the configuration."""
-        value = f'"{self.value}"' if isinstance(self.value, str) else f"{self.value:.6g}"
+        if isinstance(self.value, bool):
+            value = str(self.value).lower()
+        else:
+            value = f'"{self.value}"' if isinstance(self.value, str) else f"{self.value:.6g}"
         return f"{'.'.join(self.key)} = {value}"
 
     def __str__(self) -> str:
@@ -62,9 +65,11 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
         *tables, key = correction.key
         table = axis
         for name in tables:
+            if name not in table:
+                table[name] = tomlkit.table()
             table = table[name]
         value = correction.value
-        table[key] = value if isinstance(value, str) else float(f"{value:.10g}")
+        table[key] = value if isinstance(value, str | bool) else float(f"{value:.10g}")
     return tomlkit.dumps(document)
 
 

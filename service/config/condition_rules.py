@@ -11,7 +11,7 @@ from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
 from service.config.conditions import Schedule, follow_of, signal_names, term_of, varying_of, weight_of
-from service.config.drives import watches_load
+from service.config.drives import not_identified, watches_load
 from service.config.model_rules import decided_model, usable_drive
 from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, RobotConfig
@@ -129,8 +129,8 @@ def load(axis: AxisConfig) -> Iterator[Finding]:
     if LOAD in axis.model.nominal:
         message = "is relative to the nominal weight, so its nominal value is 1: remove this"
         yield Finding(("model", "nominal", LOAD), message)
-    to_be_identified = axis.records_only and axis.model.nominal_file is None
-    if not weight_of(axis) and not to_be_identified:
+    to_come = axis.records_only and axis.model.nominal_file is None
+    if not weight_of(axis) and not to_come and not not_identified(axis):
         message = (
             "no constant torque follows the pose, so there is no weight to compare the load with: find it with"
             ' `axiswatch identify --schedule "tau0: cos(angle)"`'

@@ -52,6 +52,11 @@ def lacking(drive: Drive, given: Collection[str]) -> list[str]:
     return list(dict.fromkeys(part for p in drive.parameters for part in lacking_for(drive, p.name, given)))
 
 
+def not_identified(axis: AxisConfig) -> bool:
+    """Whether values of the drive are missing that an identification is to find."""
+    return axis.to_be_identified and bool(lacking(watched_drive(axis), watched_values(axis)))
+
+
 def lacking_for(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
     """The parameters whose values are missing for this one: itself, or those it is merged from."""
     if name in given:

@@ -93,7 +93,7 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
             # A finding names key and value itself.
             reason = error.reason if isinstance(error, NominalValueError) else str(error)
             yield Finding((*path, name), reason)
-    if axis.records_only:  # an identification finds what is missing
+    if axis.to_be_identified:  # an identification finds what is missing
         return
     given = watched_values(axis).keys()
     for name in lacking(drive, given):

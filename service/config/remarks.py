@@ -20,7 +20,7 @@ from service.config.axis_settings import (
     untold,
 )
 from service.config.conditions import turning_torques, varying_of
-from service.config.drives import axis_model
+from service.config.drives import axis_model, not_identified
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
 
 _NEARLY = 1e-3
@@ -36,6 +36,12 @@ def remarks(config: Config) -> Iterator[str]:
     """
     yield from _unsaid(config)
     for axis in config.axes:
+        if not_identified(axis.config):
+            yield (
+                f"{axis.id}: not identified yet; `axiswatch commission` or `identify` finds its values in a record"
+                " of the healthy axis, `run` needs them"
+            )
+            continue
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)
         yield from _unwatched_load(axis.config, axis.id)

@@ -17,6 +17,10 @@ from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelCo
 # --- The samples of an axis: signals, their time, gates ---------------------------------------------------------------
 
 
+NEVER_IDENTIFIED = {"kT", "r"}
+"""Torque constant and gear ratio of a library drive: torque and motion of the motor do not determine them."""
+
+
 class SignalConfig(Table):
     """[robot.axis.torque], .angle, .speed: source of a quantity; without a bus only ``column`` is given."""
 
@@ -203,6 +207,13 @@ class AxisConfig(Table):
     def records_only(self) -> bool:
         """Whether the axis is on no bus: it is not monitored, only identified from tables."""
         return not self.bus
+
+    @property
+    def to_be_identified(self) -> bool:
+        """Whether its nominal values are still to be found: none is given but those that no record shows."""
+        return self.model.nominal_file is None and (
+            self.records_only or not set(self.model.nominal) - NEVER_IDENTIFIED
+        )
 
     @property
     def forgetting(self) -> float:

@@ -25,8 +25,9 @@ from monitor_core.excitation import Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
 from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of, drive_of, given_values, needed, predictor_of
+from service.config.axis_settings import check_known
 from service.config.conditions import weight_of
-from service.config.drives import axis_model
+from service.config.drives import axis_model, not_identified
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)
@@ -64,6 +65,8 @@ class ControlledAxis:
         self._rng = rng
         # With the angle among its states, whichever of angle and speed is sent.
         self._given = given_values(config)
+        if not_identified(config):
+            check_known(axis)
         self._model = model = AxisModel(drive_of(config, "angle"), self._given, ())
         self._drive = SimulatedAxis(model.nominal, predictor.friction_speed_scale, drive=model.drive)
         self._plant = Plant(model.drive, model.nominal, self.interval_s, predictor.friction_speed_scale)

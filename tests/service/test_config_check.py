@@ -123,12 +123,23 @@ def test_columns_are_enough(directory: Path) -> None:
 
 
 @pytest.mark.usefixtures("directory")
-@pytest.mark.parametrize("command", ["run", "check", "listen", "simulate", "play r.csv"])
+@pytest.mark.parametrize("command", ["run", "listen", "simulate", "play r.csv"])
 def test_what_needs_a_bus_says_so(command: str) -> None:
     result = call(command)
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr.startswith("axiswatch: axis.toml: no bus: ")
     assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.usefixtures("directory")
+def test_an_axis_that_is_not_identified_yet() -> None:
+    result = call("check")
+    assert result.exit_code == 0, result.stderr
+    assert "column torque" in result.stdout
+    assert (
+        "cell1.axis1: not identified yet; `axiswatch commission` or `identify` finds its values"
+        in result.stdout
+    )
 
 
 @pytest.mark.parametrize("command", ["replay", "calibrate"])

@@ -4,11 +4,25 @@ A finding that refuses says that no fit to this record can be trusted; one that 
 at.  Thresholds are set so that a healthy record gives no finding: each constant says why it is what it is.
 """
 
-from monitor_core.identification.records.motion_checks import known_of, slip_of, suspicions
+from monitor_core.identification.records.motion_checks import (
+    is_about_nominal,
+    known_of,
+    shown_inertia,
+    suspicions,
+)
 from monitor_core.identification.records.record import UNITS, Bools, Finding, Known, Record, Severity, between
 from monitor_core.identification.records.rigid_body import rigid_fit, speed_scales
+from monitor_core.identification.records.turning_weight import TurningWeight, turning_weight
+from monitor_core.identification.records.value_patterns import (
+    Span,
+    held_for,
+    stuck_spans,
+    whole_numbers,
+    wrap_of,
+)
 
 __all__ = [
-    "UNITS", "Bools", "Finding", "Known", "Record", "Severity", "between", "known_of", "rigid_fit", "slip_of",
-    "speed_scales", "suspicions",
+    "UNITS", "Bools", "Finding", "Known", "Record", "Severity", "Span", "TurningWeight", "between", "held_for",
+    "is_about_nominal", "known_of", "rigid_fit", "shown_inertia", "speed_scales", "stuck_spans",
+    "suspicions", "turning_weight", "whole_numbers", "wrap_of",
 ]  # fmt: skip

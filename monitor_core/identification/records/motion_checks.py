@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.linalg import eigvals
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
 from monitor_core.identification.records.record import Finding, Known, Record
-from monitor_core.identification.records.rigid_body import rigid_fit
+from monitor_core.identification.records.rigid_body import USUAL, Rigid, Term, rigid_fits
 from monitor_core.identification.records.sample_checks import signals, strange, times
 
 _BACK = 3.0
@@ -29,6 +30,9 @@ _AS_NOMINAL = 5.0
 _NEAR = 3.0
 """To a suspected factor: as far as a guess may be wrong."""
 _NOTHING_KNOWN = Known()
+_POSE: tuple[Term, ...] = (*USUAL, "angle", "angle^2", "angle^3")
+_WEIGHT = 0.5
+"""Of the torque that one mass leaves unexplained: where terms of the pose take away so much, a weight acts."""
 
 
 class Slip(NamedTuple):
@@ -81,33 +85,44 @@ def _work(record: Record) -> Floats:
     return np.concatenate(([0.0], np.cumsum(record.u[:-1] * turned)))
 
 
+def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None:
+    """The record as one mass, under a weight if there is one; None: that does not explain its torque."""
+    shortest_s = _SLOW * (known.antiresonance_s or 0.0)
+    mass, weighed = rigid_fits([record], [USUAL, _POSE], known.speed_scale, shortest_s)
+    if mass is None:
+        return None
+    if weighed is not None and 1 - weighed.explained < _WEIGHT * (1 - mass.explained):
+        mass = weighed
+    return mass if abs(mass.inertia) > _SURE * mass.sd and mass.explained > _EXPLAINS else None
+
+
 def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
     done = _work(record)
     falls = float((np.maximum.accumulate(done) - done).max())
     rises = float((done - np.minimum.accumulate(done)).max())
-    if falls <= _BACK * rises:
+    mass = shown_inertia(record, replace(known, antiresonance_s=None))
+    negative = mass is not None and mass.inertia < 0
+    # A weight gives back what it took; that an axis has an inertia and a friction below zero no weight can do.
+    pushes = negative and mass is not None and mass.torques["coulomb"] < 0
+    if falls <= _BACK * rises and not pushes:
         return
-    rigid = rigid_fit(record, known.speed_scale)
-    negative = rigid is not None and rigid.inertia < -_SURE * rigid.sd and rigid.explained > _EXPLAINS
-    shown = f", and as one mass it has an inertia of {rigid.inertia:.3g} kg m^2" if rigid and negative else ""
+    shown = f", and as one mass it has an inertia of {mass.inertia:.3g} kg m^2" if mass and negative else ""
     yield Finding(
         "wrong-sign",
         "refuse" if negative else "warn",
         f"the axis gives the motor {falls:.3g} J of work and takes {rises:.3g} J from it{shown}: torque or motion has "
         "the wrong sign",
-        rigid.inertia if rigid and negative else -falls,
+        mass.inertia if mass and negative else -falls,
     )
 
 
 def _units(record: Record, known: Known) -> Iterator[Finding]:
     nominal = known.inertia
-    if nominal is None:
+    mass = None if nominal is None else shown_inertia(record, known)
+    if nominal is None or mass is None or mass.inertia < 0:
         return
-    rigid = rigid_fit(record, known.speed_scale, _SLOW * (known.antiresonance_s or 0.0))
-    if rigid is None or rigid.inertia < _SURE * rigid.sd or rigid.explained < _EXPLAINS:
-        return
-    factor = rigid.inertia / nominal
-    if 1 / _AS_NOMINAL < factor < _AS_NOMINAL:
+    factor = mass.inertia / nominal
+    if is_about_nominal(factor):
         return
     slip = slip_of(factor)
     reason = (
@@ -116,10 +131,15 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
     yield Finding(
         "units",
         "warn",
-        f"as one mass the drive shows an inertia of {rigid.inertia:.3g} kg m^2, {factor:.3g} times the nominal "
+        f"as one mass the drive shows an inertia of {mass.inertia:.3g} kg m^2, {factor:.3g} times the nominal "
         f"{nominal:.3g}: {reason}",
         factor,
     )
+
+
+def is_about_nominal(factor: float) -> bool:
+    """Whether an inertia so many times the nominal one may be that, and the nominal one a rough guess."""
+    return 1 / _AS_NOMINAL < factor < _AS_NOMINAL
 
 
 # --- The whole drive as one rigid mass: its inertia by the nominal values, and by a record without any ----------------

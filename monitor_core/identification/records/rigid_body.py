@@ -26,7 +26,7 @@ friction that falls with the speed, and that grows faster than it; a signal of t
 SIGNAL = "torque of signals"
 USUAL: tuple[Term, ...] = ("viscous", "coulomb", "offset")
 
-_WINDOWS = 4
+WINDOWS = 4
 """Equations for each length of the window; closer ones hold nothing new."""
 _FEWEST_WINDOWS = 12
 """Lengths of the window that fit into the record."""
@@ -42,7 +42,7 @@ _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 
 
-class _Part(NamedTuple):
+class Part(NamedTuple):
     """A piece of a record on a regular grid: torque around each sample, motion and signal (N,), interval in s."""
 
     u: Floats
@@ -83,7 +83,7 @@ def rigid_fits(
         speed_scale: of Coulomb friction, rad/s.
         shortest_s: length of a window at least; motions faster than a third of it are suppressed.
     """
-    parts = _parts(records)
+    parts = windowed_parts(records)
     shortest = max(_SHORTEST, shortest_s / records[0].interval_s)
     ladder = _ladder(shortest, sum(len(part.u) for part in parts))
     fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0]))]
@@ -109,13 +109,15 @@ def unexplained(
 
     The window is the one in which these terms, fitted, explain most.  None: the records are too short.
     """
-    parts, terms = _parts(records), tuple(balance.torques)
+    parts, terms = windowed_parts(records), tuple(balance.torques)
     ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
     fits = [(fit.explained, window) for window in ladder if (fit := _fit(parts, window, speed_scale, terms))]
     if not fits:
         return None
     _, window = max(fits)
-    equations = [_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window]
+    equations = [
+        windowed_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window
+    ]
     rows, torque = (np.concatenate(of_parts) for of_parts in zip(*equations, strict=True))
     left = torque - rows @ np.array([balance.inertia, *balance.torques.values()])
     return float(left @ left), float(((torque - torque.mean()) ** 2).sum())
@@ -130,12 +132,14 @@ def speed_scales(records: Sequence[Record]) -> tuple[float, ...]:
 def _rms_speed(records: Sequence[Record]) -> float:
     """Root mean square of the motor's speed, rad/s, without its noise: from windows of some samples."""
     means = [
-        _slope(part.y, _AROUND, part.h) if part.quantity == "angle" else part.y for part in _parts(records)
+        _slope(part.y, _AROUND, part.h) if part.quantity == "angle" else part.y
+        for part in windowed_parts(records)
     ]
     return float(np.sqrt(np.mean(np.concatenate(means) ** 2))) if means else 1.0
 
 
-def _parts(records: Sequence[Record]) -> list[_Part]:
+def windowed_parts(records: Sequence[Record]) -> list[Part]:
+    """The pieces of records between gaps, each on a regular grid."""
     pieces = [piece for record in records for piece in segments(record, _GAP * record.interval_s)]
     return [_part(piece) for piece in pieces if np.count_nonzero(piece.measured) > 1]
 
@@ -150,8 +154,10 @@ def _ladder(shortest: float, count: int) -> list[int]:
     return lengths
 
 
-def _fit(parts: Sequence[_Part], window: int, speed_scale: float, terms: Sequence[Term]) -> Rigid | None:
-    equations = [_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window]
+def _fit(parts: Sequence[Part], window: int, speed_scale: float, terms: Sequence[Term]) -> Rigid | None:
+    equations = [
+        windowed_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window
+    ]
     if not equations:
         return None
     rows, torque = (np.concatenate(of_parts) for of_parts in zip(*equations, strict=True))
@@ -171,14 +177,14 @@ def _fit(parts: Sequence[_Part], window: int, speed_scale: float, terms: Sequenc
     return Rigid(inertia, sd, dict(zip(terms, torques, strict=True)), explained)
 
 
-def _part(segment: Record) -> _Part:
+def _part(segment: Record) -> Part:
     """The record on a regular grid: the mean torque is exact, and the motion is almost straight between samples."""
     t = np.linspace(segment.t[0], segment.t[-1], len(segment))
     y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
     u = mean_torque(segment, t)
     # Mean of the torques before and after each sample.
     signal = segment.signals.get(SIGNAL, np.zeros(len(segment)))
-    return _Part(
+    return Part(
         np.convolve(u, (0.5, 0.5))[: len(u)],
         y,
         float(t[1] - t[0]),
@@ -187,13 +193,15 @@ def _part(segment: Record) -> _Part:
     )
 
 
-def _equations(part: _Part, window: int, speed_scale: float, terms: Sequence[Term]) -> tuple[Floats, Floats]:
+def windowed_equations(
+    part: Part, window: int, speed_scale: float, terms: Sequence[Term]
+) -> tuple[Floats, Floats]:
     """Columns (M, 1 + terms), that of J first; the windowed torque (M,)."""
-    g, g1, g2 = _window(window, part.h)
+    g, g1, g2 = window_of(window, part.h)
 
     def over(weight: Floats, values: Floats) -> Floats:
         # A convolution reverses its second factor.
-        out: Floats = part.h * oaconvolve(values, weight[::-1], mode="valid")[:: window // _WINDOWS]
+        out: Floats = part.h * oaconvolve(values, weight[::-1], mode="valid")[:: window // WINDOWS]
         return out
 
     y = part.y
@@ -231,7 +239,7 @@ def _slope(angle: Floats, half: int, interval_s: float) -> Floats:
     return slope
 
 
-def _window(count: int, interval_s: float) -> tuple[Floats, Floats, Floats]:
+def window_of(count: int, interval_s: float) -> tuple[Floats, Floats, Floats]:
     """g = sin^4 over the window (count + 1,), and its first two derivatives."""
     x = np.pi * np.arange(count + 1) / count
     w = np.pi / (count * interval_s)

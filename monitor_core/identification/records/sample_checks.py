@@ -292,19 +292,33 @@ def _stuck(record: Record) -> Iterator[Finding]:
     k = np.flatnonzero(record.measured)
     if k.size < 2:
         return
-    t, y, u = record.t[k], record.y[k], record.u[k]
+    t, y = record.t[k], record.y[k]
     if np.ptp(y) <= _SAME * max(1e-9, float(abs(y).max())):
         value = f"{y[0]:.6g} {record.unit}"
         yield Finding(
             "stuck", "refuse", f"the {record.quantity} is {value} throughout, whatever the torque", y[0]
         )
         return
+    if (found := stuck_runs(record)).start.size:
+        yield _says_stuck(record, t, found)
+
+
+def stuck_runs(record: Record) -> Runs:
+    """Stretches of the measured samples in which the motion stays the same to the last digit while the axis moves.
+
+    A motion that never changes is one such stretch, if the torque does.
+    """
+    k = np.flatnonzero(record.measured)
+    if k.size < 2:
+        return Runs(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    t, y, u = record.t[k], record.y[k], record.u[k]
     found = runs(y)
+    if found.start.size == 1:
+        return found
     moves = _moves(t, y, found, record)
     mean = float(found.length[moves].mean()) if moves.any() else 1.0
     stuck = moves & (found.length >= max(_STUCK, _UNUSUAL * mean)) & _torque_moves(u, found)
-    if stuck.any():
-        yield _says_stuck(record, t, Runs(found.start[stuck], found.length[stuck]))
+    return Runs(found.start[stuck], found.length[stuck])
 
 
 def _says_stuck(record: Record, t: Floats, found: Runs) -> Finding:
@@ -324,8 +338,8 @@ def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     """Whether the axis moves in each run: by its speed there, or by the steps of the angle into and out of it.
 
     Where the angle freezes while the axis moves, it stops from full speed, and when it comes back it goes on at full
-    speed or makes up for all in one jump.  An axis that comes to rest is slower in the last step before and in the
-    first one after.
+    speed or makes up for all in one jump; one that is lost jumps to another value.  An axis that comes to rest is
+    slower in the last step before and in the first one after.
     """
     steps = abs(np.diff(y[found.start]))
     visible = steps > _DIGITS * steps.min()
@@ -339,7 +353,7 @@ def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     stops = clear & (speed > _ABRUPT * np.append(np.inf, speed[:-1]))
     jumps = clear & (speed > _JUMP * np.quantile(speed, 0.9))
     abrupt = np.append(starts, True) & np.append(False, stops)
-    return np.asarray(abrupt | np.append(jumps, False), np.bool_)
+    return np.asarray(abrupt | np.append(jumps, False) | np.append(False, jumps), np.bool_)
 
 
 def _torque_moves(u: Floats, found: Runs) -> Bools:

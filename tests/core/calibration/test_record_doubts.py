@@ -115,8 +115,9 @@ def without_excitation(healthy: Deviations) -> Deviations:
 def test_records_that_are_too_short_or_do_not_move(
     spoiled: Callable[[Deviations], Deviations], words: str
 ) -> None:
-    with pytest.raises(CalibrationError, match=words):
+    with pytest.raises(CalibrationError, match=words) as caught:
         check_records(MODEL, SETTINGS, [spoiled(record(np.random.default_rng(1)))])
+    assert caught.value.without == (("fm",) if spoiled is without_excitation else ())
 
 
 def test_nominal_values_that_cannot_be_told() -> None:
@@ -196,6 +197,18 @@ def test_a_longer_record_or_a_shorter_memory(seed: int) -> None:
     assert checked(supervised.MODEL, OPTIONS, moving(seed, float(match[1]))) == ""
     shorter = replace(OPTIONS, memory_s=float(match[2]), joint_state=True if match[3] else None)
     assert checked(supervised.MODEL, shorter, moving(seed, 8.0)) == ""
+
+
+@pytest.mark.parametrize("seconds", [14.0, 25.0])
+def test_a_memory_for_which_there_is_enough(seconds: float, seed: int) -> None:
+    """Where P(0) was found, too."""
+    settings, block = recommended_settings(supervised.MODEL, H, OPTIONS), moving(seed, seconds)
+    with pytest.raises(CalibrationError, match="20 are needed, 20 s, or memory_s = ") as caught:
+        check_records(supervised.MODEL, settings, deviations(supervised.MODEL, settings, [block]))
+    error = caught.value
+    assert error.memory_s is not None
+    shorter = replace(OPTIONS, memory_s=error.memory_s, joint_state=error.joint_state or None)
+    assert checked(supervised.MODEL, shorter, block) == ""
 
 
 def test_without_the_parameter_that_cannot_be_determined(seed: int) -> None:

@@ -11,8 +11,10 @@ from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
 from service.commands import commission
 from service.commands.exit_codes import MISTAKE, NOT_TESTED
+from service.commands.signal_proposals import exchanged
 from service.config import load
 from tests.service.command_line import axiswatch
+from tests.service.commands import can_logs
 
 H = 0.005
 VALUES = {
@@ -127,10 +129,81 @@ def test_an_axis_that_stands_still_does_not_hinder_the_other(folder: Path, seed:
     config = configured(folder / "robot.toml", *(AXIS.format(n=n, interval=H) for n in (1, 2)))
     result = axiswatch("commission", record, "--config", config, "--output", "made")
     assert result.exit_code == NOT_TESTED, result.output
-    assert "cell.a2: not identified: refused" in result.output
+    assert "cell.a2: not identified: column A2_Trq (the torque) is 0.1 throughout" in result.output
     assert "Not complete: cell.a2" in result.output
     assert [axis.id for axis in load(folder / "made" / "axiswatch.toml").axes] == ["cell.a1"]
     assert "1 of 2 axes ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
+
+
+def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
+    """Milliseconds, per mille of 2.4 N m, counts of 2^14; the nominal values are about known."""
+    record = table(folder / "healthy.csv", seed, 30.0)
+    head, rows = (
+        record.read_text(encoding="utf-8").partition("\n")[0],
+        np.loadtxt(record, delimiter=",", skiprows=1),
+    )
+    wrong = [1e3 * (rows[:, 0] - rows[0, 0]), 1000 / 2.4 * rows[:, 1], 2**14 / (2 * np.pi) * rows[:, 2]]
+    np.savetxt(
+        record, np.column_stack([wrong[0], *np.rint(wrong[1:])]), "%.12g", ",", header=head, comments=""
+    )
+    nominal = ", ".join(f"{name} = {0.9 * v if name in ('Jm', 'Ja') else v}" for name, v in VALUES.items())
+    config = configured(
+        folder / "robot.toml", AXIS.format(n=1, interval=H).replace("kT = 1, r = 0.0085", nominal)
+    )
+    words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made")
+    asked = axiswatch(*words)
+    assert asked.exit_code == MISTAKE
+    assert "3 proposed changes, and nobody to ask" in " ".join(asked.stderr.replace("│", " ").split())
+    result = axiswatch(*words, "--yes")
+    assert result.exit_code == 0, result.output
+    assert "per mille of a rated torque of about 2." in result.output
+    assert "2^14 = 16384" in result.output
+    assert "18 s of the records can be used, 18 memories of 1 s" in (
+        folder / "made" / "report.html"
+    ).read_text("utf-8")
+    (axis,) = load(folder / "made" / "axiswatch.toml").axes
+    assert axis.config.estimator.memory_s is not None
+    assert 0.5 < axis.config.estimator.memory_s < 1
+    assert axis.config.time.factor == 1e-3
+    assert axis.config.motion.factor == pytest.approx(2 * np.pi / 2**14)
+    assert axis.config.torque.factor == pytest.approx(2.4e-3, rel=0.25)
+    found = axis.config.model.nominal_file
+    assert found is not None
+    scale = axis.config.torque.factor / 2.4e-3  # friction is as right as the rated torque
+    assert found.values["fm"] == pytest.approx(scale * VALUES["fm"], rel=0.1)
+
+
+def test_from_a_can_log_to_a_configuration(folder: Path, seed: int) -> None:
+    """The DBC says degrees, the configuration does not; the torque has the wrong sign."""
+    rows = table(folder / "rows.csv", seed, 40.0, sign=-1)
+    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc"))
+    log = can_logs.log_of(rows, config, folder / "healthy.blf", 180 / np.pi)
+    result = axiswatch("commission", log, "--config", config, "--budget", "2min", "--output", "made", "--yes")
+    assert result.exit_code == 0, result.output
+    assert "the DBC says that the angle is in degrees" in result.output
+    (axis,) = load(folder / "made" / "axiswatch.toml").axes
+    assert axis.config.motion.factor == pytest.approx(np.pi / 180)
+    assert axis.config.torque.factor == -1
+    assert axis.config.bus == "can0"
+    assert axis.config.model.monitor == ("kT", "fm")
+    assert "`axiswatch run --config made/axiswatch.toml`" in result.output
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
+def test_every_kind_of_can_log(suffix: str, folder: Path, seed: int) -> None:
+    """Torques of each other in the DBC: the signals are exchanged."""
+    rows = table(folder / "rows.csv", seed, 12.0, axes=2)
+    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "rad"), 2)
+    log = can_logs.log_of(rows, config, folder / f"healthy{suffix}")
+    text = config.read_text(encoding="utf-8")
+    for n in (1, 2):
+        own = f'message = "Joint{n}", signal = "Joint{n}_Torque_Act"'
+        text = text.replace(own, own.replace(f"Joint{n}", f"Joint{3 - n}x"))
+    text = text.replace("Joint1x", "Joint1").replace("Joint2x", "Joint2")
+    found = exchanged(text, [str(log)], folder)
+    assert {axis: {c.key[1]: c.value for c in changes} for axis, changes in found.items()} == {
+        f"cell.a{n}": {"message": f"Joint{n}", "signal": f"Joint{n}_Torque_Act"} for n in (1, 2)
+    }
 
 
 def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
@@ -138,5 +211,7 @@ def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
     config = configured(folder / "robot.toml", AXIS.format(n=1, interval=0.01))
     result = axiswatch("commission", record, "--config", config, "--output", "made")
     assert result.exit_code == MISTAKE
-    assert "sample_interval_s = 0.005 is proposed, and there is nobody to ask" in result.stderr
+    words = " ".join(result.stderr.replace("│", " ").split())
+    assert "1 proposed change, and nobody to ask: cell.a1: sample_interval_s = 0.005" in words
+    assert f"axiswatch commission {record} --config {config} --budget 1y --output made --yes" in words
     assert not list((folder / "made").iterdir())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from service.commands.signal_proposals import exchanged, proposals
+from service.commands.signal_proposals import exchanged, review
 from tests.service.commands.test_commission import AXIS, VALUES, H, table
 
 ROBOT = "[[robot]]\nname = 'cell'\n"
@@ -85,7 +85,7 @@ def test_each_mistake_is_put_right(
     change: Callable[[Floats], None], right: list[tuple[tuple[str, ...], float]], tmp_path: Path, seed: int
 ) -> None:
     record = changed(table(tmp_path / "record.csv", seed, 20.0), change)
-    found = proposals(ROBOT + known(), "cell.a1", [record], tmp_path)
+    found = review(ROBOT + known(), "cell.a1", [record], tmp_path).corrections
     assert [correction.key for correction in found] == [key for key, _ in right]
     assert [correction.value for correction in found] == pytest.approx(
         [value for _, value in right], rel=1e-3
@@ -101,4 +101,4 @@ def test_axes_with_the_torque_of_each_other(swap: bool, tmp_path: Path, seed: in
     record = changed(table(tmp_path / "record.csv", seed, 20.0, axes=2), change)
     found = exchanged(ROBOT + known(1) + known(2), [record], tmp_path)
     right = {"cell.a1": "A2_Trq", "cell.a2": "A1_Trq"} if swap else {}
-    assert {axis: correction.value for axis, correction in found.items()} == right
+    assert {axis: corrections[0].value for axis, corrections in found.items()} == right

@@ -1,0 +1,113 @@
+"""How far the weight of an arm turns with the motion: it hangs on the true angle, in radians.
+
+Nothing else in the torque tells the unit of an angle: inertia, friction and stiffness only become others.  A weight's
+torque is a cosine of the arm's angle, so its period shows how much of the measured motion is a turn of the arm.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import oaconvolve
+
+from monitor_core.arrays import Floats
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.rigid_body import (
+    USUAL,
+    WINDOWS,
+    Part,
+    Term,
+    rigid_fits,
+    speed_scales,
+    window_of,
+    windowed_equations,
+    windowed_parts,
+)
+
+_POSE: tuple[Term, ...] = (*USUAL, "angle", "angle^2", "angle^3")
+_SHOWS = 0.5
+"""Of what one mass leaves unexplained: a weight takes so much of it away, or there is none."""
+_WINDOW = 40
+"""Samples: a weight changes slowly."""
+_MOST = 20_000
+"""Samples that are looked at."""
+_LEAST_TURN, _MOST_TURN = 0.25, 40.0
+"""Turn of the arm over the record, rad, that is looked for."""
+_STEP = 0.25
+"""rad at the ends of the motion, from one trial to the next."""
+_SIGMAS = 3.0
+_MODEL = 0.1
+"""Of the unexplained torque: so much more may be by what one mass with a weight lacks."""
+
+
+class TurningWeight(NamedTuple):
+    """A weight in the torque of a record."""
+
+    ratio: float
+    """turn of the arm, rad, for each unit of the motion"""
+    least: float
+    """the smallest such ratio with which the torque is explained about as well, and the largest"""
+    most: float
+
+
+def turning_weight(record: Record) -> TurningWeight | None:
+    """The weight that a record shows, the motion in any unit; None: it shows none, or no period of it."""
+    used = record.select(slice(_MOST)) if len(record) > _MOST else record
+    scale = speed_scales([used])[1]
+    mass, pose = rigid_fits([used], [USUAL, _POSE], scale)
+    if mass is None or pose is None or 1 - pose.explained > _SHOWS * (1 - mass.explained):
+        return None
+    parts = [part for part in windowed_parts([used]) if len(part.u) > _WINDOW]
+    if not parts:
+        return None
+    balance = _Balance(parts, scale)
+    trials = _trials(balance.extent)
+    left = np.array([balance.left(ratio) for ratio in trials])
+    best = int(np.argmin(left))
+    if left[best] > _SHOWS * balance.left(0.0):
+        return None
+    as_good = np.flatnonzero(left < left[best] * (1 + max(_MODEL, _SIGMAS**2 / balance.freedom)))
+    first, last = int(as_good[0]), int(as_good[-1])
+    if first == 0 or last == len(trials) - 1:
+        return None
+    return TurningWeight(float(trials[best]), float(trials[first - 1]), float(trials[last + 1]))
+
+
+def _trials(extent: float) -> Floats:
+    """Ratios that turn the arm by a part of a turn up to several over the record."""
+    turns = np.arange(_LEAST_TURN, _MOST_TURN, _STEP)
+    return np.asarray(turns / extent)
+
+
+class _Balance:
+    """The torque balance of one mass, beside which a weight with a given ratio is fitted."""
+
+    def __init__(self, parts: list[Part], scale: float) -> None:
+        self._angles = [np.cumsum(p.y) * p.h if p.quantity == "speed" else p.y - p.y[0] for p in parts]
+        self._parts = parts
+        self.extent = max(float(np.ptp(angle)) for angle in self._angles) or 1.0
+        equations = [windowed_equations(part, _WINDOW, scale, USUAL) for part in parts]
+        self._rows = np.concatenate([rows for rows, _ in equations])
+        self._torque = np.concatenate([torque for _, torque in equations])
+        self.freedom = max(1.0, len(self._torque) / WINDOWS - self._rows.shape[1] - 2)
+        """Independent equations beyond the values that are fitted"""
+        self._shapes = [window_of(_WINDOW, part.h)[0] for part in parts]
+
+    def left(self, ratio: float) -> float:
+        """Sum of squares of the torque that is not explained with a weight of this ratio; 0: without one."""
+        rows = self._rows
+        if ratio:
+            rows = np.column_stack([rows, self._over(np.cos, ratio), self._over(np.sin, ratio)])
+        size = np.sqrt((rows**2).sum(axis=0))
+        rows = rows / np.where(size > 0, size, 1.0)
+        found, *_ = np.linalg.lstsq(rows, self._torque, rcond=1e-8)
+        residual = self._torque - rows @ found
+        return float(residual @ residual)
+
+    def _over(self, wave: np.ufunc, ratio: float) -> Floats:
+        columns = [
+            part.h * oaconvolve(wave(ratio * angle), shape[::-1], mode="valid")[:: _WINDOW // WINDOWS]
+            for part, angle, shape in zip(self._parts, self._angles, self._shapes, strict=True)
+        ]
+        return np.concatenate(columns)

@@ -1,0 +1,135 @@
+"""An axis whose signals are looked at: its records as configured, and what is known of it beside them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.identification import (
+    Known,
+    Record,
+    is_about_nominal,
+    known_of,
+    shown_inertia,
+    whole_numbers,
+)
+from service.config import Config, NamedAxis
+from service.config.schema import SignalConfig
+
+if TYPE_CHECKING:
+    from monitor_core.drive import Drive
+    from service.ingest.identification_records import Loaded
+
+Signal = Literal["torque", "motion"]
+SIGNALS: tuple[Signal, ...] = ("torque", "motion")
+FASTEST = 2000.0
+"""rad/s: 19 000 revolutions per minute, which no motor of a robot reaches."""
+
+
+class Checked:
+    """An axis with what is looked at: records as configured, and the values that are known of it."""
+
+    def __init__(self, config: Config, axis: NamedAxis, loaded: Sequence[Loaded], in_tables: bool) -> None:
+        from service.commands.identification_task import known_values
+        from service.config.drive_sources import model_of_axis
+
+        self.config, self.axis, self.in_tables = config, axis, in_tables
+        self.records, self.sources = [item.record for item in loaded], [item.source for item in loaded]
+        self.drive: Drive = model_of_axis(axis.config).drive
+        self.values, unknown = known_values(axis, self.drive)
+        self.inertia_known = not unknown
+
+    @cached_property
+    def known(self) -> Known:
+        """What the nominal values tell."""
+        return self._known_with(self.values) if self.inertia_known else Known()
+
+    def _known_with(self, values: Mapping[str, float]) -> Known:
+        return known_of(self.drive, values, 0, self.axis.config.model.friction_speed_scale)
+
+    def inertia_with(self, changed: Mapping[str, float]) -> float:
+        """The nominal inertia with other values."""
+        return self._known_with({**self.values, **changed}).inertia or math.inf
+
+    @cached_property
+    def shown(self) -> tuple[float, float] | None:
+        """Inertia, kg m^2, and Coulomb friction, N m, by the records as one mass; None: they do not show it."""
+        found = [mass for record in self.records if (mass := shown_inertia(record, self.known)) is not None]
+        found = [mass for mass in found if mass.inertia > 0]
+        if not found:
+            return None
+        middle = sorted(found, key=lambda mass: mass.inertia)[len(found) // 2]
+        return middle.inertia, middle.torques["coulomb"]
+
+    @property
+    def times_nominal(self) -> float | None:
+        """The inertia of the records, as so many times the nominal one; None: one of them is not known."""
+        nominal = self.known.inertia
+        if nominal is None or not 0 < nominal < math.inf or self.shown is None:
+            return None
+        return self.shown[0] / nominal
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the inertia is about the nominal one."""
+        return self.times_nominal is not None and is_about_nominal(self.times_nominal)
+
+    @property
+    def ratio(self) -> float | None:
+        """Gear ratio of the drive; None: it has none."""
+        names = {p.name for p in (*self.drive.parameters, *self.drive.drawn)}
+        return abs(self.values["r"]) if "r" in names and self.values.get("r") else None
+
+    @property
+    def output(self) -> Literal["angle", "speed"]:
+        """What is measured beside the torque."""
+        return "angle" if self.axis.config.output == "angle" else "speed"
+
+    def factor(self, signal: Signal) -> float:
+        """As configured."""
+        config = self.axis.config
+        return config.torque.factor if signal == "torque" else config.motion.factor
+
+    def key(self, signal: Signal) -> tuple[str, ...]:
+        """Of the factor."""
+        return ("torque" if signal == "torque" else self.output, "factor")
+
+    def raw(self, signal: Signal) -> Floats:
+        """The values of all records as they are in the files."""
+        config = self.axis.config
+        source = config.torque if signal == "torque" else config.motion
+        values = np.concatenate([r.u if signal == "torque" else r.y[r.measured] for r in self.records])
+        return np.asarray((values - source.offset) / source.factor)
+
+    def in_whole_numbers(self, signal: Signal) -> bool:
+        """Whether the signal counts something."""
+        return whole_numbers(self.raw(signal))
+
+    def unit_text(self, signal: Signal) -> str:
+        """What names the unit: the column, or the unit in the DBC."""
+        config = self.axis.config
+        source: SignalConfig = config.torque if signal == "torque" else config.motion
+        if self.in_tables:
+            return source.column or ""
+        from service.can.dbc import find_message, find_signal, read_dbc
+
+        bus = next(bus for bus in self.config.bus if bus.name == config.bus)
+        return find_signal(find_message(read_dbc(bus.dbc), source.message), source.signal).unit or ""
+
+
+def fastest(records: Sequence[Record]) -> float:
+    """The speed that is rarely exceeded, rad/s as configured."""
+    speeds = []
+    for record in records:
+        t, y = record.t[record.measured], record.y[record.measured]
+        # Over some samples, so that the noise of an angle is no speed.
+        step = min(10, len(t) - 1)
+        speeds.append(
+            abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y)
+        )
+    return float(np.quantile(np.concatenate(speeds), 0.99))

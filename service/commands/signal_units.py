@@ -1,0 +1,250 @@
+"""In which unit the signals of an axis are, by all that a record shows: names, values, a weight, the inertia.
+
+Torque and motion alone tell no unit: a thousandth of the inertia moves alike under a thousandth of the torque.
+What does tell is compared with the configuration, and where nothing does, it is said what would.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from monitor_core.identification import TurningWeight, is_about_nominal, turning_weight
+from service.commands.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest
+from service.config.commissioned import Correction
+from service.ingest.unit_names import unit_in
+
+_NEAR = 2.0
+"""By this factor a nominal inertia may be wrong, where it is to tell a unit."""
+_CLOSE = 1.35
+"""Within that it is right."""
+_COUNTED = 2 * math.pi / 1000
+"""Times the nominal inertia: fewer counts of a turn are a unit such as degrees."""
+_BETWEEN = math.sqrt(2.0)
+"""From one power of two it is half way to the next."""
+_PER_MILLE = (10.0, 1e5)
+"""Times the nominal inertia: a rated torque of 0.01 to 100 N m in per mille."""
+_GEARED = 2.0
+"""A gear with a ratio nearer to 1 is not to be seen in the inertia."""
+_OTHER = 1.5
+"""Beyond the bounds of what a weight shows, to speak against a configured unit."""
+_SAME_ANGLE = 6.0
+"""Largest over smallest ratio that a weight allows, to tell a unit; for counts it is _BETWEEN squared."""
+
+
+# --- By the names -----------------------------------------------------------------------------------------------------
+
+
+def by_name(checked: Checked) -> Iterator[Correction]:
+    """The unit is in the name of the column or in the DBC, and the factor is not that of it."""
+    if checked.agrees:
+        return
+    for signal in SIGNALS:
+        quantity = "torque" if signal == "torque" else checked.output
+        unit = unit_in(checked.unit_text(signal), quantity)
+        if unit is None or unit.factor is None or abs(checked.factor(signal)) != 1 or unit.factor == 1:
+            continue
+        place = "the column" if checked.in_tables else "the DBC"
+        reason = f"{place} says that the {quantity} is in {unit.words}: {checked.unit_text(signal)}"
+        yield Correction(checked.key(signal), checked.factor(signal) * unit.factor, reason)
+
+
+# --- By a weight, which hangs on the true angle -----------------------------------------------------------------------
+
+
+def by_weight(checked: Checked) -> Iterator[Correction]:
+    """The torque of a weight repeats with another turn than that of the configured angle and gear."""
+    ratio = checked.ratio
+    if ratio is None or ratio > _GEARED:
+        return
+    found = turning_weight(checked.records[0])
+    if found is None or found.least / _OTHER < ratio < found.most * _OTHER:
+        return
+    shows = (
+        f"the torque of the weight repeats with {found.least / ratio:.2g} to {found.most / ratio:.2g} times the"
+        f" configured turn of the arm"
+    )
+    if not checked.agrees and (unit := _unit_by_weight(checked, found, ratio, shows)) is not None:
+        yield unit
+    elif found.most / found.least < _BETWEEN**2 and "r" in checked.axis.config.model.nominal:
+        reason = f"{shows}: the gear ratio is about 1/{1 / found.ratio:.3g}; its data sheet says it"
+        sign = math.copysign(1.0, checked.values["r"])
+        yield Correction(("model", "nominal", "r"), sign * float(f"{found.ratio:.3g}"), reason)
+
+
+def _unit_by_weight(checked: Checked, found: TurningWeight, ratio: float, shows: str) -> Correction | None:
+    """The unit with which the weight turns as the arm does."""
+    before, width = checked.factor("motion"), found.most / found.least
+    counts = 2 * math.pi * ratio / found.ratio / abs(before)
+    if checked.in_whole_numbers("motion") and width < _BETWEEN**2 and counts > 2 * math.pi / _COUNTED:
+        return _counts(checked, counts, f"{shows}, and the {checked.output} is in whole numbers")
+    units = {**_ANGLES[checked.output], "that of the arm": 1 / ratio}
+    for words, factor in units.items():
+        if width < _SAME_ANGLE and found.least < ratio * factor < found.most:
+            return Correction(
+                checked.key("motion"), before * factor, f"{shows}: the {checked.output} is {words}"
+            )
+    return None
+
+
+_ANGLES: Mapping[str, Mapping[str, float]] = {
+    "angle": {"in degrees": math.pi / 180, "in revolutions": 2 * math.pi, "in milliradians": 1e-3},
+    "speed": {"in revolutions per minute": math.pi / 30, "in degrees per second": math.pi / 180},
+}
+
+
+def _counts(checked: Checked, counts: float, shows: str) -> Correction:
+    power = round(math.log2(counts))
+    reason = (
+        f"{shows}: counts, about {counts:.3g} a turn of the motor, so likely 2^{power} = {2**power}; the data sheet of"
+        " the encoder says it"
+    )
+    sign = math.copysign(1.0, checked.factor("motion"))
+    return Correction(checked.key("motion"), sign * 2 * math.pi / 2**power, reason)
+
+
+# --- By the nominal inertia -------------------------------------------------------------------------------------------
+
+
+class _Candidate(NamedTuple):
+    """A mistake: by how much the inertia comes out too large, what it is, the key and its right value."""
+
+    times: float
+    words: str
+    key: tuple[str, ...]
+    value: float
+
+
+def by_inertia(checked: Checked) -> Iterator[Correction]:
+    """As one mass the drive has another inertia than the nominal values say."""
+    times = checked.times_nominal
+    if times is None or is_about_nominal(times):
+        return
+    assert checked.shown is not None
+    shows = f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal"
+    counted = {signal: checked.in_whole_numbers(signal) for signal in SIGNALS}
+    torque = _torque_times(checked, times) if counted["torque"] else 1.0
+    if counted["torque"] and _PER_MILLE[0] < torque < _PER_MILLE[1]:
+        yield _per_mille(checked, torque, f"{shows}, and the torque is in whole numbers")
+    elif counted["motion"] and times < _COUNTED:
+        yield _counts(
+            checked, 2 * math.pi / times / abs(checked.factor("motion")),
+            f"{shows}, and the {checked.output} is in whole numbers",
+        )  # fmt: skip
+    elif (found := _nearest(checked, times)) is not None:
+        sure = "" if 1 / _CLOSE < times / found.times < _CLOSE else "probably "
+        reason = f"{shows}: {sure}{found.words}; then it is {times / found.times:.2g} times"
+        yield Correction(found.key, found.value, reason)
+
+
+def _torque_times(checked: Checked, times: float) -> float:
+    """How many times too large the torque is: by Coulomb friction where both signals may be, else as the inertia."""
+    friction = checked.values.get("fc", 0.0)
+    if (
+        friction > 0
+        and checked.shown is not None
+        and checked.shown[1] > 0
+        and checked.in_whole_numbers("motion")
+    ):
+        return checked.shown[1] / friction
+    return times
+
+
+def _per_mille(checked: Checked, times: float, shows: str) -> Correction:
+    before = checked.factor("torque")
+    rated = float(f"{1000 * abs(before) / times:.2g}")
+    reason = (
+        f"{shows}: it is likely in per mille of a rated torque of about {rated:g} N m (by the nominal inertia; the name"
+        " plate says it)"
+    )
+    return Correction(checked.key("torque"), math.copysign(rated / 1000, before), reason)
+
+
+def _nearest(checked: Checked, times: float) -> _Candidate | None:
+    """The mistake that makes the inertia come out so; None: no usual one does."""
+    found = min(_candidates(checked), key=lambda c: abs(math.log(times / c.times)))
+    return found if 1 / _NEAR < times / found.times < _NEAR else None
+
+
+def _candidates(checked: Checked) -> Iterator[_Candidate]:
+    motion, torque = checked.factor("motion"), checked.factor("torque")
+    key, name, ratio = checked.key("motion"), checked.output, checked.ratio
+    for words, factor in _ANGLES[name].items():
+        yield _Candidate(factor, f"the {name} is {words}", key, motion * factor)
+    yield _Candidate(1e3, "the torque is in N mm", checked.key("torque"), torque * 1e-3)
+    times: dict[Signal, float] = {"torque": abs(torque), "motion": 1 / abs(motion)}
+    for signal, factor in times.items():
+        if not 1 / _GEARED < factor < _GEARED:
+            words = f"the {signal if signal == 'torque' else name} needs no factor"
+            value = math.copysign(1.0, checked.factor(signal))
+            yield _Candidate(factor, words, checked.key(signal), value)
+    if ratio is None or 1 / _GEARED < ratio < _GEARED:
+        return
+    yield _Candidate(1 / ratio, f"the {name} is that of the arm", key, motion / ratio)
+    degrees = math.pi / 180 / ratio
+    yield _Candidate(degrees, f"the {name} is that of the arm, in degrees", key, motion * degrees)
+
+
+# --- By the gear ratio, where it can be seen --------------------------------------------------------------------------
+
+
+def by_ratio(checked: Checked) -> Iterator[Correction]:
+    """The configured gear makes the arm faster than the motor, or does not fit the nominal inertias."""
+    given, key = checked.axis.config.model.nominal.get("r"), ("model", "nominal", "r")
+    if given is None or checked.ratio is None:
+        return
+    if checked.ratio > _GEARED:
+        reason = (
+            f"r = {given:g} would turn the arm faster than the motor; r is the angle of the arm over that of the motor,"
+            " so it is given the other way round"
+        )
+        yield Correction(key, 1 / given, reason)
+        return
+    times = checked.times_nominal
+    if (
+        times is None
+        or _nearest(checked, times) is not None
+        or checked.in_whole_numbers("torque")
+        or checked.in_whole_numbers("motion")
+    ):
+        return
+    assert checked.shown is not None
+    found = _fitting_ratio(checked, checked.shown[0])
+    if found is not None:
+        reason = (
+            f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal:"
+            f" with the nominal inertias of motor and arm that is a gear of 1/{1 / found:.3g}; its data sheet says"
+            " it"
+        )
+        yield Correction(key, math.copysign(float(f"{found:.3g}"), given), reason)
+
+
+def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
+    """The ratio with which the nominal inertias, motor + r^2 arm, make this one; None: none below 1 does."""
+    low, high = (checked.inertia_with({"r": ratio}) for ratio in _TRIED)
+    arm = (high - low) / (_TRIED[1] ** 2 - _TRIED[0] ** 2)
+    motor = low - arm * _TRIED[0] ** 2
+    if not (0 < motor < inertia and arm > 0):
+        return None
+    found = math.sqrt((inertia - motor) / arm)
+    return found if found < 1 / _GEARED else None
+
+
+_TRIED = (0.01, 0.1)
+
+
+# --- By how fast a motor can turn -------------------------------------------------------------------------------------
+
+
+def by_speed(checked: Checked) -> Iterator[Correction]:
+    """No motor turns as fast as the motion would be in radians."""
+    if checked.agrees or checked.in_whole_numbers("motion") or checked.output == "speed":
+        return
+    speed = fastest(checked.records)
+    if FASTEST < speed < FASTEST * 180 / math.pi:
+        reason = (
+            f"the motor would turn at {speed * 30 / math.pi:.3g} revolutions per minute, which none does: the angle is"
+            " likely in degrees"
+        )
+        yield Correction(checked.key("motion"), checked.factor("motion") * math.pi / 180, reason)

@@ -1,0 +1,58 @@
+"""Units by the words in names of columns, and by the unit of a signal in a DBC: how much of the SI unit they are."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Literal, NamedTuple
+
+Quantity = Literal["torque", "angle", "speed"]
+
+
+class Unit(NamedTuple):
+    """A unit; ``factor``: in SI units; None: that depends on the drive."""
+
+    words: str
+    factor: float | None
+
+
+_DEGREE, _TURN = math.pi / 180, 2 * math.pi
+_COUNTS = Unit("counts", None)
+_TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
+    {
+        "angle": {
+            **dict.fromkeys(("rad", "radian", "radians"), Unit("radians", 1.0)),
+            **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), Unit("degrees", _DEGREE)),
+            **dict.fromkeys(("rev", "revs", "turn", "turns"), Unit("revolutions", _TURN)),
+            "mrad": Unit("milliradians", 1e-3),
+            **dict.fromkeys(("counts", "count", "cnt", "inc", "incs", "increments", "ticks"), _COUNTS),
+        },
+        "speed": {
+            **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
+            **dict.fromkeys(("deg/s", "degs", "dps", "°/s"), Unit("degrees per second", _DEGREE)),
+            **dict.fromkeys(
+                ("rpm", "1/min", "u/min", "rev/min", "min-1"),
+                Unit("revolutions per minute", _TURN / 60),
+            ),
+            **dict.fromkeys(("rps", "rev/s"), Unit("revolutions per second", _TURN)),
+            **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),
+        },
+        "torque": {
+            **dict.fromkeys(("nm", "n*m", "n.m"), Unit("N m", 1.0)),
+            **dict.fromkeys(("mnm", "nmm"), Unit("mN m", 1e-3)),
+            "ncm": Unit("N cm", 1e-2),
+            "knm": Unit("kN m", 1e3),
+            **dict.fromkeys(("‰", "permille", "promille"), Unit("per mille of the rated torque", None)),
+            **dict.fromkeys(("%", "percent", "pct"), Unit("percent of the rated torque", None)),
+        },
+    }
+)
+
+
+def unit_in(text: str, quantity: Quantity) -> Unit | None:
+    """The unit of a quantity that a name like "A1_Pos_deg" or "speed [1/min]" holds; None: it holds none."""
+    words = [text.strip(), *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
+    known = _TABLE[quantity]
+    return next((known[word.lower()] for word in reversed(words) if word.lower() in known), None)

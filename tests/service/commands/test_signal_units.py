@@ -1,0 +1,273 @@
+"""Units, ratios and broken signals of axes of several kinds: named, and put right or what settles it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from monitor_core.arrays import Floats
+from service.commands.signal_proposals import Review, review
+from service.config.commissioned import Correction
+from tests.service.commands.moving_axes import RATIO, H, axis_text, moves
+
+ROBOT = "[[robot]]\nname = 'cell'\n"
+DEGREES, TURN = math.pi / 180, 2 * math.pi
+Column = Callable[[Floats], Floats]
+
+
+def counts(power: int) -> Column:
+    return lambda y: np.rint(y * 2**power / TURN)
+
+
+def looked_at(
+    folder: Path,
+    seed: int,
+    drive: str,
+    output: str,
+    known: bool = True,
+    u: Column = np.copy,
+    y: Column = np.copy,
+    names: str = "t,u,y",
+    **changed: float,
+) -> Review:
+    """What is said of a healthy axis whose columns were changed so, or whose nominal values."""
+    m = moves(drive, seed)
+    columns = np.column_stack([m.t, u(m.torque), y(m.angle if output == "angle" else m.speed)])
+    path = folder / "record.csv"
+    np.savetxt(path, columns, "%.12g", ",", header=names, comments="")
+    text = ROBOT + axis_text(drive, output, known, **changed)
+    for name, new in zip("uy", names.split(",")[1:], strict=True):
+        text = text.replace(f'column = "{name}"', f'column = "{new}"')
+    return review(text, "cell.a1", [str(path)], folder)
+
+
+def is_change(found: Correction, key: tuple[str, ...], value: float) -> bool:
+    return found.key == key and math.isclose(float(found.value), value, rel_tol=1e-6)
+
+
+KINDS = [("one-mass", "angle"), ("one-mass", "speed"), ("one-mass-weight", "angle")]
+KNOWN: list[tuple[str, dict[str, Column], tuple[str, ...], float, str]] = [
+    ("per mille", {"u": lambda u: np.rint(1000 * u / 2.4)}, ("torque", "factor"), 2.4e-3, "per mille of a rated"),
+    ("N mm", {"u": lambda u: 1e3 * u}, ("torque", "factor"), 1e-3, "in N mm"),
+    ("sign", {"u": lambda u: -u}, ("torque", "factor"), -1.0, "wrong sign"),
+    ("degrees", {"y": lambda y: y / DEGREES}, ("motion", "factor"), DEGREES, "in degrees"),
+    ("counts", {"y": counts(12)}, ("motion", "factor"), TURN / 2**12, "2^12 = 4096"),
+    ("fine counts", {"y": counts(20)}, ("motion", "factor"), TURN / 2**20, "2^20 = 1048576"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("drive", "output"), KINDS[1:])
+@pytest.mark.parametrize(
+    ("change", "key", "value", "words"), [row[1:] for row in KNOWN], ids=[r[0] for r in KNOWN]
+)
+def test_beside_nominal_values(
+    drive: str, output: str, change: Mapping[str, Column], key: tuple[str, str], value: float, words: str,
+    tmp_path: Path, seed: int,
+) -> None:  # fmt: skip
+    looked = looked_at(tmp_path, seed, drive, output, **change)  # type: ignore[arg-type]
+    if "2^20" in words and output == "speed":  # beyond all that a speed can be
+        assert "which no motor reaches: set torque.factor and speed.factor" in looked.faults[0]
+        return
+    (found,) = looked.corrections
+    assert found.key == ((output, key[1]) if key[0] == "motion" else key)
+    # A rated torque is known as well as the inertia is; the others are units, or powers of two.
+    assert found.value == pytest.approx(value, rel=0.25 if "per mille" in words else 1e-6)
+    assert words in found.reason
+
+
+def test_two_mistakes_in_a_torque(tmp_path: Path, seed: int) -> None:
+    found = looked_at(tmp_path, seed, "one-mass", "angle", u=lambda u: np.rint(-1000 * u / 2.4)).corrections
+    assert [c.key for c in found] == [("torque", "factor")] * 2
+    assert found[-1].value == pytest.approx(-2.4e-3, rel=0.25)
+
+
+def test_the_angle_of_the_arm_and_a_ratio_the_other_way_round(tmp_path: Path, seed: int) -> None:
+    for known in (True, False):
+        (found,) = looked_at(
+            tmp_path, seed, "one-mass-weight", "angle", known, y=lambda y: y * RATIO
+        ).corrections
+        assert is_change(found, ("angle", "factor"), 1 / RATIO)
+        assert "that of the arm" in found.reason
+        (found,) = looked_at(tmp_path, seed, "one-mass-weight", "angle", known, r=1 / RATIO).corrections
+        assert is_change(found, ("model", "nominal", "r"), RATIO)
+        assert "the other way round" in found.reason
+
+
+UNKNOWN: list[tuple[str, dict[str, Column], float, str]] = [
+    ("degrees", {"y": lambda y: y / DEGREES}, DEGREES, "the torque of the weight repeats"),
+    ("revolutions", {"y": lambda y: y / TURN}, TURN, "the torque of the weight repeats"),
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "value", "words"), [row[1:] for row in UNKNOWN], ids=[r[0] for r in UNKNOWN]
+)
+def test_a_weight_shows_the_unit_of_the_angle(
+    change: Mapping[str, Column], value: float, words: str, tmp_path: Path, seed: int
+) -> None:
+    """It hangs on the true angle; the inertia is not known."""
+    (found,) = looked_at(tmp_path, seed, "one-mass-weight", "angle", False, **change).corrections  # type: ignore[arg-type]
+    assert is_change(found, ("angle", "factor"), value)
+    assert words in found.reason
+
+
+def test_no_motor_turns_so_fast(tmp_path: Path, seed: int) -> None:
+    (found,) = looked_at(tmp_path, seed, "one-mass", "angle", False, y=lambda y: y / DEGREES).corrections
+    assert is_change(found, ("angle", "factor"), DEGREES)
+    looked = looked_at(tmp_path, seed, "one-mass", "speed", False, y=lambda y: y / DEGREES)
+    assert not looked.corrections  # revolutions per minute would do as well
+    assert "0.10472 for revolutions per minute, 0.0174533 for degrees per second" in looked.doubts[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [({"u": lambda u: np.rint(1000 * u / 2.4)}, "torque.factor"), ({"y": counts(13)}, "angle.factor")],
+)
+def test_what_no_record_tells(change: Mapping[str, Column], key: str, tmp_path: Path, seed: int) -> None:
+    looked = looked_at(tmp_path, seed, "one-mass", "angle", False, **change)  # type: ignore[arg-type]
+    assert looked.corrections == ()
+    (words,) = looked.doubts
+    assert f"set {key} to" in words
+    assert "model.nominal" in looked.unchecked
+
+
+@pytest.mark.parametrize(
+    ("names", "change", "key", "value"),
+    [
+        ("t,u,Pos_deg", {"y": lambda y: y / DEGREES}, ("angle", "factor"), DEGREES),
+        ("t,M1 [mNm],y", {"u": lambda u: 1e3 * u}, ("torque", "factor"), 1e-3),
+    ],
+)
+def test_the_unit_in_the_name(
+    names: str, change: Mapping[str, Column], key: tuple[str, str], value: float, tmp_path: Path, seed: int
+) -> None:
+    (found,) = looked_at(tmp_path, seed, "one-mass", "angle", False, names=names, **change).corrections  # type: ignore[arg-type]
+    assert is_change(found, key, value)
+    # The inertia is known, and fits as it is: the name of the column is not right.
+    assert looked_at(tmp_path, seed, "one-mass", "angle", True, names=names).corrections == ()
+
+
+@pytest.mark.parametrize("period", [360.0, TURN, 65536.0])
+def test_an_angle_that_starts_again(period: float, tmp_path: Path, seed: int) -> None:
+    unit = {360.0: DEGREES, TURN: 1.0, 65536.0: TURN / 2**13}[period]
+
+    def start_again(y: Floats) -> Floats:
+        return np.asarray(np.mod(np.rint(y / unit) if period == 65536 else y / unit, period))
+
+    looked = looked_at(tmp_path, seed, "one-mass", "angle", y=start_again)
+    found = {c.key: c.value for c in looked.corrections}
+    assert found[("angle", "wrap_period")] == pytest.approx(period)
+    assert found.get(("angle", "factor"), 1.0) == pytest.approx(unit)
+
+
+# --- Broken signals ---------------------------------------------------------------------------------------------------
+
+
+def frozen(values: Floats) -> Floats:
+    out = values.copy()
+    out[1600:] = out[1600]
+    return out
+
+
+def lost(values: Floats) -> Floats:
+    """From far away to zero, and back after 2.5 s."""
+    out = values.copy()
+    start = 1500 + int(np.argmax(abs(values[1500:2500])))
+    out[start : start + 500] = 0.0
+    return out
+
+
+def held(values: Floats) -> Floats:
+    return np.repeat(values[::2], 2)[: len(values)]
+
+
+def still(values: Floats) -> Floats:
+    return np.full_like(values, values[0])
+
+
+BROKEN: list[tuple[str, dict[str, Column], str]] = [
+    ("stuck motion", {"y": frozen}, "column y (the {output}) is stuck, while the axis moves, from 8.00 to 19.99 s"),
+    ("lost motion", {"y": lost}, "column y (the {output}) is stuck, while the axis moves, from "),
+    ("stuck torque", {"u": frozen}, "column u (the torque) is stuck, while the axis moves, from 8.00 to 19.99 s"),
+    ("constant torque", {"u": still}, "column u (the torque) is "),
+    ("constant motion", {"y": still}, "column y (the {output}) is "),
+    ("held motion", {"y": held}, "column y (the {output}) changes only in every second sample"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("drive", "output"), KINDS[1:])
+@pytest.mark.parametrize(("change", "words"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
+def test_broken_signals(
+    drive: str, output: str, change: Mapping[str, Column], words: str, tmp_path: Path, seed: int
+) -> None:
+    looked = looked_at(tmp_path, seed, drive, output, **change)  # type: ignore[arg-type]
+    assert looked.corrections == ()
+    (fault,) = looked.faults
+    assert words.format(output=output) in fault
+    if "held" in words:
+        assert f"sample_interval_s = {2 * H:g}" in fault
+
+
+# --- Healthy axes -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("drive", "output"), KINDS)
+@pytest.mark.parametrize("known", [True, False])
+def test_a_healthy_axis_is_left_alone(
+    drive: str, output: str, known: bool, tmp_path: Path, seed: int
+) -> None:
+    for k in range(2):
+        looked = looked_at(tmp_path, seed + k, drive, output, known)
+        assert looked[:3] == ((), (), ())
+
+
+REAL = [
+    ("irb/robot_arm.mat", 5e-4, "", "torque", "speed", "speed"),
+    ("emps/DATA_EMPS.mat", 1e-3, "t", "vir", "qm", "angle"),
+    *(
+        (f"ur10e/{name}.csv", 0.011, "0", str(12 + axis), str(axis), "angle")
+        for name, axis in (
+            ("ur-20_01_22-joint_1", 1),
+            ("ur-20_01_22-joint_2", 2),
+            *(("ur-20_02_19_14harm50sec", axis) for axis in range(1, 7)),
+        )
+    ),
+]
+
+
+@pytest.mark.parametrize(("file", "interval", "time", "torque", "motion", "output"), REAL)
+def test_real_axes_are_left_alone(
+    file: str, interval: float, time: str, torque: str, motion: str, output: str,
+    tmp_path: Path, records_dir: Path,
+) -> None:  # fmt: skip
+    record = records_dir / file
+    text = ROBOT + axis_text("one-mass", output, known=False).replace(str(H), str(interval))
+    for name, column in (("t", time), ("u", torque), ("y", motion)):
+        text = text.replace(f'column = "{name}"', f'column = "{column}"')
+    text = text if time else text.replace('time = { column = "" }\n', "")
+    looked = review(text, "cell.a1", [str(record)], tmp_path)
+    assert [c for c in looked.corrections if c.key != ("sample_interval_s",)] == []
+    assert (looked.faults, looked.doubts) == ((), ())
+
+
+def test_a_real_axis_with_mistakes(tmp_path: Path, records_dir: Path) -> None:
+    """The sign, and degrees, of the irb record beside the published inertia."""
+    content = scipy.io.loadmat(records_dir / "irb/robot_arm.mat", simplify_cells=True)
+    scipy.io.savemat(
+        tmp_path / "wrong.mat",
+        {"u": -content["torque"], "y": content["speed"] / DEGREES},
+        do_compression=False,
+    )
+    text = ROBOT + axis_text("one-mass", "speed", known=True, J=0.033).replace(str(H), "0.0005")
+    looked = review(
+        text.replace('time = { column = "t" }\n', ""), "cell.a1", [str(tmp_path / "wrong.mat")], tmp_path
+    )
+    assert {c.key: c.value for c in looked.corrections} == {
+        ("torque", "factor"): -1.0,
+        ("speed", "factor"): pytest.approx(DEGREES),
+    }
