@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from monitor_core.drive import split_name
 from service.commands.output_files import replace_text
 from service.commands.signal_proposals import Review, configured
-from service.config.commissioned import Correction, commissioned, corrected
+from service.config.commissioned import Correction, commissioned, corrected, monitoring
 from service.reports.commissioning_report import Outcome
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationError, CalibrationOptions
+    from monitor_core.identification import IdentificationResult
     from service.reports.formats import Provenance
 
 
@@ -69,10 +72,16 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
     from service.reports.identification_html import as_html
     from service.reports.identification_report import outlook_words, verdict_line
 
-    config, axis = configured(text, order.axis_id, order.folder)
     try:
-        task = prepare(config, axis, order.records, [], Request())
-        report = task.run(order.provenance._replace(drawing=drawing_of(axis.config)))
+        while True:
+            config, axis = configured(text, order.axis_id, order.folder)
+            task = prepare(config, axis, order.records, [], Request())
+            report = task.run(order.provenance._replace(drawing=drawing_of(axis.config)))
+            watched = tuple(w.name for w in report.result.watched if w.obstacle is None)
+            if report.rejection or not watched or not _follows_unwatched(report.result, watched):
+                break
+            # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
+            text = monitoring(text, order.axis_id, watched)
     except _mistakes() as error:
         return replace(outcome, refusal=f"not identified: {error}")
     page, values = f"{axis.id}-identification.html", f"{axis.id}-nominal.toml"
@@ -87,8 +96,13 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
     if report.rejection:
         return replace(outcome, refusal=f"not identified: {report.rejection}")
     replace_text(order.folder / values, as_toml(report))
-    watched = tuple(w.name for w in report.result.watched if w.obstacle is None)
     return replace(outcome, nominal_file=values, watched=watched, refusal="" if watched else outcome.outlook)
+
+
+def _follows_unwatched(result: IdentificationResult, watched: Sequence[str]) -> bool:
+    """Whether a parameter that cannot be watched would follow a signal."""
+    bases = {split_name(name)[0] for name in watched}
+    return any(split_name(term.parameter)[0] not in bases for term in result.options.scheduled)
 
 
 def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
@@ -101,8 +115,8 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
         assert outcome.found is not None
         changed = corrected(text, order.axis_id, outcome.corrections)
         own = commissioned(changed, {order.axis_id: outcome.found})
-        config, axis = configured(own, order.axis_id, order.folder)
         try:
+            config, axis = configured(own, order.axis_id, order.folder)
             found = calibrate_axis(config, axis, order.records, options, order.provenance)
             break
         except CalibrationError as error:

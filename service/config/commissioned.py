@@ -73,6 +73,14 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
     return tomlkit.dumps(document)
 
 
+def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
+    """The text of a configuration in which an axis, "robot.axis", monitors these parameters."""
+    document = tomlkit.parse(text)
+    axis = next(axis for name, axis in _axes(document) if name == axis_id)
+    axis["model"]["monitor"] = list(names)
+    return tomlkit.dumps(document)
+
+
 def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] = ()) -> str:
     """The text of a configuration with the axes that were commissioned, by their names "robot.axis", and no others.
 

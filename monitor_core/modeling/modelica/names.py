@@ -169,7 +169,7 @@ def _check_contents(cls: ast.Class, around: Sequence[ast.Class], path: str) -> N
         found, name = _found(cls, symbol.type), f"{path}{symbol.name}"
         if found in around:
             raise ModelError(f"{found.name} contains itself, as {name}", place_of(symbol, name))
-        if isinstance(found, ast.Class) and getattr(found, "file", ""):
+        if isinstance(found, ast.Class) and place_of(found).file:
             _check_contents(found, [*around, found], f"{name}.")
 
 
