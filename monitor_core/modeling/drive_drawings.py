@@ -93,7 +93,9 @@ def with_weight(drive: Drawing, at: str) -> Drawing:
     It turns with r times the angle of the motor: what the springs give way changes it little.
     """
     weight = part("gravity", "weight", at, gc="gc", gs="gs")
-    return Drawing(f"{drive.name}-weight", [*drive.components, weight], meanings={**drive.meanings, **_WEIGHT})
+    return Drawing(
+        f"{drive.name}-weight", [*drive.components, weight], meanings={**drive.meanings, **_WEIGHT}
+    )
 
 
 def chain(name: str, links: Sequence[Link]) -> Drawing:
