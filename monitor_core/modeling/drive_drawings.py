@@ -72,6 +72,32 @@ def five_mass() -> Drawing:
     return chain("five-mass", links)
 
 
+def two_mass_weight() -> Drawing:
+    """Motor and arm with its weight, and one spring between them."""
+    return with_weight(two_mass(), "arm")
+
+
+def three_mass_weight() -> Drawing:
+    """The drive of the paper with the weight of the arm."""
+    return with_weight(three_mass(), "arm")
+
+
+def five_mass_weight() -> Drawing:
+    """The accurate drive of the paper with a weight on its last mass."""
+    return with_weight(five_mass(), "mass4")
+
+
+def with_weight(drive: Drawing, at: str) -> Drawing:
+    """The drive with a weight on this mass.
+
+    It turns with r times the angle of the motor: what the springs give way changes it little.
+    """
+    weight = part("gravity", "weight", at, gc="gc", gs="gs")
+    return Drawing(
+        f"{drive.name}-weight", [*drive.components, weight], meanings={**drive.meanings, **_WEIGHT}
+    )
+
+
 def chain(name: str, links: Sequence[Link]) -> Drawing:
     """Motor and gear, and the links behind it in a chain; the motor's speed is measured."""
     meanings = {"Jm": "inertia of the motor"}

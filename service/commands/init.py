@@ -1,4 +1,4 @@
-"""``axiswatch init``: a first configuration from the columns of a table."""
+"""``axiswatch init``: a first configuration from the columns of a table, or from the signals of a DBC."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ if TYPE_CHECKING:
     from service.ingest.column_roles import AxisColumns, TableRoles
 
 RecordFile = Annotated[
-    Path, typer.Argument(metavar="RECORD", help="A table (.csv .parquet .mat) of the healthy, moving robot.")
+    Path,
+    typer.Argument(
+        metavar="FILE",
+        help="A table (.csv .parquet .mat) of the healthy, moving robot, or the DBC of its bus.",
+    ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 _FAST_S = 0.006
@@ -26,7 +30,7 @@ _FAST_S = 0.006
 
 
 def init(record: RecordFile, output: Output = Path("axis.toml"), force: Force = False) -> None:
-    """Write a first configuration: which columns of a table are time, torque and motion of which axis.
+    """Write a first configuration: which columns of a table, or signals of a DBC, are torque and motion of which axis.
 
     The names of the columns and their values are looked at; each proposal says how sure it is. Check it, then run
     `axiswatch commission` with it. A table without names is understood by its values alone.
@@ -39,9 +43,12 @@ def init(record: RecordFile, output: Output = Path("axis.toml"), force: Force = 
         from service.ingest.column_roles import roles
         from service.ingest.records import is_table
 
+        if record.suffix.lower() == ".dbc":
+            _from_dbc(record, output)
+            return
         if not is_table(record):
             raise typer.BadParameter(
-                f"{record} is a CAN log: describe its signals with a DBC", param_hint="RECORD"
+                f"{record} is a CAN log: give the DBC of its bus in its place", param_hint="FILE"
             )
         columns, interval_s = _read(record)
         found = roles(columns)
@@ -54,6 +61,26 @@ def init(record: RecordFile, output: Output = Path("axis.toml"), force: Force = 
         console.print(words, markup=False)
     write_all([(output, "\n".join(_lines(found, record.name, interval_s)) + "\n")])
     console.print(f"Next: axiswatch commission {record} --config {output}", markup=False)
+
+
+def _from_dbc(dbc: Path, output: Path) -> None:
+    """Write a configuration for the bus of a DBC.
+
+    Raises:
+        DbcError: the file cannot be used, or holds no axis.
+    """
+    from service.can.dbc import DbcError
+    from service.commands.dbc_proposal import lines
+    from service.ingest.dbc_roles import axes_in, summary
+
+    axes = axes_in(dbc)
+    if not axes:
+        raise DbcError(f"no torque and motion of an axis in {dbc}, by the names and units of its signals")
+    console = Console(highlight=False, soft_wrap=True)
+    for words in summary(axes):
+        console.print(words, markup=False)
+    write_all([(output, "\n".join(lines(axes, dbc, output)) + "\n")])
+    console.print(f"Next: axiswatch commission RECORD.log --config {output}", markup=False)
 
 
 def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:

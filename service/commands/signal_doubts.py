@@ -9,6 +9,9 @@ from service.commands.checked_axis import FASTEST, Checked, fastest
 
 def unknown_units(checked: Checked) -> Iterator[str]:
     """What remains open about the units, with the key and the value that settle it."""
+    for source in checked.sources:
+        if source.left_out:
+            yield f"{len(source.left_out)} lines of {source.path} could not be read, {source.left_out[0]}: left out"
     settled = checked.agrees
     if checked.in_whole_numbers("torque") and not settled and abs(checked.factor("torque")) == 1:
         yield (

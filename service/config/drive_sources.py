@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 LIBRARY: Mapping[str, str] = MappingProxyType(
     {
         name: f"drives/{name.replace('-', '_')}.mo"
-        for name in ("one-mass", "one-mass-weight", "two-mass", "three-mass", "five-mass")
+        for masses in ("one", "two", "three", "five")
+        for name in (f"{masses}-mass", f"{masses}-mass-weight")
     }
 )
 """The drives that come with the program: name and file."""

@@ -70,6 +70,8 @@ class AxisRecord(NamedTuple):
 
     block: SampleBlock
     dropped: Mapping[str, int]
+    left_out: Sequence[str] = ()
+    """Lines of a table that could not be read, with their place"""
 
 
 def axis_record(
@@ -100,7 +102,7 @@ def axis_record(
     if turns is None:
         return record
     block = turns.unwrapped(record.block)
-    return AxisRecord(block, {**record.dropped, AMBIGUOUS: turns.refused})
+    return AxisRecord(block, {**record.dropped, AMBIGUOUS: turns.refused}, record.left_out)
 
 
 def _log_record(
@@ -120,8 +122,8 @@ def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progre
 
     A row with an absurd number is refused as a whole and counted as "absurd": where one cell is broken the others of
     its row, shifted or torn, cannot be trusted.  Rows next to it that belong to the same damage are counted as "torn",
-    rows whose time alone runs ahead of the others' as "ahead".  In a CSV without names all columns are checked,
-    otherwise those that are read.
+    rows whose time alone runs ahead of the others' as "ahead", lines of a CSV that cannot be read as "unreadable".  In
+    a CSV without names all columns are checked, otherwise those that are read.
     """
     table = open_table(path)
     columns = AxisColumns(axis.id, axis.config, signals)
@@ -137,7 +139,9 @@ def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progre
     refused = _refused(rows, columns, axis.config.time.column)
     samples = columns.samples(rows, 0, ~np.any(list(refused.values()), axis=0))
     counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
-    return AxisRecord(samples, columns.dropped | counts)
+    left_out = table.left_out if isinstance(table, CsvTable) else []
+    counts["unreadable"] = len(left_out)
+    return AxisRecord(samples, columns.dropped | counts, left_out)
 
 
 def _refused(rows: Rows, columns: AxisColumns, time: str | None) -> dict[str, Bools]:

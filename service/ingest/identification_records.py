@@ -17,6 +17,9 @@ from service.config.schema import Source as SignalSource
 from service.ingest.axis_records import Wanted, axis_record, sha256_of, wanted
 from service.ingest.records import is_table
 
+_NAMED = 3
+"""Places of lines that could not be read."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -35,6 +38,8 @@ class Source:
     dropped: Mapping[str, int]
     begins_s: float | None = None
     """Time of the first sample used, by the clock of the file [s]; None: it is not known"""
+    left_out: Sequence[str] = ()
+    """Lines that could not be read, with their place"""
 
     @property
     def words(self) -> str:
@@ -42,7 +47,8 @@ class Source:
         complete = self.used == self.samples
         part = "" if complete else f", {self.used} of them from {self.start_s:g} to {self.end_s:g} s"
         lost = ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in self.dropped.items() if n)
-        return f"{self.path}: {self.samples} samples{part}; dropped: {lost or 'nothing'}"
+        places = f" ({'; '.join(self.left_out[:_NAMED])})" if self.left_out else ""
+        return f"{self.path}: {self.samples} samples{part}; dropped: {lost or 'nothing'}{places}"
 
 
 class Loaded(NamedTuple):
@@ -66,7 +72,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     """
     want, axis = wanted(text), _axis_named(config, axis_id)
     signals = _signals_in(want.path, axis)
-    block, dropped = axis_record(want.path, config, axis, signals)
+    block, dropped, left_out = axis_record(want.path, config, axis, signals)
     if block.size < 2:
         lost = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
         raise RecordError(
@@ -77,7 +83,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     start_s, end_s = (float(t - full.t[0]) for t in record.t[[0, -1]])
     begins_s = float(block.t_us[0]) * 1e-6 + start_s
     source = Source(
-        want.path, sha256_of(want.path), len(full), len(record), start_s, end_s, dropped, begins_s
+        want.path, sha256_of(want.path), len(full), len(record), start_s, end_s, dropped, begins_s, left_out
     )
     return Loaded(record, source)
 

@@ -14,7 +14,7 @@ from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, Config
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Carried, Ingest, block_of, carried_by
-from service.ingest.table_files import TABLE_SUFFIXES, check_columns, open_table
+from service.ingest.table_files import TABLE_SUFFIXES, CsvTable, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
 RECORD_SUFFIXES = (*TABLE_SUFFIXES, *LOG_SUFFIXES)
@@ -110,7 +110,10 @@ class TableRecord:
     @property
     def quality(self) -> Quality:
         """Of what has been read so far."""
-        return Quality({axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()})
+        unreadable = len(self._table.left_out) if isinstance(self._table, CsvTable) else 0
+        return Quality(
+            {id_: {**columns.dropped, "unreadable": unreadable} for id_, columns in self._axes.items()}
+        )
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once."""

@@ -22,6 +22,10 @@ from service.can.user_errors import RecordError
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _ROWS = 8192
 _BLOCK_BYTES = 1 << 20
+_MOST_LEFT_OUT = 0.01
+"""Of the lines of a table that cannot be read: where there are more, the others cannot be trusted either."""
+_SOME = 20
+"""Lines: so many are read before it is known that they are too many."""
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
@@ -81,21 +85,73 @@ class CsvTable:
         self.has_names = not all(_is_number(cell) for cell in cells)
         self.names: Sequence[str] = cells if self.has_names else [str(i) for i in range(len(cells))]
         """The columns there are"""
+        self.left_out: list[str] = []
+        """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
         """The rows of these columns, which must exist, in blocks.
 
+        A torn last line is left out, and lines that cannot be read, up to one in a hundred: ``left_out``.
+
         Raises:
             RecordError: a cell is no number, or the file is damaged.
         """
-        size = max(1, self._path.stat().st_size)
+        size, read = max(1, self._path.stat().st_size), 0
         with self._path.open("rb") as file:
             try:
                 for batch in self._reader(file, names):
                     columns = {name: np.asarray(batch.column(name), np.float64) for name in names}
+                    read += batch.num_rows
                     yield Rows(columns, min(1.0, file.tell() / size))
+                return
             except pa.ArrowException as error:
-                raise self._fault(names) or RecordError(f"{self._path}: {error}") from None
+                fault = RecordError(f"{self._path}: {error}")
+        yield from self._sound_rows(names, read, fault)
+
+    def _sound_rows(self, names: Sequence[str], skipped: int, fault: RecordError) -> Iterator[Rows]:
+        """The rows that can be read after the first ones, line by line; slower, and only where arrow fails."""
+        found, torn, read, cells = list[str](), list[str](), 0, list[list[float]]()
+        for line, row, ends in self._lines():
+            if wrong := self._wrong(row, names):
+                cut = ends and len(row) <= len(self.names)
+                (torn if cut else found).append(f"line {line}: {wrong}")
+                if len(found) > max(_SOME, _MOST_LEFT_OUT * (read + len(found))):
+                    break
+                continue
+            read += 1
+            if read > skipped:
+                cells.append([_number(row[self.names.index(name)]) for name in names])
+            if len(cells) == _ROWS:
+                yield self._block(names, cells)
+                cells = []
+        if not found and not torn:
+            raise fault
+        if len(found) > _MOST_LEFT_OUT * (read + len(found)):
+            raise RecordError(f"{self._path}, {found[0]}")
+        self.left_out = [*found, *torn]
+        if cells:
+            yield self._block(names, cells)
+
+    @staticmethod
+    def _block(names: Sequence[str], cells: list[list[float]]) -> Rows:
+        return Rows(dict(zip(names, np.array(cells, np.float64).T, strict=True)), 1.0)
+
+    def _lines(self) -> Iterator[tuple[int, list[str], bool]]:
+        """Number, cells, and whether the file ends in the line, without a line break; without empty lines and names."""
+        with self._path.open("rb") as file:
+            file.seek(-1, 2)
+            cut = file.read(1) not in (b"\n", b"\r")
+        with self._path.open(encoding="utf-8-sig", errors="replace", newline="") as text:
+            reader = csv.reader(text, delimiter=self._delimiter)
+            before: tuple[int, list[str]] | None = None
+            for row in reader:
+                if not row or (self.has_names and reader.line_num == 1):
+                    continue
+                if before is not None:
+                    yield *before, False
+                before = reader.line_num, row
+            if before is not None:
+                yield *before, cut
 
     def _reader(self, file: BinaryIO, names: Sequence[str]) -> pc.CSVStreamingReader:
         return pc.open_csv(
@@ -111,24 +167,20 @@ class CsvTable:
             ),
         )
 
-    def _fault(self, names: Sequence[str]) -> RecordError | None:
-        """The first wrong line: arrow reports neither the line nor, in a block, the name of the column."""
-        wanted = [(name, self.names.index(name)) for name in names]
-        with self._path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-            reader = csv.reader(file, delimiter=self._delimiter)
-            for row in reader:
-                where = f"{self._path}, line {reader.line_num}"
-                if row and len(row) != len(self.names):
-                    return RecordError(f"{where}: {len(row)} cells in a table of {len(self.names)} columns")
-                if reader.line_num == 1 and self.has_names:
-                    continue
-                for name, i in wanted if row else ():
-                    if row[i] not in _EMPTY and not _is_number(row[i]):
-                        comma = ": write decimal points" if _is_number(row[i].replace(",", ".")) else ""
-                        return RecordError(
-                            f'{where}: column "{name}" holds {row[i]!r}, which is no number{comma}'
-                        )
-        return None
+    def _wrong(self, row: Sequence[str], names: Sequence[str]) -> str:
+        """What is wrong with a line; empty: nothing."""
+        if len(row) != len(self.names):
+            return f"{len(row)} cells in a table of {len(self.names)} columns"
+        for name in names:
+            cell = row[self.names.index(name)]
+            if cell not in _EMPTY and not _is_number(cell):
+                comma = ": write decimal points" if _is_number(cell.replace(",", ".")) else ""
+                return f'column "{name}" holds {cell!r}, which is no number{comma}'
+        return ""
+
+
+def _number(cell: str) -> float:
+    return float("nan") if cell in _EMPTY else float(cell)
 
 
 def _is_number(cell: str) -> bool:

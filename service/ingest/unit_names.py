@@ -40,7 +40,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),
         },
         "torque": {
-            **dict.fromkeys(("nm", "n*m", "n.m"), Unit("N m", 1.0)),
+            **dict.fromkeys(("nm", "n m", "n*m", "n.m"), Unit("N m", 1.0)),
             **dict.fromkeys(("mnm", "nmm"), Unit("mN m", 1e-3)),
             "ncm": Unit("N cm", 1e-2),
             "knm": Unit("kN m", 1e3),

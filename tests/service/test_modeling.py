@@ -23,8 +23,11 @@ DRAWINGS = {
     "one-mass": library.one_mass,
     "one-mass-weight": library.one_mass_weight,
     "two-mass": library.two_mass,
+    "two-mass-weight": library.two_mass_weight,
     "three-mass": library.three_mass,
+    "three-mass-weight": library.three_mass_weight,
     "five-mass": library.five_mass,
+    "five-mass-weight": library.five_mass_weight,
 }
 
 BELT = """\

@@ -1,0 +1,91 @@
+"""The configuration that ``axiswatch init`` proposes for the bus of a DBC, with what is to be checked in it."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from service.ingest.dbc_roles import DbcAxis, SignalRole
+
+_INTERVAL_S = 0.005
+_FAST_S = 0.006
+"""Up to this interval the records show the springs of the gearbox and the arm."""
+
+
+def lines(axes: Sequence[DbcAxis], dbc: Path, output: Path) -> Iterator[str]:
+    """Of the file ``output``."""
+    yield f"# Proposed by `axiswatch init` from {dbc.name}."
+    yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
+    yield "# factor converts the unit of the DBC, -1 turns the sign; of the angle of an arm it is the gear ratio."
+    yield "[[bus]]"
+    yield 'name = "can0"'
+    yield 'channel = "can0"  # of the interface; the name in a log'
+    yield f"dbc = {_quoted(os.path.relpath(dbc.resolve(), output.resolve().parent))}"
+    yield ""
+    yield "[[robot]]"
+    yield 'name = "robot1"'
+    for axis in axes:
+        yield from _axis_lines(axis)
+
+
+def _axis_lines(axis: DbcAxis) -> Iterator[str]:
+    yield ""
+    yield "[[robot.axis]]"
+    yield f"name = {_quoted(axis.name)}"
+    yield 'bus = "can0"'
+    if axis.interval_s is None:
+        yield f"sample_interval_s = {_INTERVAL_S:g}  # not in the DBC: correct it; `commission` measures it"
+    else:
+        yield f"sample_interval_s = {axis.interval_s:g}  # cycle time of the message"
+    yield f"torque = {_source(axis.torque)}"
+    yield f"{axis.motion.quantity} = {_source(axis.motion)}"
+    if axis.counter is not None:
+        message, signal = axis.counter
+        # The times of a counter are whole intervals: nothing would show that the interval is wrong.
+        remark, off = "a sample counter, by its name", ""
+        if axis.interval_s is None:
+            remark, off = f"{remark}: use it once sample_interval_s is right", "#"
+        yield (
+            f"{off}time = {{ counter_message = {_quoted(message)}, counter_signal = {_quoted(signal)} }}  # {remark}"
+        )
+    interval_s = axis.interval_s or _INTERVAL_S
+    drive = "three-mass" if interval_s <= _FAST_S else "one-mass"
+    monitor, nominal = {
+        "three-mass": ('["kT", "1/Ja", "fm"]', "{ kT = 1, r = 1 }  # r: arm angle over motor angle"),
+        "one-mass": ('["kT", "fc", "fm"]', "{ kT = 1 }"),
+    }[drive]
+    value, _, remark = nominal.partition("  #")
+    yield f'model = {{ drive = "{drive}", monitor = {monitor}, nominal = {value} }}' + (
+        f"  #{remark}" if remark else ""
+    )
+
+
+def _source(role: SignalRole) -> str:
+    keys = [f"message = {_quoted(role.message)}", f"signal = {_quoted(role.signal)}"]
+    if role.factor not in (None, 1.0):
+        keys.append(f"factor = {role.factor:.10g}")
+    if role.wrap_period is not None:
+        keys.append(f"wrap_period = {role.wrap_period:.10g}")
+    remark = f"{role.sureness}: {_unit_words(role)}"
+    return f"{{ {', '.join(keys)} }}  # {remark}"
+
+
+def _unit_words(role: SignalRole) -> str:
+    if role.current:
+        return "a current; factor is the torque constant [N m/A]"
+    if not role.unit:
+        return f"by its name; the DBC has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"
+    if role.factor is None:
+        what = (
+            "rated torque / 1000 or / 100 [N m]"
+            if role.quantity == "torque"
+            else "2 pi / counts of a turn [rad]"
+        )
+        return f"in {role.unit}; factor is {what}"
+    return f"in {role.unit}"
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)

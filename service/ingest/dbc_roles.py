@@ -1,0 +1,206 @@
+"""Which signals of a DBC are torque and motion of which axis: by their units, and by the words in their names.
+
+Nothing is received yet, so there are no values to compare: a unit says what a signal is, a name says it less surely.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from service.can.dbc import Message, Signal, read_dbc
+from service.ingest.column_roles import role_of, words_in
+from service.ingest.unit_names import Quantity, unit_in
+
+Sureness = Literal["sure", "likely", "guess"]
+_NOT_MEASURED = {
+    *("input", "limit", "limits", "max", "min", "ff", "error", "err"),
+    *("warning", "gain", "config", "offset", "request", "requested", "param"),
+}
+_NO_MOTION = {"status", "mode", "state", "flag", "time"}
+"""In the name of the signal itself; a message of the state of an axis may carry its motion."""
+_MEASURED = {
+    *(
+        "input",
+        "limit",
+        "limits",
+        "max",
+        "min",
+        "ff",
+        "error",
+        "err",
+        "warning",
+        "gain",
+        "config",
+        "offset",
+        "status",
+    ),
+    *("mode", "state", "request", "requested", "param", "wanted", "sollwert"),
+}
+_MEASURED = {
+    "act",
+    "actual",
+    "measured",
+    "meas",
+    "fb",
+    "feedback",
+    "ist",
+    "istwert",
+    "estimate",
+    "estimated",
+    "value",
+}
+_COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
+_TURNS = (360.0, 2 * math.pi, 1.0)
+_NEARLY = 1e-3
+
+
+class SignalRole(NamedTuple):
+    """A signal and what it is taken for."""
+
+    message: str
+    signal: str
+    quantity: Quantity
+    unit: str
+    factor: float | None
+    """SI value of its unit; None: the unit does not tell it"""
+    current: bool
+    """It is a current: its factor is the torque constant"""
+    sureness: Sureness
+    wrap_period: float | None
+
+
+class DbcAxis(NamedTuple):
+    """The signals of an axis."""
+
+    name: str
+    torque: SignalRole
+    motion: SignalRole
+    counter: tuple[str, str] | None
+    """Message and signal of a sample counter beside the torque"""
+    interval_s: float | None
+    """Cycle of the message with the torque; None: the DBC does not have it"""
+
+    @property
+    def sureness(self) -> Sureness:
+        """That of the less sure signal."""
+        grades: tuple[Sureness, ...] = ("guess", "likely", "sure")
+        return min((self.torque.sureness, self.motion.sureness), key=grades.index)
+
+
+def axes_in(dbc: Path) -> list[DbcAxis]:
+    """The axes that a DBC carries, in its order.
+
+    Raises:
+        DbcError: the file cannot be read or is no DBC.
+    """
+    messages = list(read_dbc(dbc).messages)
+    by_axis: dict[str, list[SignalRole]] = {}
+    for message in messages:
+        for signal in message.signals:
+            role = _role(message, signal)
+            if role is not None:
+                by_axis.setdefault(_number(message.name, signal.name), []).append(role)
+    found = (_axis(number, roles, {m.name: m for m in messages}) for number, roles in by_axis.items())
+    return [axis for axis in found if axis is not None]
+
+
+def _role(message: Message, signal: Signal) -> SignalRole | None:
+    """What a signal is; None: nothing that is measured of an axis."""
+    words = {*words_in(signal.name), *words_in(message.name)}
+    if (
+        _counts(signal)
+        or words & _NOT_MEASURED
+        or {*words_in(signal.name)} & _NO_MOTION
+        or "wanted" in (role_of(signal.name), role_of(message.name))
+        or signal.choices
+    ):
+        return None
+    text = signal.unit or ""
+    named = role_of(signal.name) or role_of(message.name)
+    current = text == "A" or (not text and named == "current")
+    quantity: Quantity | None = "torque" if current else None
+    unit = None
+    for candidate in _QUANTITIES:
+        if quantity is None and (unit := unit_in(text, candidate)) is not None:
+            quantity = candidate
+    if quantity is None and not text:
+        quantity = next((q for q in _QUANTITIES if q == named), None)
+    if quantity is None or (current and named not in ("current", "torque")):
+        return None
+    agrees = named == quantity or (current and named in ("current", "torque"))
+    known = unit is not None or current
+    sureness: Sureness = "sure" if agrees and known else "likely" if agrees else "guess"
+    factor = None if unit is None else unit.factor
+    return SignalRole(
+        message.name, signal.name, quantity, text, factor, current, sureness,
+        _wrap(signal) if quantity == "angle" else None,
+    )  # fmt: skip
+
+
+_QUANTITIES: tuple[Quantity, ...] = ("torque", "speed", "angle")
+
+
+def _wrap(signal: Signal) -> float | None:
+    """Period of an angle of one turn, in its own unit."""
+    if signal.is_float:
+        return None
+    extent = 2.0**signal.length * abs(float(signal.scale))
+    stated = float(signal.maximum or 0) - float(signal.minimum or 0)
+    turns = (t for t in _TURNS for range_ in (extent, stated) if abs(range_ / t - 1) < _NEARLY)
+    return next(turns, None)
+
+
+def _number(message: str, signal: str) -> str:
+    """Of the axis, by the names; empty: there is none."""
+    for name in (signal, message):
+        found = re.findall(r"(?:axis|joint|motor|drive|achse|node|[aj])_?(\d+)", name, re.IGNORECASE)
+        found = found or re.findall(r"\d+", name)
+        if found:
+            return str(found[0])
+    return ""
+
+
+def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]) -> DbcAxis | None:
+    torque = _best([role for role in roles if role.quantity == "torque"])
+    motion = _best([r for r in roles if r.quantity == "angle"]) or _best(
+        [r for r in roles if r.quantity == "speed"]
+    )
+    if torque is None or motion is None:
+        return None
+    message = messages[torque.message]
+    counters = [s.name for s in message.signals if _counts(s)]
+    cycle = message.cycle_time
+    return DbcAxis(
+        f"axis{number}",
+        torque,
+        motion,
+        (message.name, counters[0]) if counters else None,
+        cycle / 1000 if cycle else None,
+    )
+
+
+def _counts(signal: Signal) -> bool:
+    return bool({*words_in(signal.name)} & _COUNTS) and not signal.is_float and signal.scale == 1
+
+
+def _best(roles: Sequence[SignalRole]) -> SignalRole | None:
+    """The surest; a torque before a current, one that is called measured before others, the first of equals."""
+    grades = {"guess": 0, "likely": 1, "sure": 2}
+
+    def grade(role: SignalRole) -> tuple[int, int, bool]:
+        return grades[role.sureness], -role.current, bool({*words_in(role.signal)} & _MEASURED)
+
+    return max(roles, key=grade, default=None)
+
+
+def summary(axes: Sequence[DbcAxis]) -> Iterator[str]:
+    """What was found, a line for each axis."""
+    for axis in axes:
+        torque, motion = (
+            f"{r.message}.{r.signal}" + (f" [{r.unit}]" if r.unit else "") for r in (axis.torque, axis.motion)
+        )
+        yield f"{axis.name}: torque {torque}, {axis.motion.quantity} {motion}: {axis.sureness}"

@@ -1,0 +1,84 @@
+"""``axiswatch init`` from a DBC: units and names tell what the signals are; the configuration can be checked."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from service.config import load
+from service.config.schema import NamedAxis
+from tests.conftest import ROOT
+from tests.service.command_line import refused, shown
+from tests.service.commands import can_logs
+
+MORE = """
+BO_ 700 Joint1_Set: 8 Monitor
+ SG_ Joint1_Torque_Set : 0|16@1- (0.001,0) [-32|32] "Nm" Controller
+BO_ 701 Joint1_Limits: 8 Monitor
+ SG_ Joint1_Pos_Max : 0|16@1- (0.001,0) [-32|32] "rad" Controller
+BO_ 702 Drive3: 8 Controller
+ SG_ M_Torque : 0|16@1- (1,0) [-1000|1000] "permille" Monitor
+ SG_ M_Speed : 16|16@1- (1,0) [-6000|6000] "rpm" Monitor
+ SG_ M_Temp : 32|16@1- (0.1,0) [-40|200] "degC" Monitor
+ SG_ M_Alive : 48|8@1+ (1,0) [0|255] "" Monitor
+
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_DEF_ "GenMsgCycleTime" 0;
+BA_ "GenMsgCycleTime" BO_ 702 10;
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def proposed(dbc: Path) -> tuple[str, tuple[NamedAxis, ...]]:
+    """What is said, and the axes; ``check`` accepts them."""
+    said = shown("init", dbc)
+    assert "no problems" in shown("check", "--config", "axis.toml")
+    return said, load(Path("axis.toml"), {}).axes
+
+
+def test_units_and_names(folder: Path) -> None:
+    text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", MORE))
+    assert "axis1: torque Joint1.Joint1_Torque_Act [Nm], angle Joint1.Joint1_Pos_Act [deg]: sure" in text
+    assert "Next: axiswatch commission RECORD.log --config axis.toml" in text
+    assert [axis.id for axis in axes] == ["robot1.axis1", "robot1.axis2", "robot1.axis3"]
+    assert axes[0].config.motion.factor == pytest.approx(math.pi / 180)
+    drive = axes[2].config
+    assert (drive.torque.signal, drive.motion.signal, drive.output) == ("M_Torque", "M_Speed", "speed")
+    assert drive.motion.factor == pytest.approx(math.pi / 30)
+    assert drive.sample_interval_s == 0.01
+    assert drive.time.counter_signal == "M_Alive"
+    written = Path("axis.toml").read_text(encoding="utf-8")
+    assert "# sure: in permille; factor is rated torque / 1000 or / 100 [N m]" in written
+
+
+@pytest.mark.parametrize(("name", "count"), [("demo.dbc", 6), ("robot.dbc", 6), ("irb.dbc", 1)])
+def test_shipped_files(name: str, count: int) -> None:
+    said, axes = proposed(ROOT / "config" / name)
+    assert len(axes) == count
+    assert said.count(": sure") == count
+
+
+def test_a_real_one(records_dir: Path) -> None:
+    """Drives that send currents and revolutions; what they are sent is no measurement."""
+    _, axes = proposed(records_dir / "can" / "odrive-cansimple.dbc")
+    assert len(axes) == 8
+    first = axes[0].config
+    assert (first.torque.message, first.torque.signal) == ("Axis0_Get_Iq", "Iq_Measured")
+    assert first.motion.signal == "Pos_Estimate"
+    assert first.motion.factor == pytest.approx(2 * math.pi)
+    assert "factor is the torque constant [N m/A]" in Path("axis.toml").read_text(encoding="utf-8")
+
+
+def test_no_axis_in_it(folder: Path) -> None:
+    path = folder / "none.dbc"
+    path.write_text(
+        'VERSION ""\n\nBU_: A\n\nBO_ 5 M: 8 A\n SG_ Temp : 0|8@1+ (1,0) [0|0] "degC" A\n', "utf-8"
+    )
+    assert "no torque and motion of an axis in none.dbc" in refused("init", "none.dbc")
