@@ -82,7 +82,8 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
         return replace(outcome, refusal=f"not identified: {report.rejection}")
     replace_text(order.folder / values, as_toml(report))
     watched = tuple(w.name for w in report.result.watched if w.obstacle is None)
-    return replace(outcome, nominal_file=values, watched=watched, refusal="" if watched else outcome.outlook)
+    refusal = "" if watched else outcome.outlook.removesuffix(".")
+    return replace(outcome, nominal_file=values, watched=watched, refusal=refusal)
 
 
 def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:

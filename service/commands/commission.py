@@ -156,7 +156,7 @@ def _outcomes(orders: Sequence[Order], corrections: Mapping[str, Sequence[Correc
 def _line(outcome: Outcome) -> str:
     if outcome.refusal:
         return f"{outcome.axis_id}: {outcome.refusal}"
-    return f"{outcome.axis_id}: {outcome.verdict} {outcome.outlook}"
+    return f"{outcome.axis_id}: {outcome.outlook} {outcome.verdict}"
 
 
 def _write(
