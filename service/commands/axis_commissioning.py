@@ -8,20 +8,24 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from service.commands.output_files import replace_text
 from service.commands.signal_proposals import configured
-from service.config.commissioned import Correction, commissioned, corrected
+from service.config.commissioned import Correction, commissioned, corrected, pages_of
 from service.reports.commissioning_report import Outcome
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
     from service.reports.calibration_report import Calibration
     from service.reports.formats import Provenance
+
+
+Progress = Callable[[str, str, float], None]
+"""Called with the phase, "identify" or "calibrate", its present work, and how much of that is done, 0 to 1"""
 
 
 class Order(NamedTuple):
@@ -41,7 +45,11 @@ class Order(NamedTuple):
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
 
 
-def commission_axis(order: Order, corrections: Sequence[Correction]) -> Outcome:
+def commission_axis(
+    order: Order,
+    corrections: Sequence[Correction],
+    progress: Progress = lambda _phase, _work, _share: None,
+) -> Outcome:
     """Identify and calibrate an axis, unless that was done before with the same configuration and records."""
     name = order.axis_id
     text = corrected(order.text, name, corrections)
@@ -50,14 +58,14 @@ def commission_axis(order: Order, corrections: Sequence[Correction]) -> Outcome:
     if (before := _read(kept, digest, order.folder)) is not None:
         return before
     first = Outcome(name, corrections=tuple(corrections))
-    outcome = _identified(order, text, first)
+    outcome = _identified(order, text, first, progress)
     if outcome.found is not None:
-        outcome = _calibrated(order, text, outcome)
+        outcome = _calibrated(order, text, outcome, progress)
     replace_text(kept, json.dumps({"digest": digest, "outcome": asdict(outcome)}, indent=1) + "\n")
     return outcome
 
 
-def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
+def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     from service.commands.identification_task import Request, drawing_of, prepare
     from service.reports.identification_files import as_toml
     from service.reports.identification_html import as_html
@@ -65,11 +73,13 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
 
     config, axis = configured(text, order.axis_id, order.folder)
     try:
+        progress("identify", "reading the records", 0.0)
         task = prepare(config, axis, order.records, [], Request())
-        report = task.run(order.provenance._replace(drawing=drawing_of(axis.config)))
+        provenance = order.provenance._replace(drawing=drawing_of(axis.config))
+        report = task.run(provenance, _within("identify", progress))
     except _mistakes() as error:
         return replace(outcome, refusal=f"not identified: {error}")
-    page, values = f"{axis.id}-identification.html", f"{axis.id}-nominal.toml"
+    page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     replace_text(order.folder / page, as_html(report))
     outcome = replace(
         outcome,
@@ -86,7 +96,7 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
     return replace(outcome, nominal_file=values, watched=watched, refusal=refusal)
 
 
-def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
+def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     from monitor_core.calibration import CalibrationError
     from service.commands.calibrate import calibrate_axis
     from service.reports.calibration_files import as_html, as_toml
@@ -95,7 +105,8 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
     config, axis = configured(commissioned(text, {order.axis_id: outcome.found}), order.axis_id, order.folder)
 
     def calibrate(options: CalibrationOptions) -> Calibration:
-        return calibrate_axis(config, axis, order.records, options, order.provenance)
+        step = _within("calibrate", progress)
+        return calibrate_axis(config, axis, order.records, options, order.provenance, step)
 
     options, notes = order.options, outcome.notes
     try:
@@ -108,7 +119,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
             found = calibrate(options)
     except _mistakes() as error:
         return replace(outcome, refusal=f"not calibrated: {error}")
-    page, values = f"{order.axis_id}-calibration.html", f"{order.axis_id}-thresholds.toml"
+    page, values = pages_of(order.axis_id)[1], f"{order.axis_id}-thresholds.toml"
     replace_text(order.folder / page, as_html(found))
     replace_text(order.folder / values, as_toml(found))
     first = found.detectors[0]
@@ -122,6 +133,10 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
         smallest=tuple((name, *first.smallest(name)) for name in found.result.model.monitored),
         pages=(*outcome.pages, page),
     )
+
+
+def _within(phase: str, progress: Progress) -> Callable[[str, float, float], None]:
+    return lambda work, done, total: progress(phase, work, done / total if total else 0.0)
 
 
 def _rounded(budget_s: float) -> float:

@@ -21,6 +21,15 @@ _IN_THRESHOLDS_FILE = ("alpha_1", "alpha_2")
 """Keys of its detector that a thresholds_file replaces."""
 
 
+REPORT = "report.html"
+"""Name of the summary of a commissioned robot, beside its configuration"""
+
+
+def pages_of(axis_id: str) -> tuple[str, str]:
+    """Names of the pages of an axis beside the summary: of its identification and of its calibration."""
+    return f"{axis_id}-identification.html", f"{axis_id}-calibration.html"
+
+
 class Correction(NamedTuple):
     """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why."""
 
