@@ -51,7 +51,7 @@ Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="With --commission: folder for what is written.")
 ]
 Minutes = Annotated[
-    float, typer.Option("--minutes", min=1.0, max=60.0, help="With --commission: length of the record.")
+    float, typer.Option("--minutes", min=0.5, max=60.0, help="With --commission: length of the record.")
 ]
 
 
@@ -78,6 +78,8 @@ def demo(
     if fault_axis is not None:
         broken = axis_named(robot.axes, fault_axis, "--fault-axis")
     wanted = Fault(broken.id, factors(fault or ["fm=1.3"]), fault_after)
+    with explained():  # a fault that cannot be simulated is refused before minutes of work
+        SimulatedRobot(robot, faults=[wanted])
     if commission:
         from service.commands.demo_commissioning import commission_robot
 

@@ -26,11 +26,18 @@ def connected(text: str, other: str, heading: str) -> str:
             found = signals[_name(robot, axis)]
             axis["bus"] = str(found["bus"])
             for table in set(_SOURCES) & set(found):
-                for key, value in found[table].items():
-                    axis[table][key] = value
+                axis[table] = _joined(axis[table], found[table])
     buses = tomlkit.document()
     buses["bus"] = source["bus"]
     return f"# {heading}\n\n{tomlkit.dumps(buses).strip()}\n\n{tomlkit.dumps(document)}"
+
+
+def _joined(own: Any, more: Any) -> Any:
+    """A table in one line with the entries of both, with the comment of the first."""
+    table = tomlkit.inline_table()
+    table.update({**own.unwrap(), **more.unwrap()})
+    table.trivia.comment_ws, table.trivia.comment = own.trivia.comment_ws, own.trivia.comment
+    return table
 
 
 def _name(robot: Any, axis: Any) -> tuple[str, str]:
