@@ -197,7 +197,7 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
         assert trace.multimodel is not None
         course.take(part.t_us, trace.estimator, [], trace.multimodel)
         g.append(trace.multimodel.g)
-        tested.append(~np.isnan(trace.multimodel.llr).all(axis=1))
+        tested.append(np.asarray(~np.isnan(trace.multimodel.llr).all(axis=1)))
         took.append(trace.estimator.mode != SKIP)
     assert changed
     share = np.concatenate(g)[np.concatenate(took)] / beside.bank.h

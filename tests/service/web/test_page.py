@@ -104,9 +104,7 @@ def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:
     expect(page.locator("#reasons")).to_be_hidden()
 
 
-def test_the_report_of_the_commissioning_opens_from_it(
-    page: Page, stage: Stage, shipped_report: Path
-) -> None:
+def test_the_report_of_the_commissioning_opens_from_it(shipped_report: Path, page: Page) -> None:
     """With its styles, as the browser applies them, and from there the page of an axis."""
     page.goto("/")
     link = page.get_by_role("link", name="Commissioning report")
