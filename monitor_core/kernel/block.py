@@ -8,11 +8,6 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import (
-    DOUBTED,
-    GATED,
-    IDLE,
-    SEED,
-    SETTLE,
     SKIP,
     TRACK,
     Roles,
@@ -20,33 +15,22 @@ from monitor_core.kernel.admission import (
     classify_sample,
     close_gate,
     follow_conditions,
-    form_innovation,
     hold_inputs,
     restart_predictor,
 )
 from monitor_core.kernel.compile import entry, kernel, outlined
 from monitor_core.kernel.cusum import (
     Events,
-    TestConstants,
-    TestState,
-    compute_deviations,
-    note_crossings,
-    update_cusum,
 )
-from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, count_until_kept, gather_evidence
+from monitor_core.kernel.evidence import EvidenceColumns, count_until_kept
 from monitor_core.kernel.friction import MiddleSpeed, hold_friction
 from monitor_core.kernel.llvm_vectors import EIGHT
-from monitor_core.kernel.outliers import check_start, reject_outliers, update_running_variance
 from monitor_core.kernel.propagate import choose_substeps, evaluate_coefficients, evaluate_inputs, propagate
 from monitor_core.kernel.recursion import (
     correct,
-    drift_P,
-    find_P0,
     gain,
     predict,
     propagate_joint,
-    update_P,
-    update_theta,
 )
 from monitor_core.kernel.sample_interval import (
     divide_by_interval,
@@ -59,26 +43,14 @@ from monitor_core.kernel.sample_interval import (
     switch_torque,
     time_since_correction,
 )
-from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
-    OUTLIER,
-    PROJECTED,
-    SEEDING,
-    SETTLING,
-    STARVED,
-    USED,
+    State,
     kernel_constant_views,
     kernel_state_views,
 )
-from monitor_core.kernel.supervision import (
-    FloorConstants,
-    Observation,
-    apply_information_floor,
-    check_excitation,
-    select_tests,
-)
 from monitor_core.kernel.tables import Tables
 from monitor_core.kernel.taylor_series import SECTIONS
+from monitor_core.kernel.update import Work, update_estimates, update_tests
 from monitor_core.kernel.work_arrays import (
     any_positive,
     copy_rows,
@@ -144,45 +116,21 @@ def _take(
         weight[a] = samples.weight[k, a0 + a] if samples.weight.shape[0] else math.nan
 
 
-@kernel
-def _tally(lanes: Any, mode: Ints, hit: Ints, counts: Ints, last: Ints) -> None:
-    """Count what became of the sample; ``last`` (W,) keeps it, where the predictor runs."""
-    for a in range(len(lanes)):
-        last[a] = mode[a] if mode[a] >= SETTLE else last[a]
-        counts[USED, a] += mode[a] == TRACK
-        counts[SEEDING, a] += mode[a] == SEED
-        counts[SETTLING, a] += mode[a] == SETTLE
-        counts[GATED_COUNT, a] += mode[a] == GATED
-        counts[OUTLIER, a] += mode[a] == DOUBTED
-        counts[STARVED, a] += mode[a] == IDLE
-        counts[PROJECTED, a] += hit[a]
-
-
 @outlined
-def _record(
-    lanes: Any,
-    k: int,
-    a0: int,
-    roles: Roles,
-    eps: Floats,
-    psi: Floats,
-    st: TestState,
-    observed: Ints,
-    to: Trace,
-) -> None:
+def _record(lanes: Any, k: int, a0: int, w: Work, st: State, to: Trace) -> None:
     theta, P, g = st.theta, st.P, st.g
     for a in range(min(len(lanes), to.eps.shape[1] - a0)):
         b = a0 + a
-        to.eps[k, b] = eps[a] if roles.learns[a] else math.nan
-        to.mode[k, b] = roles.mode[a]
+        to.eps[k, b] = w.eps[a] if w.roles.learns[a] else math.nan
+        to.mode[k, b] = w.roles.mode[a]
         for i in range(theta.shape[0]):
-            to.psi[k, i, b] = psi[i, a]
+            to.psi[k, i, b] = w.psi[i, a]
             to.theta[k, i, b] = theta[i, a]
             to.P[k, i, b] = P[i, i, a]
             to.g[k, 0, i, b] = g[0, i, a]
             to.g[k, 1, i, b] = g[1, i, a]
             to.shift[k, i, b] = st.shift[i, a]
-            to.observed[k, i, b] = observed[i, a]
+            to.observed[k, i, b] = st.observed[i, a]
 
 
 @entry
@@ -228,22 +176,18 @@ def run(
         u, y, h, h_first, h_before = floats(W), floats(W), floats(W), floats(W), floats(W)
         over, ago, lam, share, norm = floats(W), floats(W), floats(W), floats(W), floats(W)
         yhat, eps, believed, S, weight = floats(W), floats(W), floats(W), floats(W), floats(W)
-        N, L, Y = table(p, p), table(p, p), table(p, p)
         t, steps, terms, hit, fit, lost, until = ints(W), ints(W), ints(W), ints(W), ints(W), ints(W), ints(W)
         mode, moves, learns, tracks = ints(W), ints(W), ints(W), ints(W)
-        theta, P, joint, drift = st.theta, st.P, any_positive(con.joint), any_positive(con.drift)
+        theta, joint, drift = st.theta, any_positive(con.joint), any_positive(con.drift)
         delay = theta[T.late] if T.late >= 0 else con.delay
         # These are computed later in each sample: until then they are scratch.
         middle = MiddleSpeed(table(T.m, W), yhat, eps, S, believed, psi, Ppsi, moved)
-        # fmt: off
-        roles, timing = Roles(mode, moves, learns, tracks), Timing(con.gap_us, con.settle_us, con.interval, con.lost_us)
-        floor = FloorConstants(con.floor, con.min_excitation, con.span, con.lam, con.drift, con.scale)
-        known = Observation(P, st.P_nom, st.since, st.unobserved, st.observed)
-        tests = TestConstants(con.theta0, con.alpha1, con.allowance, con.lam0, con.h, con.widen, con.naming_samples)
-        cusum = TestState(theta, P, st.P_nom, st.shift, st.g, st.onset, st.left, st.noting)
-        evidence = EvidenceState(theta, P, st.lam0_running, st.observed, st.left, st.noting, st.learned,
-                                 con.span, con.naming_samples)
-        # fmt: on
+        roles, timing = (
+            Roles(mode, moves, learns, tracks),
+            Timing(con.gap_us, con.settle_us, con.interval, con.lost_us),
+        )
+        w = Work(roles, t, y, yhat, eps, believed, S, lam, share, psi, Ppsi, moved, d, nu, hit, fit, until, tested,
+                 (table(p, p), table(p, p), table(p, p)))  # fmt: skip
         count_until_kept(lanes, con.span, st.learned, until)
         copy_rows(con.V0, V)
         copy_rows(st.z, X)
@@ -284,37 +228,19 @@ def run(
                 predict(lanes, T.outputs, V, X, yhat, psi)
                 if T.mean >= 0:
                     divide_by_interval(lanes, over, yhat, psi)
-                gain(lanes, lam, P, psi, Ppsi, S)
-                check_excitation(lanes, lam, con.lam, con.min_excitation, S, st.excitation, mode, st.unobserved,
-                                 st.observed)
-                form_innovation(lanes, y, yhat, S, st.t, st.counts, roles, eps, X)
-                reject_outliers(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, roles,
-                                believed)
-                check_start(lanes, con.settle_us, con.interval, t, st.settled, st.in_a_row, st.counts, mode)
-                update_theta(lanes, con.lower, con.upper, theta, st.observed, believed, Ppsi, S, tracks, hit, moved)
-                update_P(lanes, lam, P, Ppsi, S, learns, fit)
-                if drift:
-                    drift_P(lanes, share, st.P_nom, P, fit)
-                find_P0(lanes, con.min_excitation, con.P_uninformed, con.seed, st.seed_left, st.P_nom, P, mode,
-                        st.observed)
-                apply_information_floor(lanes, floor, known, tracks, N, L, Y)
-                select_tests(lanes, con.tested, st.observed, theta, tracks, st.theta_seen, tested, st.tested)
-                update_running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, mode)
+                gain(lanes, lam, st.P, psi, Ppsi, S)
+                update_estimates(lanes, con, st, w, X, drift)
                 correct(lanes, K, X, eps, psi, moves)
                 if joint:
                     propagate_joint(lanes, con.joint, X, moved)
                 if T.mean >= 0:
                     mark_sampled(lanes, mode, lost)
                     restart_integral(lanes, T.mean, T.n, lost, X)
-                _tally(lanes, mode, hit, st.counts, st.mode)
-                compute_deviations(lanes, tests, cusum, d, nu)
-                if update_cusum(lanes, con.h, t, st.g, st.onset, d, nu, tested):
-                    note_crossings(lanes, tests, cusum, t, d, tested, a0, reset, events)
-                gather_evidence(lanes, evidence, t, until, d, tracks, a0, kept_t, kept_d, events.filled, noted)
+                update_tests(lanes, con, st, w, a0, reset, kept_t, kept_d, events, noted)
             restart_predictor(lanes, mode, con.rest, y, X)
             hold_inputs(lanes, T, con.u_scale, con.rest, t, u, y, weight, mode, st.t, st.u, st.torque_before)
             if trace.eps.size:
-                _record(lanes, k, a0, roles, eps, psi, cusum, st.observed, trace)
+                _record(lanes, k, a0, w, st, trace)
         # fmt: on
         copy_rows(X[:z], st.z)
         copy_rows(X[z:], st.x)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
 from llvmlite import binding as llvm
-from numba import njit
+from numba import njit, typeof
 
 # Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long
 # runs that never come: the code would be twice as long and no faster, and compiling would take a quarter longer.
@@ -52,10 +52,22 @@ def allocating(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
+def part(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """As ``kernel``, and cached by itself, so that a process of its own can compile it (``compile_part``)."""
+    return _compiled(function, no_cpython_wrapper=True, forceinline=True, _nrt=False, cache=True)
+
+
+def compile_part(function: Callable[_P, Any], *arguments: _P.args, **_: _P.kwargs) -> None:
+    """Compile for arguments of these types, or load from the cache."""
+    dispatcher: Any = function
+    type_: Any = typeof
+    dispatcher.compile(tuple(map(type_, arguments)))
+
+
 def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile an entry of the kernel: callable from Python, cached on disk, releases the GIL.
 
-    Only entries are cached: their machine code contains that of all functions they call.  Caching the inner functions
-    as well would cost an eighth of the compile time.
+    Entries and parts are cached: their machine code contains that of all functions they call.  Caching the inner
+    functions as well would cost an eighth of the compile time.
     """
     return _compiled(function, cache=True)

@@ -35,7 +35,6 @@ from monitor_core.kernel.friction import MiddleSpeed, hold_friction
 from monitor_core.kernel.likelihood import G, log_likelihood_ratios, restart_paths, update_sums
 from monitor_core.kernel.outliers import check_start, reject_outliers
 from monitor_core.kernel.predictors import (
-    DELAY,
     FARTHEST,
     GAP,
     INTERVAL,
@@ -46,8 +45,6 @@ from monitor_core.kernel.predictors import (
     OUTLIER,
     SCALE,
     SETTLES,
-    TORQUE_OFFSET,
-    TORQUE_SCALE,
     Predictors,
     correct,
     has_gain,
@@ -55,7 +52,7 @@ from monitor_core.kernel.predictors import (
     propagate_interval,
     propagate_nominal,
     restart_diverged,
-    scale_torque,
+    torques_in_turn,
 )
 from monitor_core.kernel.recursion import predict
 from monitor_core.kernel.sample_interval import divide_by_interval, restart_integral
@@ -155,8 +152,6 @@ def run_hypotheses(
     late, weight = floats(H), floats(H)
     # These are computed later in each sample: until then they are scratch.
     middle = MiddleSpeed(table(m, H), yhat, eps, llr, motion, psi, psi, psi)
-    for a in range(H):
-        late[a] = max(own[DELAY, a], 0.0)
     doing, last = ints(H), ints(H)
     t, ut, y, mode, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
     moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
@@ -183,9 +178,8 @@ def run_hypotheses(
             if P.moving.size:
                 copy_rows(u, acting)
             if P.moving.size and T.friction.number:
-                for a in range(H):
-                    before[a] = own[TORQUE_SCALE, a] * numbers[TORQUE_BEFORE, 0] + own[TORQUE_OFFSET, a]
-                scale_torque(lanes, T.kind, own, numbers[TORQUE_HELD, 0], acting)
+                torques_in_turn(lanes, T.kind, own, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0],
+                                before, late, acting)
                 hold_friction(lanes, T.friction, T.kind, P.u_scale, P.V0, late, before, over, x, acting, None,
                               middle)
             if abs(h[0] - interval) <= _SAME_S:

@@ -73,6 +73,24 @@ def scale_torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) 
 
 
 @kernel
+def torques_in_turn(
+    lanes: Any, kind: Ints, own: Floats, h: float, before: float, held: float, now: float, first: Floats,
+    late: Floats, u: Floats,
+) -> None:  # fmt: skip
+    """The two torques that act in an interval h one after the other: ``first`` (H,) for ``late`` (H,), then that in u.
+
+    A torque that acts late follows the previous one; one that acts early is followed by that of the next sample.
+    """
+    for a in range(len(lanes)):
+        early = own[DELAY, a] < 0.0
+        first[a] = own[TORQUE_SCALE, a] * (held if early else before) + own[TORQUE_OFFSET, a]
+        late[a] = max(own[DELAY, a] + (h if early else 0.0), 0.0)
+        for c in range(kind.size):
+            if kind[c] == TORQUE:
+                u[c, a] = own[TORQUE_SCALE, a] * (now if early else held) + own[TORQUE_OFFSET, a]
+
+
+@kernel
 def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now: Floats) -> None:
     """The interval h in parts (H,): under the previous torque, the held one, and the one of its end."""
     for a in range(len(lanes)):

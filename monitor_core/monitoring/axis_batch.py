@@ -18,6 +18,7 @@ from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import constant_rows
+from monitor_core.kernel.update import compile_update
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8
@@ -145,19 +146,33 @@ class AxisBatch:
         return BatchSamples(t, u, y, n, moved, opened, held)
 
     def _run(self, samples: BatchSamples, trace: Trace) -> list[tuple[int, BatchEvent]]:
-        most = 2 * self._tables.p * samples.t.size  # of each parameter two crossings
-        events = Events(np.zeros(1, np.int64), np.empty((5, most), np.int64), np.empty((2, most)))
-        noted, reset = self._noted(len(samples.t)), not self.settings[0].run_on
+        events, noted, reset = (
+            self._events(len(samples.t)),
+            self._noted(len(samples.t)),
+            not self.settings[0].run_on,
+        )
         run(
             _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
             samples, reset, events, noted, trace,
         )  # fmt: skip
         return sorted(self._named(events, noted), key=lambda pair: pair[0])
 
+    def compile_update(self) -> None:
+        """Compile the second half of a sample only, for another process, which then compiles the whole sooner."""
+        compile_update(
+            _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
+            not self.settings[0].run_on, self._events(0), self._noted(0),
+        )  # fmt: skip
+
     def _trace(self, N: int) -> Trace:
         p, W = self._tables.p, len(self.models)
         own = {name: np.empty((N, p, W)) for name in ("psi", "theta", "P", "shift", "observed")}
         return Trace(eps=np.full((N, W), np.nan), g=np.empty((N, 2, p, W)), mode=np.zeros((N, W)), **own)
+
+    def _events(self, N: int) -> Events:
+        """Room for two crossings of each parameter in each of N samples."""
+        most = 2 * self._tables.p * N * len(self.models)
+        return Events(np.zeros(1, np.int64), np.empty((5, most), np.int64), np.empty((2, most)))
 
     def _noted(self, N: int) -> EvidenceColumns:
         """Room for the evidence that N samples of each axis can yield."""

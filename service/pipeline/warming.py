@@ -3,6 +3,8 @@
 Large libraries are imported where they are used, so that these processes can be started before they are loaded.
 """
 
+from __future__ import annotations
+
 import atexit
 import os
 import subprocess
@@ -10,16 +12,20 @@ import sys
 import threading
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from service.pipeline.kernel_cache import VARIABLE
+
+if TYPE_CHECKING:
+    from monitor_core.monitoring import AxisBatch
 
 _CHILD = """
 import gc, os, sys
 gc.disable()  # a tenth of the time; the process ends soon
-from service.pipeline.warming import HYPOTHESES, compile_kernel
+from service.pipeline.warming import HYPOTHESES, compile_kernel, compile_update
 if int(sys.argv[1]) == HYPOTHESES:
     os.nice(10)  # the daemon monitors already, and may need the processor
-compile_kernel(int(sys.argv[1]))
+(compile_update if "update" in sys.argv else compile_kernel)(int(sys.argv[1]))
 os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
 """
 
@@ -28,6 +34,7 @@ HYPOTHESES = 0
 """Instead of a number of axes: the kernel of the multi-model detector."""
 FEW_AXES = 1
 """What nearly every daemon needs first: a robot has few axes."""
+FEW = "few-axes"
 
 
 def compile_kernel(lanes: int) -> None:
@@ -36,17 +43,29 @@ def compile_kernel(lanes: int) -> None:
 
     from monitor_core.detection import HypothesisBank
     from monitor_core.modeling import INTERVAL_S, reference_model
+    from monitor_core.settings import Settings
+
+    if lanes == HYPOTHESES:
+        bank = HypothesisBank(reference_model(), Settings(interval_s=INTERVAL_S))
+        bank.run(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    else:
+        empty = np.zeros((0, lanes))
+        _batch(lanes).run(np.zeros((0, lanes), np.int64), empty, empty)
+    if mark := _mark(lanes):
+        mark.touch()
+
+
+def compile_update(lanes: int) -> None:
+    """Compile the second half of a sample only: beside ``compile_kernel``, which then finds it in the cache."""
+    _batch(lanes).compile_update()
+
+
+def _batch(lanes: int) -> AxisBatch:
+    from monitor_core.modeling import INTERVAL_S, reference_model
     from monitor_core.monitoring import AxisBatch
     from monitor_core.settings import Settings
 
-    settings, empty = Settings(interval_s=INTERVAL_S), np.zeros((0, lanes))
-    if lanes == HYPOTHESES:
-        HypothesisBank(reference_model(), settings).run(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
-    else:
-        bank = AxisBatch([reference_model()] * lanes, [settings] * lanes)
-        bank.run(np.zeros((0, lanes), np.int64), empty, empty)
-    if mark := _mark(lanes):
-        mark.touch()
+    return AxisBatch([reference_model()] * lanes, [Settings(interval_s=INTERVAL_S)] * lanes)
 
 
 def compile_all() -> None:
@@ -66,6 +85,7 @@ class CacheFiller:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._children: dict[str, subprocess.Popen[str]] = {}
+        self._beside: list[subprocess.Popen[str]] = []
         self._stopped = False
 
     @property
@@ -89,37 +109,49 @@ class CacheFiller:
         for child in [self._children.get(shape) or self._start(n) for shape, n in missing.items()]:
             if child is not None:
                 self._wait(child)
+        for beside in self._beside:
+            beside.kill()  # what it would compile is there
+            beside.wait()
         return not self._stopped
 
     def stop(self) -> None:
         """End the compilation, if there is one, from another thread."""
         with self._lock:
             self._stopped = True
-            for child in self._children.values():
+            for child in (*self._children.values(), *self._beside):
                 child.kill()
 
     def _start(self, lanes: int) -> subprocess.Popen[str] | None:
-        command, null = [sys.executable, "-P", "-c", _CHILD, str(lanes)], subprocess.DEVNULL
         with self._lock:
             if self._stopped:
                 return None
             try:
-                # A group of its own: Ctrl-C is for the daemon, which ends the child itself.  Not a session of its own:
-                # Linux shares out the processor by sessions first, and "nice" would count for nothing.
-                child = subprocess.Popen(
-                    command, stdin=null, stdout=null, stderr=subprocess.PIPE, text=True,
-                    process_group=0, env=_effort(lanes),
-                )  # fmt: skip
+                self._children[_shape(lanes)] = child = _compiler(lanes)
+                # The cold start of most daemons: from both ends at once.
+                if _shape(lanes) == FEW and (os.cpu_count() or 1) > 1:
+                    self._beside.append(_compiler(lanes, "update"))
             except OSError as error:
                 _warn(str(error))
                 return None
-            self._children[_shape(lanes)] = child
             return child
 
     def _wait(self, child: subprocess.Popen[str]) -> None:
         _, messages = child.communicate()
         if child.returncode != 0 and not self._stopped:
             _warn(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
+
+
+def _compiler(lanes: int, *what: str) -> subprocess.Popen[str]:
+    """A process that compiles.
+
+    It has a group of its own: Ctrl-C is for the daemon, which ends the child itself.  Not a session of its own: Linux
+    shares out the processor by sessions first, and "nice" would count for nothing.
+    """
+    command, null = [sys.executable, "-P", "-c", _CHILD, str(lanes), *what], subprocess.DEVNULL
+    return subprocess.Popen(
+        command, stdin=null, stdout=null, stderr=null if what else subprocess.PIPE, text=True,
+        process_group=0, env=_effort(lanes),
+    )  # fmt: skip
 
 
 def _warn(reason: str) -> None:
@@ -136,7 +168,7 @@ def _effort(lanes: int) -> dict[str, str]:
     until the first estimate, and the code is as fast.  The other shapes are slower with it.
     """
     least = {"NUMBA_OPT": "1", "NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}
-    return dict(os.environ) | (least if _shape(lanes) == "few-axes" else {})
+    return dict(os.environ) | (least if _shape(lanes) == FEW else {})
 
 
 def _is_cached(lanes: int) -> bool:
@@ -153,10 +185,10 @@ def _mark(lanes: int) -> Path | None:
 
 def _shape(lanes: int) -> str:
     if lanes in (FEW_AXES, HYPOTHESES):
-        return "hypotheses" if lanes == HYPOTHESES else "few-axes"
+        return "hypotheses" if lanes == HYPOTHESES else FEW
     from monitor_core.monitoring import FEWEST_LANES
 
-    return "few-axes" if lanes < FEWEST_LANES else "many-axes"
+    return FEW if lanes < FEWEST_LANES else "many-axes"
 
 
 EARLY = CacheFiller()

@@ -51,6 +51,16 @@ def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pyt
     assert logs == []
 
 
+def test_the_second_process_compiles_what_the_first_then_uses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compiled for other types than those of the kernel, a part would be there twice, and no second saved."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    assert CacheFiller().fill([1])
+    for part in ("update_estimates", "update_tests"):
+        assert len(list(tmp_path.rglob(f"update.{part}-*.nbc"))) == 1
+
+
 def test_no_shown_alarm_is_lost(tmp_path: Path, seed: int) -> None:
     """kill -9 fifty times while alarms are raised, and as often while the daemon starts."""
     shown = killed(tmp_path, seed, kills=50, fault_after_s=20, while_starting=True)

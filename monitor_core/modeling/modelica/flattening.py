@@ -41,6 +41,9 @@ def flatten(root: ast.Tree, model: ast.Class) -> FlatModel:
     try:
         instance = instantiate(root, model.full_name)
         flat = flatten_instance(instance, expand_connect=False)
+    except IndexError:
+        problem = "pymoca cannot flatten it: a modification has no value (is an = missing?)"
+        raise ModelError(problem, place_of(model, model.name)) from None
     except (ModelicaError, NotImplementedError, KeyError, AssertionError, AttributeError) as error:
         raise ModelError(f"pymoca cannot flatten it: {error}", place_of(model, model.name)) from None
     return _Flattening(root, model, instance, flat).flat_model()

@@ -128,8 +128,11 @@ def check_names(root: ast.Tree) -> None:
     for cls in own_classes(root):
         cls.extends = [e for e in cls.extends if "Icons" not in e.component.to_tuple()]
         for extends in cls.extends:
-            base = _class(root, cls, extends.component, place_of(extends, cls.name))
-            _check_modifications(base, extends.class_modification, place_of(extends, cls.name))
+            place = place_of(extends, cls.name)
+            if not place.file:  # of "type Mass = Real(...)"
+                place = place_of(cls, cls.name)
+            base = _class(root, cls, extends.component, place)
+            _check_modifications(base, extends.class_modification, place)
             for name in _members(base).keys() & cls.symbols.keys():
                 problem = f"{name} is declared in {cls.name} and in its base class {base.name}"
                 raise ModelError(problem, place_of(cls.symbols[name], name))
@@ -166,7 +169,7 @@ def _check_contents(cls: ast.Class, around: Sequence[ast.Class], path: str) -> N
         found, name = _found(cls, symbol.type), f"{path}{symbol.name}"
         if found in around:
             raise ModelError(f"{found.name} contains itself, as {name}", place_of(symbol, name))
-        if getattr(found, "file", ""):
+        if isinstance(found, ast.Class) and getattr(found, "file", ""):
             _check_contents(found, [*around, found], f"{name}.")
 
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
@@ -89,6 +89,8 @@ def test_a_distorted_signal_is_that_of_the_recursion_with_the_signal_put_right(
 @given(
     seed=seeds, case=st.sampled_from(CASES), jitter=st.sampled_from([0.0, 0.3]), share=st.floats(-1.0, 1.0)
 )
+@example(seed=0, case=BY_NAME["speed-output-error-late"], jitter=0.0, share=-1.0)
+@example(seed=0, case=BY_NAME["speed-output-error-late"], jitter=0.0, share=-0.4)
 def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, share: float) -> None:
     """Early by d is late by an interval less d of the torque of the next sample, at equal intervals."""
     if "delay" in case.values or (jitter and share < 0):

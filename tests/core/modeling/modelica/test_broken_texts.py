@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from monitor_core.modeling.flat import FlatModel, ModelError
@@ -54,6 +54,9 @@ def broken(draw: st.DrawFn) -> str:
 
 @settings(deadline=None, max_examples=60)
 @given(text=broken())
+@example(text=TWO_MASS.replace("displayUnit =", "displayUnit"))
+@example(text=NESTED.replace("type Mass = Real", "type Mass = c"))
+@example(text=NESTED.replace("R.Inertia mass(J = J)", "J mass(J = J)"))
 def test_read_or_told(text: str) -> None:
     try:
         model = read([Source("d.mo", text)])
