@@ -17,7 +17,7 @@ from monitor_core.identification.bode import Bode, bode_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_undetermined
-from monitor_core.identification.outlook import Watched, outlook
+from monitor_core.identification.outlook import Watched, outlook, shortest_memory
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.record import Record
@@ -100,6 +100,7 @@ class IdentificationResult:
         verdict: on the fit.
         held: why parameters are held that the records do not determine.
         watched: which of the monitored parameters can be watched; empty: none were named.
+        memory_s: the memory that this is for [s].
         warm_up: how the axis warms up, where friction follows a heat that nobody measures; None: it does not.
     """
 
@@ -114,6 +115,7 @@ class IdentificationResult:
     verdict: Verdict
     held: Mapping[str, str]
     watched: tuple[Watched, ...]
+    memory_s: float
     warm_up: FoundWarmUp | None = None
 
     def model(self, monitored: Sequence[str]) -> AxisModel:
@@ -229,6 +231,7 @@ class IdentificationOptions:
         unknown: free parameters whose nominal values are only placeholders.
         scheduled: parameters that follow signals of the records.
         memory_s: of the monitor.
+        memories_s: instead, some to choose from, in ascending order: the shortest that shows small changes is taken.
         sizes: of monitored parameters as given; needed where the nominal value is zero.
         speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem; then the best one is refined.
         thermal: how the axis begins the first record, where friction may follow a heat that nobody measures; None: it
@@ -244,6 +247,7 @@ class IdentificationOptions:
     unknown: tuple[str, ...] = ()
     scheduled: tuple[ScheduledTerm, ...] = ()
     memory_s: float = 1.0
+    memories_s: tuple[float, ...] = ()
     sizes: Mapping[str, float] = field(default_factory=dict)
     speed_scales: tuple[float, ...] = ()
     thermal: ThermalStart | None = None
@@ -303,6 +307,9 @@ def identify(
             "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
         )
         raise IdentificationError(f"no fit: {error}{hint if options.start == 'records' else ''}") from None
+    memory_s = options.memory_s
+    if options.memories_s:
+        memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
     return IdentificationResult(
         problem,
         estimate,
@@ -314,7 +321,8 @@ def identify(
         options,
         verdict,
         held,
-        outlook(estimate, options.monitored, records, options.memory_s, options.sizes),
+        outlook(estimate, options.monitored, records, memory_s, options.sizes),
+        memory_s,
         warm_up,
     )
 

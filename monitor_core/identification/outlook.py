@@ -21,6 +21,10 @@ _LARGEST = 1.0
 """A change of 100 %: what would show only beyond that is not watched."""
 
 
+_SMALL = 0.2
+"""A change of 20 % is what robots are watched for."""
+
+
 class Obstacle(Enum):
     """Why a parameter cannot be watched."""
 
@@ -75,6 +79,24 @@ def outlook(
         changes = _changes(estimate, names, records, memory_s, sizes)
     found |= {name: Watched(name, changes[name], None) for name in names}
     return tuple(found[name] for name in monitored)
+
+
+def shortest_memory(
+    estimate: Estimate,
+    monitored: Sequence[str],
+    records: Sequence[Record],
+    memories_s: Sequence[float],
+    sizes: Mapping[str, float] = {},
+) -> float:
+    """The shortest of these memories [s], in ascending order, with which all that shows shows from small changes on.
+
+    Else the longest.  Arguments as of ``outlook``.
+    """
+    for memory_s in memories_s[:-1]:
+        found = outlook(estimate, monitored, records, memory_s, sizes)
+        if all(w.change <= _SMALL for w in found if w.obstacle is not Obstacle.NO_SIZE):
+            return memory_s
+    return memories_s[-1]
 
 
 def _changes(

@@ -8,21 +8,31 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from monitor_core.drive import split_name
+from service.commands.commissioning_remedies import (
+    Retry,
+    memories_of,
+    memory_change,
+    remedy_for,
+    retry,
+    watched_in,
+)
 from service.commands.output_files import replace_text
 from service.commands.signal_proposals import Review, configured
-from service.config.commissioned import Correction, commissioned, corrected, monitoring
+from service.config.commissioned import Correction, commissioned, corrected, pages_of
 from service.reports.commissioning_report import Outcome
 
 if TYPE_CHECKING:
-    from monitor_core.calibration import CalibrationError, CalibrationOptions
-    from monitor_core.identification import IdentificationResult
+    from monitor_core.calibration import CalibrationOptions
     from service.reports.formats import Provenance
+
+
+Progress = Callable[[str, str, float], None]
+"""Called with the phase, "identify" or "calibrate", its present work, and how much of that is done, 0 to 1"""
 
 
 class Order(NamedTuple):
@@ -42,7 +52,9 @@ class Order(NamedTuple):
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
 
 
-def commission_axis(order: Order, review: Review) -> Outcome:
+def commission_axis(
+    order: Order, review: Review, progress: Progress = lambda _phase, _work, _share: None
+) -> Outcome:
     """Identify and calibrate an axis, unless that was done before with the same configuration and records.
 
     ``review``: of its signals; with faults the axis is refused.
@@ -59,32 +71,36 @@ def commission_axis(order: Order, review: Review) -> Outcome:
     open_points = tuple(f"{words[0].upper()}{words[1:]}." for words in review.doubts)
     open_points += (review.unchecked,) if review.unchecked else ()
     first = Outcome(name, corrections=review.corrections, notes=open_points)
-    outcome = _identified(order, text, first)
+    outcome = _identified(order, text, first, progress)
     if outcome.found is not None:
-        outcome = _calibrated(order, text, outcome)
+        outcome = _calibrated(order, text, outcome, progress)
     replace_text(kept, json.dumps({"digest": digest, "outcome": asdict(outcome)}, indent=1) + "\n")
     return outcome
 
 
-def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
+def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     from service.commands.identification_task import Request, drawing_of, prepare
     from service.reports.identification_files import as_toml
     from service.reports.identification_html import as_html
     from service.reports.identification_report import outlook_words, verdict_line
 
+    progress("identify", "reading the records", 0.0)
+    again: Retry | None = None
     try:
         while True:
             config, axis = configured(text, order.axis_id, order.folder)
-            task = prepare(config, axis, order.records, [], Request())
-            report = task.run(order.provenance._replace(drawing=drawing_of(axis.config)))
-            watched = tuple(w.name for w in report.result.watched if w.obstacle is None)
-            if report.rejection or not watched or not _follows_unwatched(report.result, watched):
+            task = prepare(config, axis, order.records, [], Request(memories_s=memories_of(axis.config)))
+            provenance = order.provenance._replace(drawing=drawing_of(axis.config))
+            report = task.run(provenance, _within("identify", progress))
+            again = retry(report, text, axis)
+            if again is None or (again.changes and not order.shorten):
                 break
-            # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
-            text = monitoring(text, order.axis_id, watched)
+            text = again.text
+            outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _mistakes() as error:
         return replace(outcome, refusal=f"not identified: {error}")
-    page, values = f"{axis.id}-identification.html", f"{axis.id}-nominal.toml"
+    taken = "" if again is None else f"; --yes takes {again.words}"
+    page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     replace_text(order.folder / page, as_html(report))
     outcome = replace(
         outcome,
@@ -94,33 +110,35 @@ def _identified(order: Order, text: str, outcome: Outcome) -> Outcome:
         pages=(page,),
     )
     if report.rejection:
-        return replace(outcome, refusal=f"not identified: {report.rejection}")
+        return replace(outcome, refusal=f"not identified: {report.rejection}{taken}")
     replace_text(order.folder / values, as_toml(report))
-    return replace(outcome, nominal_file=values, watched=watched, refusal="" if watched else outcome.outlook)
+    refusal = "" if watched_in(report) else f"{outcome.outlook.removesuffix('.')}{taken}"
+    memory = memory_change(report, axis.config)
+    return replace(
+        outcome,
+        nominal_file=values,
+        watched=watched_in(report),
+        refusal=refusal,
+        corrections=(*outcome.corrections, *memory),
+    )
 
 
-def _follows_unwatched(result: IdentificationResult, watched: Sequence[str]) -> bool:
-    """Whether a parameter that cannot be watched would follow a signal."""
-    bases = {split_name(name)[0] for name in watched}
-    return any(split_name(term.parameter)[0] not in bases for term in result.options.scheduled)
-
-
-def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
+def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     from monitor_core.calibration import CalibrationError
     from service.commands.calibrate import calibrate_axis
     from service.reports.calibration_files import as_html, as_toml
 
-    options, found = order.options, None
+    options, found, step = order.options, None, _within("calibrate", progress)
     for _ in range(_MOST_REMEDIES):
         assert outcome.found is not None
         changed = corrected(text, order.axis_id, outcome.corrections)
         own = commissioned(changed, {order.axis_id: outcome.found})
         try:
             config, axis = configured(own, order.axis_id, order.folder)
-            found = calibrate_axis(config, axis, order.records, options, order.provenance)
+            found = calibrate_axis(config, axis, order.records, options, order.provenance, step)
             break
         except CalibrationError as error:
-            remedy = _remedy(error, outcome, options)
+            remedy = remedy_for(error, outcome, options)
             if remedy is None or not order.shorten:
                 taken = "" if remedy is None else f"; --yes takes {remedy.words}"
                 return replace(outcome, refusal=f"not calibrated: {error}{taken}")
@@ -131,7 +149,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome) -> Outcome:
         return replace(
             outcome, refusal="not calibrated: the records are too short, or move the axis too little"
         )
-    page, values = f"{order.axis_id}-calibration.html", f"{order.axis_id}-thresholds.toml"
+    page, values = pages_of(order.axis_id)[1], f"{order.axis_id}-thresholds.toml"
     replace_text(order.folder / page, as_html(found))
     replace_text(order.folder / values, as_toml(found))
     first = found.detectors[0]
@@ -151,39 +169,8 @@ _MOST_REMEDIES = 5
 """One refusal may come after the other."""
 
 
-class _Remedy(NamedTuple):
-    """What another attempt to calibrate is made with."""
-
-    words: str
-    outcome: Outcome
-    options: CalibrationOptions
-
-
-def _remedy(error: CalibrationError, outcome: Outcome, options: CalibrationOptions) -> _Remedy | None:
-    """What would do where these records do not; None: only other records would."""
-    outcome = replace(outcome, notes=(*outcome.notes, f"{error}."))
-    if error.budget_s is not None:
-        budget_s = _rounded(error.budget_s)
-        return _Remedy(f"a budget of {budget_s:g} s", outcome, replace(options, budget_s=budget_s))
-    if error.memory_s is not None:
-        reason = "for a longer one the records are too short"
-        changes = [Correction(("estimator", "memory_s"), error.memory_s, reason)]
-        if error.joint_state:
-            changes.append(
-                Correction(("estimator", "joint_state"), True, f"with a memory of {error.memory_s:g} s")
-            )
-        words = ", ".join(change.change for change in changes)
-        return _Remedy(words, replace(outcome, corrections=(*outcome.corrections, *changes)), options)
-    left = tuple(name for name in outcome.watched if name not in error.without)
-    if error.without and left:
-        return _Remedy(f"monitor = {list(left)}", replace(outcome, watched=left), options)
-    return None
-
-
-def _rounded(budget_s: float) -> float:
-    """Two digits, downwards."""
-    digits = float(f"{budget_s:.1e}")
-    return digits if digits <= budget_s else float(f"{budget_s * 0.95:.1e}")
+def _within(phase: str, progress: Progress) -> Callable[[str, float, float], None]:
+    return lambda work, done, total: progress(phase, work, done / total if total else 0.0)
 
 
 def _mistakes() -> tuple[type[Exception], ...]:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +15,7 @@ from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
 from service.commands.options import ConfigPath, RecordRanges, configuration
 from service.commands.output_files import replace_text
+from service.commands.progress import axes_bars
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
     from service.config.commissioned import Correction
     from service.reports.commissioning_report import Outcome
 
-CONFIG, REPORT = "axiswatch.toml", "report.html"
+CONFIG = "axiswatch.toml"
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for everything that is written.")
 ]
@@ -150,35 +148,22 @@ def _orders(
 
 
 def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
-    """What became of each axis; several at once, each in a process."""
+    """What became of each axis, several at once, with their progress."""
+    from service.commands.axis_processes import outcomes
+
     found: dict[str, Outcome] = {}
-    for number, outcome in enumerate(_outcomes(orders, reviews), 1):
-        found[outcome.axis_id] = outcome
-        console.print(f"[{number}/{len(orders)}] {_line(outcome)}", markup=False)
+    with axes_bars([order.axis_id for order in orders]) as bars:
+        for number, outcome in enumerate(outcomes(orders, reviews, lambda step: bars.show(*step)), 1):
+            found[outcome.axis_id] = outcome
+            bars.end(outcome.axis_id)
+            console.print(f"[{number}/{len(orders)}] {_line(outcome)}", markup=False)
     return [found[order.axis_id] for order in orders]
-
-
-def _outcomes(orders: Sequence[Order], reviews: Mapping[str, Review]) -> Iterator[Outcome]:
-    from service.commands.axis_commissioning import commission_axis
-
-    workers = min(len(orders), os.cpu_count() or 1)
-    if workers == 1:
-        yield from (commission_axis(order, reviews[order.axis_id]) for order in orders)
-        return
-    # Not forked: this process has threads.
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        running = [pool.submit(commission_axis, order, reviews[order.axis_id]) for order in orders]
-        try:
-            yield from (done.result() for done in as_completed(running))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def _line(outcome: Outcome) -> str:
     if outcome.refusal:
         return f"{outcome.axis_id}: {outcome.refusal}"
-    return f"{outcome.axis_id}: {outcome.verdict} {outcome.outlook}"
+    return f"{outcome.axis_id}: {outcome.outlook} {outcome.verdict}"
 
 
 def _write(
@@ -188,7 +173,7 @@ def _write(
     corrections: Mapping[str, Sequence[Correction]],
     words: str,
 ) -> None:
-    from service.config.commissioned import commissioned, corrected
+    from service.config.commissioned import REPORT, commissioned, corrected
     from service.reports.commissioning_report import as_html
 
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}

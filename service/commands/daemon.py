@@ -21,6 +21,7 @@ from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 from service.texts import now_us
 from service.web.app import create_app
+from service.web.report_pages import ReportPages
 from service.web.server import serve
 
 log = structlog.get_logger(__name__)
@@ -31,6 +32,7 @@ def run_daemon(
     record: Path | None = None,
     ready: Callable[[str], None] = lambda _url: None,
     stop: threading.Event | None = None,
+    reports: Path | None = None,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -39,6 +41,7 @@ def run_daemon(
         record: frames are also written here, as received.
         ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
+        reports: folder in which ``commission`` has left its report, if it has.
 
     Raises:
         AxisError, DbcError, IngestError: the configuration cannot be used.
@@ -67,7 +70,9 @@ def run_daemon(
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
 
-        serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
+        pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
+        app = create_app(lambda: worker.snapshot, journal, reports=pages)
+        serve(app, config.web.host, config.web.port, begin, stop)
         log.info("stopping")
     if worker.error is not None:
         raise DaemonFailedError(

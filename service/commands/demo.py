@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from service.can.bus import open_buses
+from service.commands.calibrate import Budget
 from service.commands.exit_codes import explained
 from service.commands.options import Port, axis_named, configuration
 from service.commands.run import configure_logs
@@ -25,60 +26,119 @@ _MOST_AXES = 6
 _LATEST_S = 5.0
 """Samples may be sent so late [s]: their times are kept, as those of a kernel that receives them."""
 
-Axes = Annotated[int, typer.Option("--axes", min=1, max=_MOST_AXES, help="Number of axes.")]
+_FEW_AXES = 2
+"""With --commission: more take longer."""
+ROBOT, COMMISSIONED = "demo.toml", "demo/axiswatch.toml"
+"""The simulated robot as it is; and as it was commissioned, from records of it."""
+
+Axes = Annotated[
+    int | None,
+    typer.Option(
+        "--axes",
+        min=1,
+        max=_MOST_AXES,
+        help=f"Number of axes. [default: {_MOST_AXES}, with --commission {_FEW_AXES}]",
+        show_default=False,
+    ),
+]
+Commission = Annotated[
+    bool,
+    typer.Option(
+        "--commission", help="First record and commission the robot: some minutes of computing for each axis."
+    ),
+]
+Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="DIR", help="With --commission: folder for what is written.")
+]
+Minutes = Annotated[
+    float, typer.Option("--minutes", min=0.5, max=60.0, help="With --commission: length of the record.")
+]
 
 
 def demo(
     fault: FaultOption = None,
     fault_axis: FaultAxis = None,
     fault_after: FaultAfter = 60.0,
-    axes: Axes = _MOST_AXES,
+    axes: Axes = None,
+    commission: Commission = False,
+    output: Output = Path("demo-robot"),
+    minutes: Minutes = 5.0,
+    budget: Budget = "1y",
     port: Port = None,
 ) -> None:
     """Look around: a simulated robot on a bus inside the process, and the daemon that monitors it.
 
     After a minute a fault occurs: the friction of the second axis grows by 30 %, unless options choose another
-    fault.
+    fault. The robot comes commissioned; with --commission the whole way is shown: a record of the healthy robot, a
+    first configuration, nominal values and thresholds, then the daemon with these.
     """
+    count = axes or (_FEW_AXES if commission else _MOST_AXES)
+    robot = _robot(configuration(shipped(ROBOT)), count)
+    broken = robot.axes[min(1, count - 1)]
+    if fault_axis is not None:
+        broken = axis_named(robot.axes, fault_axis, "--fault-axis")
+    wanted = Fault(broken.id, factors(fault or ["fm=1.3"]), fault_after)
+    with explained():  # a fault that cannot be simulated is refused before minutes of work
+        SimulatedRobot(robot, faults=[wanted])
+    if commission:
+        from service.commands.demo_commissioning import commission_robot
+
+        commissioned = commission_robot(shipped(ROBOT), robot, output, minutes, budget)
+    else:
+        commissioned = shipped(COMMISSIONED)
     with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as state_dir:
-        read = _adapted(configuration(shipped("demo.toml")), axes, port, Path(state_dir))
-        broken = read.axes[min(1, axes - 1)]
-        if fault_axis is not None:
-            broken = axis_named(read.axes, fault_axis, "--fault-axis")
-        _run(read, Fault(broken.id, factors(fault or ["fm=1.3"]), fault_after))
+        monitored = _monitored(configuration(commissioned), robot, port, Path(state_dir))
+        _run(monitored, commissioned.parent, robot, wanted)
 
 
-def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Config:
+def _robot(config: Config, axes: int) -> Config:
+    """The simulated robot, with its first axes."""
     robot = config.robot[0].model_copy(update={"axis": config.robot[0].axis[:axes]})
     # The robot shares this process with the daemon: the bus keeps the times at which it should have sent.
     bus = config.bus[0].model_copy(update={"options": {"preserve_timestamps": True}})
-    return config.model_copy(
+    return config.model_copy(update={"bus": (bus,), "robot": (robot,)})
+
+
+def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir: Path) -> Config:
+    """What the daemon runs with: the commissioned axes of those that the robot has."""
+    names = {axis.config.name for axis in robot.axes}
+    (own,) = commissioned.robot
+    axes = tuple(axis for axis in own.axis if axis.name in names)
+    web = commissioned.web if port is None else commissioned.web.model_copy(update={"port": port})
+    return commissioned.model_copy(
         update={
-            "bus": (bus,),
-            "robot": (robot,),
-            "service": config.service.model_copy(update={"state_dir": state_dir}),
-            "web": config.web if port is None else config.web.model_copy(update={"port": port}),
+            "bus": robot.bus,
+            "robot": (own.model_copy(update={"axis": axes}),),
+            "service": commissioned.service.model_copy(update={"state_dir": state_dir}),
+            "web": web,
         }
     )
 
 
-def _run(config: Config, fault: Fault) -> None:
-    """Run the daemon, and the robot in parallel once its bus is read; an error of either ends both."""
+def _run(config: Config, reports: Path, moved: Config, fault: Fault) -> None:
+    """Run the daemon, and the robot in parallel once its bus is read; an error of either ends both.
+
+    Args:
+        config: of the daemon.
+        reports: folder of the report of its commissioning.
+        moved: the robot.
+        fault: that of the robot.
+    """
     from service.commands.daemon import run_daemon
 
     configure_logs()
     ready, stop = threading.Event(), threading.Event()
     with explained(), ThreadPoolExecutor(1, "robot") as pool:
-        robot = SimulatedRobot(config, faults=[fault])
+        robot = SimulatedRobot(moved, faults=[fault])
         monitored = ", ".join(config.axes[0].config.model.monitor)
-        moving = pool.submit(_move, robot, config, ready, stop)
+        moving = pool.submit(_move, robot, moved, ready, stop)
 
         def served(url: str) -> None:
             _print_welcome(url, fault, monitored)
             ready.set()
 
         try:
-            run_daemon(config, ready=served, stop=stop)
+            run_daemon(config, ready=served, stop=stop, reports=reports)
         finally:
             stop.set()
             ready.set()

@@ -67,6 +67,7 @@ class Request:
         masses: compare chains of up to this number of masses; None: do not.
         thermal: how warm the axis is at the beginning of the first record, where friction may follow a heat that nobody
             measures; "off": it does not; None: cold, and off where parameters follow signals.
+        memories_s: memories of the monitor [s] to choose from, in ascending order; empty: that of the configuration.
     """
 
     free: tuple[str, ...] = ()
@@ -79,6 +80,7 @@ class Request:
     schedule: tuple[str, ...] = ()
     masses: int | None = None
     thermal: Literal["cold", "unknown", "off"] | None = None
+    memories_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,7 @@ def prepare(
         unknown,
         scheduled,
         axis.config.sample_interval_s / (1 - axis.config.forgetting),
+        request.memories_s,
         scales_of(axis.config),
         tuple(scales),
         _thermal_start(request, axis.config),

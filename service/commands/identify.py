@@ -114,9 +114,9 @@ def identify(
 ) -> None:
     """Identify the nominal values of an axis from records of its healthy state.
 
-    Writes nominal.toml, which the configuration of the daemon refers to, and report.html. Its first line is the verdict
-    on the fit, the last one says what can be watched with it. With a poor fit, or one that does not converge, no
-    nominal values are written, and the exit code is 2; --force writes those of a poor fit.
+    Writes nominal.toml, which the configuration of the daemon refers to, and report.html. Its first line says what can
+    be watched with it, the second one how good the fit is. With a poor fit, or one that does not converge, no nominal
+    values are written, and the exit code is 2; --force writes those of a poor fit.
     """
     files = Files.chosen(output, report, json)
     files.check(force, "nominal values")

@@ -25,8 +25,6 @@ RecordFile = Annotated[
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
-_FAST_S = 0.006
-"""Up to this interval the records show the springs of the gearbox and the arm."""
 
 
 def init(record: RecordFile, output: Output = Path("axis.toml"), force: Force = False) -> None:
@@ -128,9 +126,6 @@ def _lines(found: TableRoles, record: str, interval_s: float | None) -> Iterator
 
 
 def _axis_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) -> Iterator[str]:
-    drive = "three-mass" if interval_s is not None and interval_s <= _FAST_S else "one-mass"
-    monitor = '["kT", "1/Ja", "fm"]' if drive == "three-mass" else '["kT", "fc", "fm"]'
-    nominal = "{ kT = 1, r = 1 }" if drive == "three-mass" else "{ kT = 1 }"
     yield ""
     yield "[[robot.axis]]"
     yield f"name = {_quoted(axis.name)}"
@@ -147,7 +142,7 @@ def _axis_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) 
     )
     yield f"torque = {{ column = {_quoted(axis.torque)}{factor} }}{remark}"
     yield f"{axis.output} = {{ column = {_quoted(axis.motion)} }}"
-    yield f'model = {{ drive = "{drive}", monitor = {monitor}, nominal = {nominal} }}'
+    yield 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
 
 
 def _quoted(text: str) -> str:

@@ -1,7 +1,7 @@
-"""Progress bars on the error stream, if that is a terminal; and a task in a thread that reports its progress."""
+"""Progress on the error stream, bars if that is a terminal; and a task in a thread that reports its progress."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from types import TracebackType
@@ -40,6 +40,34 @@ def steps_bar(name: str) -> Iterator[Callable[[str, float, float], None]]:
             progress.update(task, completed=done, total=total, description=f"{name}: {step}")
 
         yield update
+
+
+class AxesBars:
+    """A bar for each axis that is worked on; without a terminal a line where an axis enters a phase."""
+
+    def __init__(self, progress: Progress, axis_ids: Sequence[str]) -> None:
+        self._progress = progress
+        self._tasks = {axis_id: progress.add_task(f"{axis_id}: waits", total=1.0) for axis_id in axis_ids}
+        self._phases: dict[str, str] = {}
+
+    def show(self, axis_id: str, phase: str, work: str, share: float) -> None:
+        """Where an axis is: its phase, what is done in it, and how much of that, 0 to 1."""
+        description = f"{axis_id}: {phase}: {work}"
+        self._progress.update(self._tasks[axis_id], completed=share, description=description)
+        if self._progress.disable and self._phases.get(axis_id) != phase:
+            self._progress.console.print(f"{axis_id}: {phase} ...", markup=False, highlight=False)
+        self._phases[axis_id] = phase
+
+    def end(self, axis_id: str) -> None:
+        """The axis is done, its bar goes."""
+        self._progress.remove_task(self._tasks[axis_id])
+
+
+@contextmanager
+def axes_bars(axis_ids: Sequence[str]) -> Iterator[AxesBars]:
+    """Bars for axes that are worked on at the same time."""
+    with _bar(TaskProgressColumn(), TimeElapsedColumn()) as progress:
+        yield AxesBars(progress, axis_ids)
 
 
 def _bar(*columns: ProgressColumn) -> Progress:

@@ -24,7 +24,8 @@ def run(config: ConfigPath, record: Record = None, port: Port = None) -> None:
     """Monitor the axes of a configuration until SIGTERM or Ctrl-C: the daemon.
 
     Alarms and checkpoints are kept in the state directory; the page, the REST interface and the metrics are
-    served at the configured address. A bus that goes down later is waited for.
+    served at the configured address, and so is the report that `commission` has left beside the configuration. A bus
+    that goes down later is waited for.
     """
     read = configuration(config)
     from service.commands.daemon import run_daemon
@@ -33,7 +34,7 @@ def run(config: ConfigPath, record: Record = None, port: Port = None) -> None:
         read = read.model_copy(update={"web": read.web.model_copy(update={"port": port})})
     configure_logs()
     with explained():
-        run_daemon(read, record)
+        run_daemon(read, record, reports=config.parent)
 
 
 def configure_logs(stream: TextIO | None = None, level: int = logging.INFO) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +19,15 @@ _IN_NOMINAL_FILE = {
 """Keys of an axis by table that a nominal_file replaces."""
 _IN_THRESHOLDS_FILE = ("alpha_1", "alpha_2")
 """Keys of its detector that a thresholds_file replaces."""
+
+
+REPORT = "report.html"
+"""Name of the summary of a commissioned robot, beside its configuration"""
+
+
+def pages_of(axis_id: str) -> tuple[str, str]:
+    """Names of the pages of an axis beside the summary: of its identification and of its calibration."""
+    return f"{axis_id}-identification.html", f"{axis_id}-calibration.html"
 
 
 class Correction(NamedTuple):
@@ -78,6 +87,17 @@ def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     document = tomlkit.parse(text)
     axis = next(axis for name, axis in _axes(document) if name == axis_id)
     axis["model"]["monitor"] = list(names)
+    return tomlkit.dumps(document)
+
+
+def with_drive(text: str, axis_id: str, drive: str, monitor: Sequence[str], values: Collection[str]) -> str:
+    """The text of a configuration in which an axis has another drive, monitors these parameters, keeps these values."""
+    document = tomlkit.parse(text)
+    model = next(axis for name, axis in _axes(document) if name == axis_id)["model"]
+    model["drive"], model["monitor"] = drive, list(monitor)
+    for table in ("nominal", "scales", "bounds", "limits"):
+        for name in [name for name in model.get(table, {}) if name not in values]:
+            del model[table][name]
     return tomlkit.dumps(document)
 
 

@@ -41,18 +41,19 @@ class Calibration:
 
 
 def print_text(calibration: Calibration, console: Console) -> None:
-    """The promise; faults and names, by the detector that alarms; thresholds."""
+    """The smallest changes found in time; the promise; faults and names, by the detector that alarms; thresholds."""
 
     def show(title: str, table: Table) -> None:
         console.print(for_terminal(table, title))
 
     console.print(Text(calibration.axis.id, style="bold"))
+    first, result = calibration.detectors[0], calibration.result
+    if first.caught:
+        show(f"Smallest change found within {result.within_s:.3g} s, in 9 of 10", smallest(calibration))
     for words in promises(calibration):
         console.print(Text(words), soft_wrap=True)
-    first = calibration.detectors[0]
     if first.caught:
-        by, result = f"by the {DETECTORS[first.detector]}", calibration.result
-        show(f"Smallest change found within {result.within_s:.3g} s, in 9 of 10", smallest(calibration))
+        by = f"by the {DETECTORS[first.detector]}"
         title = f"Faults that begin at {result.onsets} places of the record, {by}"
         show(title, faults(calibration, first))
         show(f"Names, all sizes, {by}", confusion(first))

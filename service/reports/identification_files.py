@@ -82,8 +82,8 @@ def _introduction(report: IdentificationReport) -> Iterator[str]:
     yield '  nominal_file = "nominal.toml"'
     yield "All values are in SI units. They belong together: nominal values are those of this predictor, with this"
     yield "gain, at this interval. To change one, identify again."
-    yield verdict_line(report)
     yield outlook_words(report)
+    yield verdict_line(report)
     yield from (f"Note: {one_line(word)}" for word in report.warnings)
 
 

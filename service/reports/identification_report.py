@@ -173,7 +173,8 @@ class IdentificationReport:
 
 
 def print_text(report: IdentificationReport, console: Console) -> None:
-    """The verdict first, then parameters, fits, tests, doubts; at last what can be watched."""
+    """What can be watched and the verdict first, then parameters, fits, tests, doubts."""
+    console.print(Text(f"{report.axis_id}: {outlook_words(report)}", style="bold"), soft_wrap=True)
     console.print(Text(f"{verdict_line(report)}\n", style="bold"), soft_wrap=True)
     result, rows = report.result, list(report.result.rows())
     held = {number: "dim" for number, row in enumerate(rows) if row.held}
@@ -199,7 +200,6 @@ def print_text(report: IdentificationReport, console: Console) -> None:
             console.print(escape(test.words), soft_wrap=True)
     for words in (*report.warnings, *result.bode.words):
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
-    console.print(Text(outlook_words(report), style="bold"), soft_wrap=True)
 
 
 # --- Sentences and tables ---------------------------------------------------------------------------------------------
@@ -307,7 +307,7 @@ def verdict_words(verdict: Verdict) -> str:
 
 
 def verdict_line(report: IdentificationReport) -> str:
-    """The first line of every report."""
+    """How good the fit is: the second line of every report."""
     verdict = report.result.verdict
     return f"{report.axis_id}: {verdict.quality.value} fit: {verdict_words(verdict)}."
 
@@ -322,15 +322,15 @@ def missing_words(verdict: Verdict) -> str:
 
 
 def outlook_words(report: IdentificationReport) -> str:
-    """The last line: whether the axis can be watched with this, for what, and what would give the rest."""
+    """The first line: what can be watched with this, what cannot and why, and what would give it."""
     result = report.result
     if report.rejection and result.rejection is not Rejection.POOR:
-        return "This axis cannot be watched with this result: see above."
+        return f"Nothing can be watched with this: {report.rejection}."
     watched = [w for w in result.watched if w.obstacle is None]
     lost = [w for w in result.watched if w.obstacle is not None]
     named = ", ".join(f"{w.name} (changes from {_change(w, result)})" for w in watched)
     poor = " Alarms would come from what the drive lacks." if result.rejection is Rejection.POOR else ""
-    words = f"This axis can be watched for {named}." if watched else "This axis cannot be watched with this."
+    words = f"Can be watched: {named}." if watched else "Nothing can be watched with this."
     return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
 
 
@@ -346,16 +346,16 @@ def _change(w: Watched, result: IdentificationResult) -> str:
 def _obstacle(w: Watched, result: IdentificationResult) -> str:
     if w.obstacle is Obstacle.NO_SIZE:
         return (
-            f"Not for {w.name}, which these records do not distinguish from zero: take it out of monitor, or give the"
-            f" size of a change in [robot.axis.model.scales]."
+            f"Cannot: {w.name}, since these records do not distinguish it from zero: take it out of monitor, or give"
+            f" the size of a change in [robot.axis.model.scales]."
         )
     if w.obstacle is Obstacle.TOGETHER:
         return (
-            f"Not for {w.name} beside these: this motion does not distinguish them. Take it out of monitor, or record"
+            f"Cannot: {w.name}, since this motion does not distinguish it from these: take it out of monitor, or record"
             f" {_motion(w.name, result)}."
         )
     return (
-        f"Not for {w.name}: this motion hardly shows it within the memory of the monitor. Take it out of monitor,"
+        f"Cannot: {w.name}, since this motion hardly shows it within the memory of the monitor: take it out of monitor,"
         f" raise memory_s, or record {_motion(w.name, result)}."
     )
 

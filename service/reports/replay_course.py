@@ -6,7 +6,7 @@ Nothing that crosses a line between two bins' ends is lost.  When the bins are f
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -34,6 +34,7 @@ from monitor_core.monitoring import (
 
 Counts = NDArray[np.int64]
 Times = NDArray[np.int64]
+Marks = NDArray[np.bool_]
 MOST_BINS = 1600
 SIGMAS = 2.0
 """Half the width of the band around an estimate, in reported standard deviations."""
@@ -71,6 +72,7 @@ class Course:
         self._sums = Bins(np.add, np.zeros((len(names), self._most)))
         self._fates = Bins(np.add, np.zeros((len(FATES), self._most), np.int64))
         self._unseen = Bins(np.add, np.zeros((len(names), self._most), np.int64))
+        self._tested = Bins(np.logical_or, np.zeros((len(names), self._most), np.bool_))
         self._gaps = Bins(np.logical_or, np.zeros((1, self._most), np.bool_))
 
     # --- while it runs ---------------------------------------------------------------------------------
@@ -98,6 +100,7 @@ class Course:
             (self._sums, trace.theta[took].T),
             (self._fates, np.stack([mode == fate for fate in FATES]).astype(np.int64)),
             (self._unseen, (trace.observed[took].T == UNSEEN).astype(np.int64)),
+            (self._tested, self._tests(trace, multimodel)[:, took]),
         ):
             kept.take(bins[starts], starts, values)
         since = np.concatenate(([before], where[:-1])) // self._width
@@ -124,6 +127,15 @@ class Course:
         h, members = self._hypotheses
         return np.stack([(g[:, own] / h[own]).max(axis=1, initial=0.0) for own in members])
 
+    def _tests(self, trace: Trace, multimodel: BankTrace | None) -> Marks:
+        """Where the detector that alarms tested a parameter (p, N)."""
+        if self._monitor.alarm_source == "multimodel" and multimodel is not None:
+            assert self._monitor.multimodel is not None
+            causes, ran = self._monitor.multimodel.bank.causes, ~np.isnan(multimodel.llr).all(axis=1)
+            return np.stack([ran & (name in causes) for name in self.h])
+        tests: Marks = (trace.mode == TRACK) & (trace.observed.T != UNSEEN)
+        return tests
+
     @cached_property
     def _hypotheses(self) -> tuple[Floats, list[Counts]]:
         """Thresholds of the hypotheses, and which are those of each cause; only with samples is there a bank."""
@@ -135,7 +147,7 @@ class Course:
     def _merge(self) -> None:
         """Two bins become one, twice as wide."""
         self._width *= 2
-        for kept in (self._low, self._high, self._sums, self._fates, self._unseen, self._gaps):
+        for kept in (self._low, self._high, self._sums, self._fates, self._unseen, self._tested, self._gaps):
             kept.merge()
 
     # --- afterwards ------------------------------------------------------------------------------------
@@ -182,8 +194,12 @@ class Course:
         """At how many samples of each bin a parameter was not observed."""
         return self._unseen.values[list(self.h).index(name), : self.used]
 
+    def tested(self, name: str) -> Marks:
+        """In which bins a parameter was tested by the detector that alarms."""
+        return self._tested.values[list(self.h).index(name), : self.used]
+
     @property
-    def gaps(self) -> NDArray[np.bool_]:
+    def gaps(self) -> Marks:
         """Which bins have a part without samples after which the predictor restarted."""
         return self._gaps.values[0, : self.used]
 
@@ -202,6 +218,17 @@ class Bins:
         """Neighbours are joined in the first half of the bins, the second one becomes empty."""
         joined = self._join(self.values[:, ::2], self.values[:, 1::2])
         self.values = np.concatenate([joined, np.repeat(self._empty, joined.shape[1], axis=1)], axis=1)
+
+
+_NARROWEST = 0.003
+"""Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
+
+
+def runs_of(where: Marks, edges: Floats) -> Iterator[tuple[float, float]]:
+    """Start and width of each run of marked bins (N,) with these edges (N + 1,)."""
+    steps = np.diff(np.concatenate(([0], where.astype(np.int8), [0])))
+    for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
+        yield float(edges[start]), max(float(edges[end] - edges[start]), _NARROWEST * float(edges[-1]))
 
 
 # --- Times on a line that always goes on: pauses are cut out, and clocks that were set back go on ---------------------

@@ -9,6 +9,7 @@ from monitor_core.wording import duration
 from service.reports import replay_report as content
 from service.reports.formats import render, safe
 from service.reports.replay_course import SIGMAS, Course
+from service.reports.replay_overview import overview_picture
 from service.reports.replay_plots import axis_pictures
 from service.reports.replay_report import dated
 from service.reports.replay_result import Replayed, ReplayedAxis
@@ -54,6 +55,7 @@ def as_html(replayed: Replayed) -> str:
         replayed=replayed,
         outcome=_outcome(replayed),
         key_figures=_key_figures(replayed),
+        tested_picture=safe(overview_picture(replayed.axes)),
         not_tested=[words for axis in replayed.axes for words in content.not_tested(axis)],
         notes=[note for axis in replayed.axes for note in axis.notes],
         estimates=content.estimates(replayed.axes),

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.monitoring import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, ParameterStatus
@@ -26,7 +25,7 @@ from service.reports.plot_style import (
     figure,
     legend_of,
 )
-from service.reports.replay_course import SIGMAS, Course, time_unit
+from service.reports.replay_course import SIGMAS, Course, Marks, runs_of, time_unit
 from service.reports.replay_result import ReplayedAxis
 
 if TYPE_CHECKING:
@@ -37,8 +36,6 @@ MOST_TOGETHER = 4
 _MOST_PAUSES, _MOST_NAMED = 60, 8
 _ESTIMATE, _G, _FATE, _LEGEND = 1.75, 1.05, 0.2, 0.9
 """Heights, inches."""
-_NARROWEST = 0.003
-"""Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
 _LINES = (
     *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "nominal ± ν"),
     *("g of an increase", "g of a decrease", "h", "onset, with its interval"),
@@ -59,7 +56,6 @@ _WORTH_A_NAME = 0.3
 """g / h that a cause must have reached to be named."""
 _LINEAR = 1.6
 """Up to here g / h is drawn as it is; beyond, its part above h by its logarithm, as after a change it grows fast."""
-Marks = NDArray[np.bool_]
 
 
 def axis_pictures(axis: ReplayedAxis, course: Course, salt: str) -> Iterator[str]:
@@ -229,7 +225,7 @@ class _Drawing:
 
     def _shade(self, axes: Axes) -> None:
         """Where nothing was learned: bins with samples, none of which was used."""
-        runs = list(self._runs(self._course.fate(TRACK) == 0))
+        runs = list(runs_of(self._course.fate(TRACK) == 0, self._edges))
         if runs:
             transform = axes.get_xaxis_transform()
             axes.broken_barh(
@@ -248,14 +244,8 @@ class _Drawing:
 
     def _draw_fates(self, axes: Axes, fates: Sequence[tuple[str, Marks]]) -> None:
         for k, (_, where) in enumerate(fates):
-            axes.broken_barh(list(self._runs(where)), (k - 0.32, 0.64), color=QUIET, lw=0)
+            axes.broken_barh(list(runs_of(where, self._edges)), (k - 0.32, 0.64), color=QUIET, lw=0)
         axes.set_yticks(range(len(fates)), [name for name, _ in fates], fontsize=8.5)
         axes.set(ylim=(len(fates) - 0.4, -0.6), title="What kept from learning")
         axes.tick_params(axis="y", length=0)
         axes.grid(axis="y", visible=False)
-
-    def _runs(self, where: Marks) -> Iterator[tuple[float, float]]:
-        """Start and width of each run of marked bins."""
-        steps, edges = np.diff(np.concatenate(([0], where.astype(np.int8), [0]))), self._edges
-        for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
-            yield float(edges[start]), max(float(edges[end] - edges[start]), _NARROWEST * float(edges[-1]))

@@ -50,7 +50,8 @@ def router(state: AppState) -> APIRouter:
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
         """Version, readiness with reasons, buses, messages for the operator."""
-        return views.service(state.snapshot(), state.now_us())
+        report = None if state.reports is None else state.reports.address
+        return views.service(state.snapshot(), state.now_us(), report)
 
     return api
 

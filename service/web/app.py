@@ -16,6 +16,8 @@ from service.store.journal import Journal
 from service.texts import now_us
 from service.web import api, metrics, models
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
+from service.web.report_pages import ReportPages
+from service.web.report_pages import router as report_router
 
 STATIC = Path(__file__).parent / "static"
 DESCRIPTION = """\
@@ -34,15 +36,27 @@ _HEADERS = {
 
 
 def create_app(
-    snapshot: Callable[[], Snapshot], journal: Journal, now_us: Callable[[], int] = now_us
+    snapshot: Callable[[], Snapshot],
+    journal: Journal,
+    now_us: Callable[[], int] = now_us,
+    reports: ReportPages | None = None,
 ) -> FastAPI:
-    """Build the application on the newest snapshot and the journal; ``now_us`` is the clock for ages."""
-    state = AppState(snapshot, journal, now_us)
+    """Build the application on the newest snapshot and the journal.
+
+    Args:
+        snapshot: returns the newest one.
+        journal: of the alarms.
+        now_us: the clock for ages.
+        reports: pages of the commissioning.
+    """
+    state = AppState(snapshot, journal, now_us, reports)
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state))
     app.include_router(_probes(state))
     app.include_router(_pages())
+    if reports is not None:
+        app.include_router(report_router(reports))
     app.mount("/static", StaticFiles(directory=STATIC))
     _add_headers(app)
     _answer_errors(app)
@@ -94,12 +108,13 @@ def _pages() -> APIRouter:
 
 
 def _add_headers(app: FastAPI) -> None:
-    """Forbid the browser, in every answer, everything that the pages do not need."""
+    """Forbid the browser, in every answer, everything that the pages do not need; reports have their own policy."""
 
     @app.middleware("http")
     async def add(request: Request, call_next: RequestResponseEndpoint) -> Response:
         response = await call_next(request)
-        response.headers.update(_HEADERS)
+        for name, value in _HEADERS.items():
+            response.headers.setdefault(name, value)
         return response
 
 

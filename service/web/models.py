@@ -382,6 +382,7 @@ class Service(Body):
     taken: Time = Field(description="when the worker published this, UTC")
     checkpoint: Time | None = Field(description="when the monitors were saved last, UTC")
     buses: list[Bus]
+    report: str | None = Field(description="address of the report of the commissioning; null: there is none")
 
 
 class Health(Body):

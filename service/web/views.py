@@ -134,7 +134,7 @@ def alarm(a: RecordedAlarm) -> models.Alarm:
     )
 
 
-def service(snapshot: Snapshot, now_us: int) -> models.Service:
-    """The daemon itself."""
+def service(snapshot: Snapshot, now_us: int, report: str | None = None) -> models.Service:
+    """The daemon itself; ``report`` is the address of that of its commissioning."""
     reasons = list(reasons_not_ready(snapshot, now_us))
-    return _body(models.Service, snapshot, version=VERSION, ready=not reasons, reasons=reasons)
+    return _body(models.Service, snapshot, version=VERSION, ready=not reasons, reasons=reasons, report=report)

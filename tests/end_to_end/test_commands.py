@@ -1,5 +1,6 @@
 """Commands that go on, on a real bus between processes."""
 
+import json
 import os
 import pty
 import re
@@ -22,14 +23,18 @@ from tests.end_to_end.processes import (
 )
 
 
-def test_demo_shows_a_page_and_names_its_fault(tmp_path: Path) -> None:
+def test_demo_shows_a_page_and_its_report_and_names_its_fault(tmp_path: Path) -> None:
     log = tmp_path / "demo.log"
-    with demo(log, "demo", "--axes", "2", "--fault-after", "3") as page:
+    with demo(log, "demo", "--axes", "2", "--fault-after", "6") as page:
         with urllib.request.urlopen(page, timeout=20) as answer:
             assert b"<html" in answer.read()
-        (alarm,) = wait_for(lambda: alarms_shown(page))
+        with urllib.request.urlopen(page + "api/v1/service", timeout=20) as answer:
+            report = json.loads(answer.read())["report"]
+        with urllib.request.urlopen(page + report[1:], timeout=20) as answer:
+            assert "6 of 6 axes ready." in answer.read().decode()
+        (alarm,) = wait_for(lambda: [a for a in alarms_shown(page) if a["stage"] == "named"])
         assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
-    assert "fm x 1.3 after 3 s" in log.read_text(encoding="utf-8")
+    assert "fm x 1.3 after 6 s" in log.read_text(encoding="utf-8")
 
 
 def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:

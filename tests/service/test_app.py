@@ -81,7 +81,8 @@ STARTS = [
     ("import service.commands.main, service.commands.run, service.commands.excite", "matplotlib"),
     (
         "from service.config import load; from service.config.drive_sources import shipped;"
-        "from service.pipeline.axis_monitors import AxisMonitors; AxisMonitors(load(shipped('demo.toml'), {}).axes)",
+        "from service.pipeline.axis_monitors import AxisMonitors;"
+        "AxisMonitors(load(shipped('demo/axiswatch.toml'), {}).axes)",
         "sympy pymoca antlr4",
     ),
 ]

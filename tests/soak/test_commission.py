@@ -6,16 +6,10 @@ drive that warms up without a thermometer.  ``AXISWATCH_AXES`` is their number.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
-from pathlib import Path
 
-import numpy as np
 import pytest
-
-from tests.core.mismatch import MismatchPlant, redrawn
-from tests.service.command_line import run
 
 pytestmark = pytest.mark.soak
 

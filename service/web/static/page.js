@@ -49,6 +49,7 @@ function showService(service, alarms) {
   className(state, service.ready ? "pill good" : "pill warn");
   list(by("reasons"), service.reasons);
   list(by("messages"), service.messages);
+  by("report").hidden = service.report === null;
   const running = span((new Date(service.taken) - new Date(service.started)) / 1000);
   text(by("about"), `version ${service.version}, running for ${running}`);
   document.title = alarms ? `(${alarms}) axiswatch` : "axiswatch";

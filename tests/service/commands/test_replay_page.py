@@ -68,13 +68,15 @@ def test_the_page_needs_nothing_else_and_its_picture_shows_what_there_is(page: s
     for words in (
         *("estimate", "± 2 standard deviations", "nominal ± ν", "g of an increase", "g of a decrease"),
         *("onset, with its interval", "alarm raised", "alarm open", "nothing learned", "pause, cut out"),
-        *("no samples", "settling", "gated"),
+        *("no samples", "settling", "gated", "tested", "not tested", "axis1 kT", "axis1 fm"),
     ):
         assert f">{words}</text>" in page, words
     assert page.count(">change [%]</text>") == 3
     assert page.count(">CUSUM</text>") == 3
     assert page.count(">multi-model</text>") == 1
     assert ">causes</text>" in page
+    assert ">axis2 kT</text>" not in page  # it has no sample
+    assert page.index("What was tested when") < page.index("Estimates at the end")
     assert "Long-term trend" not in page
     for absent in ("finding P(0)", "clock set back"):
         assert f">{absent}</text>" not in page

@@ -253,21 +253,22 @@ def test_a_long_line_is_drawn_with_few_points_and_keeps_its_peaks(seed: int) -> 
     assert np.ptp(heights) == pytest.approx(box.height * 72 / drawn.dpi, abs=0.02)
 
 
-# --- The verdict is first, what can be watched is last ----------------------------------------------------------------
+# --- What can be watched is first, then the verdict -------------------------------------------------------------------
 
 
-def test_the_verdict_is_first_and_the_outlook_last(found: IdentificationReport, page: str) -> None:
+def test_what_can_be_watched_is_first_and_the_verdict_second(found: IdentificationReport, page: str) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
     print_text(found, console)
     lines = console.export_text().strip().splitlines()
-    assert lines[0].startswith("demo.axis1: good fit: the simulation explains ")
-    assert lines[-1].startswith("This axis can be watched for kT (changes from ")
-    assert all(f"{name} (changes from" in lines[-1] for name in ("kT", "1/Ja", "fm"))
+    assert lines[0].startswith("demo.axis1: Can be watched: kT (changes from ")
+    assert all(f"{name} (changes from" in lines[0] for name in ("kT", "1/Ja", "fm"))
+    assert lines[1].startswith("demo.axis1: good fit: the simulation explains ")
     text = " ".join(read(page).texts)
-    assert text.index(lines[0]) < text.index("Parameters") < text.index(lines[-1])
+    outlook = lines[0].removeprefix("demo.axis1: ")
+    assert text.index(outlook) < text.index(lines[1]) < text.index("Parameters")
     content = json.loads(as_json(found))
     assert content["verdict"]["validation"] == "records"
-    assert (content["verdict"]["quality"], content["outlook"]) == ("good", lines[-1])
+    assert (content["verdict"]["quality"], content["outlook"]) == ("good", outlook)
     assert tomllib.loads(as_toml(found))["verdict"]["explained"] > 90
 
 
@@ -285,5 +286,5 @@ def test_what_would_help_to_watch_a_parameter(
     found: IdentificationReport, name: str, obstacle: Obstacle, words: str
 ) -> None:
     lost = replace(found, result=replace(found.result, watched=(Watched(name, 2.0, obstacle),)))
-    assert outlook_words(lost).startswith(f"This axis cannot be watched with this. Not for {name}")
+    assert outlook_words(lost).startswith(f"Nothing can be watched with this. Cannot: {name}, since")
     assert words in outlook_words(lost)

@@ -16,7 +16,7 @@ from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiM
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitoring import AxisMonitor, Fleet, standard_deviation
+from monitor_core.monitoring import UNSEEN, AxisMonitor, Fleet, standard_deviation
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from service.ingest.assemble import REASONS as DROPPED
@@ -130,7 +130,11 @@ def test_bins_hold_the_least_and_the_largest_values(ran: Ran) -> None:
             assert c.mean(name)[k] == pytest.approx(mean, nan_ok=True)
         for fate in (TRACK, GATED, SETTLE, RESTART):
             assert c.fate(fate)[k] == np.count_nonzero(ran.trace.mode[took][inside] == fate)
-    assert c.unseen("kT").sum() == np.count_nonzero(ran.trace.observed[took, 0] == 2)
+        for i, name in enumerate(c.h):
+            tested = (ran.trace.mode[took] == TRACK) & (ran.trace.observed[took, i] != UNSEEN)
+            assert c.tested(name)[k] == tested[inside].any()
+    assert 0 < c.tested("kT").sum() < c.used
+    assert c.unseen("kT").sum() == np.count_nonzero(ran.trace.observed[took, 0] == UNSEEN)
     assert next(iter(c.h)) == "kT"
 
 
@@ -160,7 +164,7 @@ def test_blocks_may_be_cut_anywhere(ran: Ran, seed: int) -> None:
 def _all_of(course: Course) -> Iterator[NDArray[Any]]:
     yield from (course.edges, course.gaps, *(course.fate(fate) for fate in rows.FATES))
     for name in course.h:
-        yield from (course.mean(name), course.unseen(name))
+        yield from (course.mean(name), course.unseen(name), course.tested(name))
         for kind in range(rows.EVIDENCE):
             yield from (course.low(kind, name), course.high(kind, name))
 
@@ -183,6 +187,7 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
     course = Course(fleet.monitors[0], 64)
     g: list[NDArray[np.float64]] = []
     took: list[NDArray[np.bool_]] = []
+    tested: list[NDArray[np.bool_]] = []
     changed = 0
     for a, b in pairwise([0, 7, 700, 1800, SAMPLES]):
         part = SampleBlock(*(None if v is None else v[a:b] for v in block))  # type: ignore[arg-type]
@@ -192,6 +197,7 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
         assert trace.multimodel is not None
         course.take(part.t_us, trace.estimator, [], trace.multimodel)
         g.append(trace.multimodel.g)
+        tested.append(np.asarray(~np.isnan(trace.multimodel.llr).all(axis=1)))
         took.append(trace.estimator.mode != SKIP)
     assert changed
     share = np.concatenate(g)[np.concatenate(took)] / beside.bank.h
@@ -205,6 +211,10 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
             assert course.high(rows.EVIDENCE, cause)[k] == largest[bins == k].max()
             assert course.low(rows.EVIDENCE, cause)[k] == largest[bins == k].min()
     assert max(course.largest(rows.EVIDENCE, name=cause) for cause in course.causes) == share.max() > 1
+    ran = np.concatenate(tested)[np.concatenate(took)]
+    of_bins = [bool(ran[bins == k].any()) for k in range(course.used)]
+    assert course.tested("kT").tolist() == of_bins
+    assert 0 < sum(of_bins) < course.used
 
 
 # --- the line of times --------------------------------------------------------------------------------------

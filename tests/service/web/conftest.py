@@ -29,6 +29,7 @@ from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, Hist
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
 from service.web.app import create_app
+from service.web.report_pages import ReportPages
 
 NOON_US = 1_772_366_400_000_000
 """2026-03-01T12:00:00Z"""
@@ -178,9 +179,10 @@ class Stage:
     journal: Journal
     snapshot: Snapshot = field(default_factory=whole_snapshot)
     now_us: int = NOON_US + 250_000
+    reports: ReportPages | None = None
 
     def app(self) -> FastAPI:
-        return create_app(lambda: self.snapshot, self.journal, lambda: self.now_us)
+        return create_app(lambda: self.snapshot, self.journal, lambda: self.now_us, self.reports)
 
     def client(self) -> TestClient:
         return TestClient(self.app())

@@ -4,12 +4,15 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import NotTested, Status
+from service.config.drive_sources import shipped
+from service.web.report_pages import ReportPages
 from service.web.server import serve
 from tests.service.web.conftest import PARAMETERS, Stage, with_status
 
@@ -43,6 +46,14 @@ def browser(need: Callable[[str], str]) -> Iterator[Browser]:
         opened = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def shipped_report(stage: Stage) -> Path:
+    """The report of the demo, served with the page."""
+    folder = shipped("demo/axiswatch.toml").parent
+    stage.reports = ReportPages(folder, [axis.id for axis in stage.snapshot.axes])
+    return folder
 
 
 @pytest.fixture
@@ -91,6 +102,26 @@ def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:
     stage.healthy()
     expect(page.locator("#state")).to_have_text("ready")
     expect(page.locator("#reasons")).to_be_hidden()
+
+
+def test_the_report_of_the_commissioning_opens_from_it(shipped_report: Path, page: Page) -> None:
+    """With its styles, as the browser applies them, and from there the page of an axis."""
+    page.goto("/")
+    link = page.get_by_role("link", name="Commissioning report")
+    expect(page.locator("#state")).to_have_text("not ready")
+    expect(link).to_be_visible()
+    link.click()
+    expect(page.get_by_role("heading", name="Commissioned robot")).to_be_visible()
+    expect(page.locator(".verdict")).to_have_css("border-left-style", "solid")
+    page.get_by_role("link", name="demo.axis2-calibration.html").click()
+    expect(page.get_by_role("heading", name="Calibration of demo.axis2")).to_be_visible()
+    assert page.locator("svg").count() >= 3
+
+
+def test_without_a_report_there_is_no_link(page: Page) -> None:
+    page.goto("/")
+    expect(page.locator("#state")).to_have_text("not ready")
+    expect(page.get_by_text("Commissioning report")).to_be_hidden()
 
 
 def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Alarm) -> None:

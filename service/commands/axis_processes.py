@@ -1,0 +1,85 @@
+"""The axes of a robot are commissioned several at once, each in a process that tells how far it is."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from multiprocessing import SimpleQueue, get_context
+from typing import TYPE_CHECKING, NamedTuple
+
+from service.commands.axis_commissioning import Order, commission_axis
+
+if TYPE_CHECKING:
+    from service.commands.signal_proposals import Review
+    from service.reports.commissioning_report import Outcome
+
+_POLL_S = 0.2
+"""So often steps are shown; a process tells no more of them."""
+
+
+class Step(NamedTuple):
+    """Where the commissioning of an axis is."""
+
+    axis_id: str
+    phase: str
+    """identify or calibrate"""
+    work: str
+    share: float
+    """Of the work, 0 to 1"""
+
+
+def outcomes(
+    orders: Sequence[Order],
+    reviews: Mapping[str, Review],
+    show: Callable[[Step], None],
+) -> Iterator[Outcome]:
+    """What becomes of each axis, as soon as it is known; ``show`` is called with the steps in between."""
+    workers = min(len(orders), os.cpu_count() or 1)
+    if workers == 1:
+        for order in orders:
+            yield commission_axis(order, reviews[order.axis_id], _steps(order.axis_id, show))
+        return
+    context = get_context("spawn")  # not forked: this process has threads
+    steps: SimpleQueue[Step] = context.SimpleQueue()
+    with ProcessPoolExecutor(workers, context, initializer=_connect, initargs=(steps,)) as pool:
+        waiting = {pool.submit(_commission, order, reviews[order.axis_id]) for order in orders}
+        try:
+            while waiting:
+                done, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
+                while not steps.empty():
+                    show(steps.get())
+                yield from (task.result() for task in done)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _steps(axis_id: str, show: Callable[[Step], None]) -> Callable[[str, str, float], None]:
+    """Passes on the first step of each kind, and then no more than the eye can follow."""
+    before, shown_s = ("", ""), 0.0
+
+    def step(phase: str, work: str, share: float) -> None:
+        nonlocal before, shown_s
+        now_s = time.monotonic()
+        if (phase, work) != before or now_s - shown_s >= _POLL_S:
+            before, shown_s = (phase, work), now_s
+            show(Step(axis_id, phase, work, share))
+
+    return step
+
+
+# --- In the process of an axis ----------------------------------------------------------------------------------------
+
+
+_queues: list[SimpleQueue[Step]] = []
+"""To the process that shows the steps"""
+
+
+def _connect(steps: SimpleQueue[Step]) -> None:
+    _queues.append(steps)
+
+
+def _commission(order: Order, review: Review) -> Outcome:
+    return commission_axis(order, review, _steps(order.axis_id, _queues[0].put))

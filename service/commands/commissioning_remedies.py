@@ -1,0 +1,119 @@
+"""What commissioning tries next where records do not give what the configuration asks for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from monitor_core.drive import split_name
+from service.config.commissioned import Correction, monitoring, with_drive
+from service.reports.commissioning_report import Outcome
+
+if TYPE_CHECKING:
+    from monitor_core.calibration import CalibrationError, CalibrationOptions
+    from service.config import NamedAxis
+    from service.config.schema import AxisConfig
+    from service.reports.identification_report import IdentificationReport
+
+_SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
+_ONE_MASS, _WEIGHT = "one-mass", "-weight"
+_OF_ONE_MASS = ("kT", "fc", "fm")
+_MEMORIES = (1.0, 2.0, 5.0)
+"""Times the usual memory, where the configuration names none: the shortest that shows small changes."""
+
+
+# --- After an identification ------------------------------------------------------------------------------------------
+
+
+class Retry(NamedTuple):
+    """What another identification is made with."""
+
+    text: str
+    """Of the configuration"""
+    changes: tuple[Correction, ...]
+
+    @property
+    def words(self) -> str:
+        """The changes."""
+        return ", ".join(change.change for change in self.changes)
+
+
+def watched_in(report: IdentificationReport) -> tuple[str, ...]:
+    """The parameters that can be watched."""
+    return tuple(w.name for w in report.result.watched if w.obstacle is None)
+
+
+def retry(report: IdentificationReport, text: str, axis: NamedAxis) -> Retry | None:
+    """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
+
+    Args:
+        report: of the identification.
+        text: of the configuration that it was made with.
+        axis: of that configuration.
+    """
+    drive, watched = axis.config.model.drive, watched_in(report)
+    if report.rejection or not watched:
+        if drive.removesuffix(_WEIGHT) not in _SEVERAL_MASSES:
+            return None
+        simple = _ONE_MASS + (_WEIGHT if drive.endswith(_WEIGHT) else "")
+        why = report.rejection or "nothing could be watched"
+        change = Correction(("model", "drive"), simple, f"as {drive} it was not identified: {why}")
+        return Retry(with_drive(text, axis.id, simple, _OF_ONE_MASS, ("kT",)), (change,))
+    bases = {split_name(name)[0] for name in watched}
+    if all(split_name(term.parameter)[0] in bases for term in report.result.options.scheduled):
+        return None
+    # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
+    return Retry(monitoring(text, axis.id, watched), ())
+
+
+def memories_of(axis: AxisConfig) -> tuple[float, ...]:
+    """The memories [s] to choose from; none: that of the configuration."""
+    usual_s = axis.sample_interval_s / (1 - axis.forgetting)
+    return () if axis.estimator.memory_s else tuple(usual_s * times for times in _MEMORIES)
+
+
+def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Correction, ...]:
+    """The memory that was chosen, if it is not that of the configuration."""
+    memory_s, memories_s = report.result.memory_s, memories_of(axis)
+    if not memories_s or memory_s == memories_s[0]:
+        return ()
+    reason = "with a shorter one only large changes would show in this motion"
+    return (Correction(("estimator", "memory_s"), memory_s, reason),)
+
+
+# --- After a calibration that was refused -----------------------------------------------------------------------------
+
+
+class Remedy(NamedTuple):
+    """What another calibration is made with."""
+
+    words: str
+    outcome: Outcome
+    options: CalibrationOptions
+
+
+def remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationOptions) -> Remedy | None:
+    """What would do where these records do not; None: only other records would."""
+    outcome = replace(outcome, notes=(*outcome.notes, f"{error}."))
+    if error.budget_s is not None:
+        budget_s = _rounded(error.budget_s)
+        return Remedy(f"a budget of {budget_s:g} s", outcome, replace(options, budget_s=budget_s))
+    if error.memory_s is not None:
+        reason = "for a longer one the records are too short"
+        changes = [Correction(("estimator", "memory_s"), error.memory_s, reason)]
+        if error.joint_state:
+            changes.append(
+                Correction(("estimator", "joint_state"), True, f"with a memory of {error.memory_s:g} s")
+            )
+        words = ", ".join(change.change for change in changes)
+        return Remedy(words, replace(outcome, corrections=(*outcome.corrections, *changes)), options)
+    left = tuple(name for name in outcome.watched if name not in error.without)
+    if error.without and left:
+        return Remedy(f"monitor = {list(left)}", replace(outcome, watched=left), options)
+    return None
+
+
+def _rounded(budget_s: float) -> float:
+    """Two digits, downwards."""
+    digits = float(f"{budget_s:.1e}")
+    return digits if digits <= budget_s else float(f"{budget_s * 0.95:.1e}")

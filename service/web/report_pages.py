@@ -1,0 +1,52 @@
+"""The pages that ``axiswatch commission`` has left beside the configuration, read-only.
+
+Their names are known from the axes: nothing else of that folder is served.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from fastapi import APIRouter
+from fastapi.responses import FileResponse
+from starlette.exceptions import HTTPException
+
+from service.config.commissioned import REPORT, pages_of
+
+_PREFIX = "/reports"
+_HEADERS = {
+    # A report is one file with its styles and pictures in it.  No script, form or frame, and no other source.
+    "content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none';"
+    " frame-ancestors 'self'; sandbox"
+}
+
+
+class ReportPages:
+    """The pages of these axes, by their ids, in a folder; they may come and go."""
+
+    def __init__(self, folder: Path, axis_ids: Iterable[str]) -> None:
+        self._folder = folder
+        self._names = frozenset([REPORT, *(name for axis_id in axis_ids for name in pages_of(axis_id))])
+
+    def find(self, name: str) -> Path | None:
+        """The file of that name; None: it is no page, or not there."""
+        path = self._folder / name
+        return path if name in self._names and path.is_file() else None
+
+    @property
+    def address(self) -> str | None:
+        """Where the first page is served; None: it is not there."""
+        return None if self.find(REPORT) is None else f"{_PREFIX}/{REPORT}"
+
+
+def router(pages: ReportPages) -> APIRouter:
+    """The routes of the pages."""
+    routes = APIRouter(prefix=_PREFIX, include_in_schema=False)
+
+    @routes.get("/{name}")
+    def page(name: str) -> FileResponse:
+        path = pages.find(name)
+        if path is None:
+            raise HTTPException(404)
+        return FileResponse(path, media_type="text/html", headers=_HEADERS)
+
+    return routes

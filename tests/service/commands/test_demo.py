@@ -1,0 +1,163 @@
+"""``axiswatch demo``: commissioned as it comes, or before the user's eyes."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration import CalibrationOptions
+from service.commands import commission
+from service.config import Config, load
+from service.config.drive_sources import shipped
+from service.pipeline.axis_monitors import FramePipeline
+from service.simulation.healthy_table import columns_of, table_lines
+from service.simulation.robot import Fault
+from tests.conftest import ROOT
+from tests.service.command_line import axiswatch
+from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
+
+COMMISSIONED = ROOT / "config" / "demo" / "axiswatch.toml"
+FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=200_000, bank_copies=20_000)
+
+
+class Daemon:
+    """In place of the daemon: what it would have run with."""
+
+    def __init__(self) -> None:
+        self.config: Config | None = None
+        self.reports: Path | None = None
+
+    def run(
+        self,
+        config: Config,
+        record: Path | None = None,
+        ready: Callable[[str], None] = lambda _url: None,
+        stop: threading.Event | None = None,
+        reports: Path | None = None,
+    ) -> None:
+        assert record is None
+        self.config, self.reports = config, reports
+        ready("http://127.0.0.1:1/")
+        if stop is not None:
+            stop.set()
+
+
+@pytest.fixture
+def daemon(monkeypatch: pytest.MonkeyPatch) -> Daemon:
+    found = Daemon()
+    monkeypatch.setattr("service.commands.daemon.run_daemon", found.run)
+    return found
+
+
+def signals(config: Config) -> list[tuple[Any, ...]]:
+    """Where the samples of each axis come from."""
+    rows = []
+    for axis in config.axes:
+        c = axis.config
+        sources = [(s.message, s.signal, s.factor, s.offset) for s in (c.torque, c.motion)]
+        rows.append((axis.id, c.sample_interval_s, c.time.counter_signal, *sources))
+    return rows
+
+
+# --- as it comes ------------------------------------------------------------------------------------------------------
+
+
+def test_it_comes_commissioned(daemon: Daemon) -> None:
+    result = axiswatch("demo", "--axes", "2", "--port", "0")
+    assert result.exit_code == 0, result.output
+    assert daemon.config is not None
+    assert daemon.reports == COMMISSIONED.parent
+    assert [axis.id for axis in daemon.config.axes] == ["demo.axis1", "demo.axis2"]
+    assert all(axis.config.model.thresholds_file is not None for axis in daemon.config.axes)
+
+
+def test_run_takes_it_as_it_is_and_serves_its_report(daemon: Daemon) -> None:
+    result = axiswatch("run", "--config", COMMISSIONED)
+    assert result.exit_code == 0, result.output
+    assert daemon.config == load(COMMISSIONED, {})
+    assert daemon.reports == COMMISSIONED.parent
+
+
+def test_what_is_shipped_belongs_to_the_robot() -> None:
+    """Same axes and signals, nominal values that are its own; thresholds of another monitor would be refused."""
+    own, robot = load(COMMISSIONED, {}), load(shipped("demo.toml"), {})
+    assert signals(own) == signals(robot)
+    checked = axiswatch("check", "--config", COMMISSIONED)
+    assert checked.exit_code == 0, checked.output
+    status = FramePipeline(own).monitors.by_id
+    for axis, true in zip(own.axes, robot.axes, strict=True):
+        nominal, thresholds = axis.config.model.nominal_file, axis.config.model.thresholds_file
+        assert nominal is not None
+        assert thresholds is not None
+        assert thresholds.hypothesis != ()
+        truth = true.config.model.nominal
+        for name in ("Jm", "fm", "fc", "tau0", "kT"):
+            assert nominal.values[name] == pytest.approx(truth[name], rel=0.05), (axis.id, name)
+        (alarms,) = [d.name for d in status[axis.id].status().detectors if d.alarms]
+        assert alarms == "multimodel"
+
+
+def test_the_command_that_made_what_is_shipped_is_documented() -> None:
+    texts = [path.read_text(encoding="utf-8") for path in COMMISSIONED.parent.glob("demo.*.toml")]
+    (command,) = {re.findall(r'^command = "(.*)"', text, re.M)[0] for text in texts}
+    assert command.removesuffix(" --port 0") in (ROOT / "docs" / "development.md").read_text(encoding="utf-8")
+
+
+# --- the whole way ----------------------------------------------------------------------------------------------------
+
+
+def test_the_whole_way_ends_in_a_monitor_that_names_the_fault(
+    tmp_path: Path, seed: int, daemon: Daemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Called again nothing is computed again."""
+    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)
+    words = ("demo", "--commission", "--axes", "1", "--minutes", "0.6", "--output", tmp_path / "made")
+    result = axiswatch(*words)
+    assert result.exit_code == 0, result.output
+    for step in (
+        "1. Record",
+        "2. Describe it",
+        "3. Commission it",
+        "[1/1] demo.axis1: Can be watched",
+        "4. Add",
+    ):
+        assert step in result.stdout
+    assert re.findall(r"^demo.axis1: (\w+) \.\.\.$", result.stderr, re.M) == ["identify", "calibrate"]
+    assert daemon.config is not None
+    assert daemon.reports == tmp_path / "made"
+    assert "1 of 1 axis ready." in (tmp_path / "made" / "report.html").read_text(encoding="utf-8")
+    assert signals(daemon.config) == signals(demo(tmp_path, 1))
+
+    fault = Fault("demo.axis1", {"fm": 1.3}, 12.0)
+    found = live(FramePipeline(daemon.config), blocks(demo(tmp_path, 1), 20.0, seed, [fault]))
+    assert {(c.alarm.parameter, c.alarm.direction) for c in found if c.alarm.stage == "named"} == {
+        ("fm", "up")
+    }
+    assert min(c.alarm.raised_us for c in found) > START_US + 12e6
+
+    made = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "made").glob("demo.*")}
+    assert axiswatch(*words).exit_code == 0
+    assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "made").glob("demo.*")} == made
+
+
+def test_the_same_seed_gives_the_same_table(tmp_path: Path, seed: int) -> None:
+    config = demo(tmp_path, 2)
+    first, again, other = ("".join(table_lines(config, 2.0, s)) for s in (seed, seed, seed + 1))
+    assert first == again != other
+    assert columns_of(config) == ["t", "axis1_torque", "axis1_angle", "axis2_torque", "axis2_angle"]
+    values = np.array([line.split(",") for line in first.splitlines()[1:]], float)
+    assert values.shape == (400, 5)
+    assert np.diff(values[:, 0]) == pytest.approx(0.005)
+    assert np.all(np.ptp(values[:, 1:], axis=0) > 0.1)
+
+
+def test_a_table_needs_one_interval(tmp_path: Path) -> None:
+    config = changed(demo(tmp_path, 2), "axis2", sample_interval_s=0.01)
+    with pytest.raises(ValueError, match="the same interval"):
+        next(table_lines(config, 1.0, 0))

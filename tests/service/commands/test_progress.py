@@ -1,0 +1,37 @@
+"""Progress of several axes: bars on a terminal, else a line where one enters a phase."""
+
+import pytest
+
+from service.commands.progress import axes_bars
+
+STEPS = (
+    ("cell.a1", "identify", "fit", 0.2),
+    ("cell.a1", "identify", "validation", 0.9),
+    ("cell.a1", "calibrate", "faults", 0.43),
+)
+
+
+def shown() -> None:
+    with axes_bars(["cell.a1", "cell.a2"]) as bars:
+        for step in STEPS:
+            bars.show(*step)
+        bars.end("cell.a1")
+
+
+def test_without_a_terminal_there_is_a_line_for_each_phase(capsys: pytest.CaptureFixture[str]) -> None:
+    shown()
+    out, err = capsys.readouterr()
+    assert (out, err.splitlines()) == ("", ["cell.a1: identify ...", "cell.a1: calibrate ..."])
+
+
+def test_on_a_terminal_there_is_a_bar_for_each_axis(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "100")
+    with axes_bars(["cell.a1", "cell.a2"]) as bars:
+        bars.show(*STEPS[-1])
+    err = capsys.readouterr().err
+    for words in ("cell.a1: calibrate: faults", "43%", "cell.a2: waits", "0%"):
+        assert words in err
+    assert "..." not in err
