@@ -16,6 +16,7 @@ from service.commands.output_files import check_writable, write_all
 
 if TYPE_CHECKING:
     from service.ingest.column_roles import AxisColumns, TableRoles
+    from service.ingest.unit_names import Quantity
 
 RecordFile = Annotated[
     Path,
@@ -141,13 +142,21 @@ def _axis_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) 
     if found.time is not None:
         unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
         yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
-    factor = ", factor = -1" if axis.turned else ""
-    remark = f"  # {axis.sureness}" + (
-        "; a current: factor is the torque constant [N m/A]" if axis.current else ""
-    )
-    yield f"torque = {{ column = {_quoted(axis.torque)}{factor} }}{remark}"
-    yield f"{axis.output} = {{ column = {_quoted(axis.motion)} }}"
+    remark = axis.sureness + ("; a current: factor is the torque constant [N m/A]" if axis.current else "")
+    sign = -1.0 if axis.turned else 1.0
+    yield f"torque = {_source(axis.torque, 'torque', sign)}  # {remark}"
+    yield f"{axis.output} = {_source(axis.motion, axis.output)}"
     yield f'model = {{ drive = "{drive}", monitor = {monitor}, nominal = {nominal} }}'
+
+
+def _source(column: str, quantity: Quantity, sign: float = 1.0) -> str:
+    """The column, with the factor of the unit in its name."""
+    from service.ingest.unit_names import unit_in
+
+    unit = unit_in(column, quantity)
+    factor = sign * (1.0 if unit is None or unit.factor is None else unit.factor)
+    words = "" if factor == 1 else f", factor = {factor:.10g}"
+    return f"{{ column = {_quoted(column)}{words} }}"
 
 
 def _quoted(text: str) -> str:
