@@ -16,6 +16,7 @@ from service.commands.output_files import check_writable, write_all
 
 if TYPE_CHECKING:
     from service.ingest.column_roles import AxisColumns, TableRoles
+    from service.ingest.unit_names import Quantity
 
 RecordFile = Annotated[
     Path,
@@ -24,6 +25,8 @@ RecordFile = Annotated[
         help="A table (.csv .parquet .mat) of the healthy, moving robot, or the DBC of its bus.",
     ),
 ]
+MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
+"""Of every axis: from the motion of production, springs are seldom determined."""
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 
 
@@ -77,7 +80,7 @@ def _from_dbc(dbc: Path, output: Path) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for words in summary(axes):
         console.print(words, markup=False)
-    write_all([(output, "\n".join(lines(axes, dbc, output)) + "\n")])
+    write_all([(output, "\n".join(lines(axes, dbc, output, MODEL)) + "\n")])
     console.print(f"Next: axiswatch commission RECORD.log --config {output}", markup=False)
 
 
@@ -136,13 +139,21 @@ def _axis_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) 
     if found.time is not None:
         unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
         yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
-    factor = ", factor = -1" if axis.turned else ""
-    remark = f"  # {axis.sureness}" + (
-        "; a current: factor is the torque constant [N m/A]" if axis.current else ""
-    )
-    yield f"torque = {{ column = {_quoted(axis.torque)}{factor} }}{remark}"
-    yield f"{axis.output} = {{ column = {_quoted(axis.motion)} }}"
-    yield 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
+    remark = axis.sureness + ("; a current: factor is the torque constant [N m/A]" if axis.current else "")
+    sign = -1.0 if axis.turned else 1.0
+    yield f"torque = {_source(axis.torque, 'torque', sign)}  # {remark}"
+    yield f"{axis.output} = {_source(axis.motion, axis.output)}"
+    yield MODEL
+
+
+def _source(column: str, quantity: Quantity, sign: float = 1.0) -> str:
+    """The column, with the factor of the unit in its name."""
+    from service.ingest.unit_names import unit_in
+
+    unit = unit_in(column, quantity)
+    factor = sign * (1.0 if unit is None or unit.factor is None else unit.factor)
+    words = "" if factor == 1 else f", factor = {factor:.10g}"
+    return f"{{ column = {_quoted(column)}{words} }}"
 
 
 def _quoted(text: str) -> str:

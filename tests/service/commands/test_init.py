@@ -54,6 +54,16 @@ def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
     assert [axis.id for axis in load(Path("axis.toml")).axes] == ["robot1.axis1"]
 
 
+def test_units_in_names(record: Path) -> None:
+    lines = record.read_text(encoding="utf-8").splitlines()
+    lines[0] = "Time,A1_Trq_mNm,A1_Pos_deg,A2_Trq [Nm],A2_Pos"
+    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "sure" in shown("init", record)
+    first, second = (axis.config for axis in load(Path("axis.toml")).axes)
+    assert (first.torque.factor, first.motion.factor) == (0.001, pytest.approx(0.0174532925))
+    assert (second.torque.factor, second.motion.factor) == (1, 1)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
