@@ -37,10 +37,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def proposed(dbc: Path) -> tuple[str, tuple[NamedAxis, ...]]:
-    """What is said, and the axes; ``check`` accepts them."""
-    said = shown("init", dbc)
+    """What ``init`` prints, and the axes; ``check`` accepts them."""
+    output = shown("init", dbc)
     assert "no problems" in shown("check", "--config", "axis.toml")
-    return said, load(Path("axis.toml"), {}).axes
+    return output, load(Path("axis.toml"), {}).axes
 
 
 def test_units_and_names(folder: Path) -> None:
@@ -60,9 +60,9 @@ def test_units_and_names(folder: Path) -> None:
 
 @pytest.mark.parametrize(("name", "count"), [("demo.dbc", 6), ("robot.dbc", 6), ("irb.dbc", 1)])
 def test_shipped_files(name: str, count: int) -> None:
-    said, axes = proposed(ROOT / "config" / name)
+    output, axes = proposed(ROOT / "config" / name)
     assert len(axes) == count
-    assert said.count(": sure") == count
+    assert output.count(": sure") == count
 
 
 def test_a_real_one(records_dir: Path) -> None:

@@ -35,7 +35,7 @@ def looked_at(
     names: str = "t,u,y",
     **changed: float,
 ) -> Review:
-    """What is said of a healthy axis whose columns were changed so, or whose nominal values."""
+    """What is found about a healthy axis whose columns were changed so, or whose nominal values."""
     m = moves(drive, seed)
     columns = np.column_stack([m.t, u(m.torque), y(m.angle if output == "angle" else m.speed)])
     path = folder / "record.csv"
