@@ -60,7 +60,8 @@ def test_units_in_names(record: Path) -> None:
     record.write_text("\n".join(lines) + "\n", encoding="utf-8")
     assert "sure" in shown("init", record)
     first, second = (axis.config for axis in load(Path("axis.toml")).axes)
-    assert (first.torque.factor, first.motion.factor) == (0.001, pytest.approx(0.0174532925))
+    assert first.torque.factor == 0.001
+    assert first.motion.factor == pytest.approx(0.0174532925)
     assert (second.torque.factor, second.motion.factor) == (1, 1)
 
 
