@@ -102,7 +102,8 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
     reviews = {order.axis_id: review(text, order.axis_id, records, folder) for order in orders}
     for axis_id, looked in reviews.items():
         take(axis_id, looked.corrections)
-        for words in looked.doubts:
+        # Where it goes on, faults are the refusal of the axis.
+        for words in (*looked.doubts, *(() if ask else looked.faults)):
             console.print(f"{axis_id}: {words}.", markup=False)
     if proposed and not ask:
         raise typer.BadParameter(

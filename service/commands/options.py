@@ -68,7 +68,7 @@ def names_in(text: str) -> tuple[str, ...]:
 
 
 _NO_BUS = (
-    "no bus: this is for tables (`commission`, `identify`, `calibrate`, `replay`), `excite` and `model`;"
+    "no bus: this is for tables (`check`, `commission`, `identify`, `calibrate`, `replay`), `excite` and `model`;"
     " add [[bus]] with its DBC and, to each axis, bus, and message and signal of torque and motion"
 )
 
