@@ -33,6 +33,7 @@ def run_daemon(
     ready: Callable[[str], None] = lambda _url: None,
     stop: threading.Event | None = None,
     reports: Path | None = None,
+    complete: Callable[[], None] = lambda: None,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -42,6 +43,7 @@ def run_daemon(
         ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
         reports: folder in which ``commission`` has left its report, if it has.
+        complete: called once everything is compiled and all detectors run, from another thread.
 
     Raises:
         AxisError, DbcError, IngestError: the configuration cannot be used.
@@ -55,6 +57,7 @@ def run_daemon(
     with ExitStack() as stack:
         core = FramePipeline(config)
         compiled = _in_background(config, stack)
+        compiled.multimodel.add_done_callback(lambda done: None if done.exception() else complete())
         readers = _open_buses(config, core, stack)
         worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
         stack.enter_context(stopped_by_signals(stop))

@@ -127,9 +127,10 @@ def _run(config: Config, reports: Path, moved: Config, fault: Fault) -> None:
     from service.commands.daemon import run_daemon
 
     configure_logs()
-    ready, stop = threading.Event(), threading.Event()
+    ready, stop, detecting = threading.Event(), threading.Event(), threading.Event()
     with explained(), ThreadPoolExecutor(1, "robot") as pool:
-        robot = SimulatedRobot(moved, faults=[fault])
+        # At a first start a fault would come before its detector is compiled.
+        robot = SimulatedRobot(moved, faults=[fault], may_break=detecting.is_set)
         monitored = ", ".join(config.axes[0].config.model.monitor)
         moving = pool.submit(_move, robot, moved, ready, stop)
 
@@ -138,7 +139,7 @@ def _run(config: Config, reports: Path, moved: Config, fault: Fault) -> None:
             ready.set()
 
         try:
-            run_daemon(config, ready=served, stop=stop, reports=reports)
+            run_daemon(config, ready=served, stop=stop, reports=reports, complete=detecting.set)
         finally:
             stop.set()
             ready.set()
@@ -166,5 +167,5 @@ def _print_welcome(url: str, fault: Fault, monitored: str) -> None:
     console.print(f"monitored: {monitored}")
     console.print(
         f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s. At the first start the kernel is "
-        "compiled; its samples wait for that.  Ctrl-C ends the demo."
+        "compiled; its samples wait for that, and so does the fault.  Ctrl-C ends the demo."
     )

@@ -42,12 +42,20 @@ class SimulatedRobot:
         config: the configuration.
         seed: of noise and test signals.
         faults: the faults and their times.
+        may_break: a fault waits from its time on until this is true.
 
     Raises:
         FaultError: a fault of a parameter that does not exist, or with an impossible value.
     """
 
-    def __init__(self, config: Config, seed: int | None = None, faults: Sequence[Fault] = ()) -> None:
+    def __init__(
+        self,
+        config: Config,
+        seed: int | None = None,
+        faults: Sequence[Fault] = (),
+        may_break: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._may_break = may_break
         rng = np.random.default_rng(seed)
         self._axes = {axis.id: ControlledAxis(axis, rng) for axis in config.axes}
         self._sent: dict[str, dict[str, float]] = {robot.name: {} for robot in config.robot}
@@ -61,7 +69,7 @@ class SimulatedRobot:
         groups = [(0.0, interval_s, 0) for interval_s in sorted({a.interval_s for a in self._axes.values()})]
         while True:
             time_s, interval_s, k = heapq.heappop(groups)
-            while waiting and waiting[0].after_s <= time_s:
+            while waiting and waiting[0].after_s <= time_s and self._may_break():
                 fault = waiting.pop(0)
                 self._axes[fault.axis_id].break_down(fault.factors)
                 happened(fault)

@@ -79,6 +79,20 @@ def test_faults_happen_once_and_in_time(tmp_path: Path, seed: int) -> None:
     assert first_difference == {"demo.axis1": 41, "demo.axis2": 101}  # the sample after the fault
 
 
+def test_a_fault_waits_until_it_may_happen(tmp_path: Path, seed: int) -> None:
+    """In the demo, until its detector is compiled."""
+    allowed = threading.Event()
+    fault = Fault("demo.axis1", {"fm": 2.0}, 0.1)
+    robot = SimulatedRobot(demo(tmp_path, 1), seed, [fault], allowed.is_set)
+    happened: list[Fault] = []
+    moments = robot.moments(happened.append)
+    assert next(m for m in moments if m.time_s >= 0.2).time_s == pytest.approx(0.2)
+    assert happened == []
+    allowed.set()
+    next(moments)
+    assert happened == [fault]
+
+
 def test_the_same_seed_is_the_same_robot(tmp_path: Path, seed: int) -> None:
     first, second, other = (SimulatedRobot(demo(tmp_path, 2), s).moments() for s in (seed, seed, seed + 1))
     assert next(first) == next(second) != next(other)

@@ -134,7 +134,7 @@ def test_page(found: Calibration) -> None:
     assert page.count("<svg") == 3
     assert "<healthy.csv>" not in page
     assert not re.search(r"#01010\d|nan|inf\b", page)
-    for words in ("Thresholds", "What will be found", "Smallest change", "exact", "simulated"):
+    for words in ("Thresholds", "What will be found", "The smallest change", "exact", "simulated"):
         assert words in page
 
 

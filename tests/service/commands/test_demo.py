@@ -40,8 +40,10 @@ class Daemon:
         ready: Callable[[str], None] = lambda _url: None,
         stop: threading.Event | None = None,
         reports: Path | None = None,
+        complete: Callable[[], None] = lambda: None,
     ) -> None:
         assert record is None
+        complete()
         self.config, self.reports = config, reports
         ready("http://127.0.0.1:1/")
         if stop is not None:
