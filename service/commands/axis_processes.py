@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import SimpleQueue, get_context
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -44,16 +45,28 @@ def outcomes(
     context = get_context("spawn")  # not forked: this process has threads
     steps: SimpleQueue[Step] = context.SimpleQueue()
     with ProcessPoolExecutor(workers, context, initializer=_connect, initargs=(steps,)) as pool:
-        waiting = {pool.submit(_commission, order, reviews[order.axis_id]) for order in orders}
+        axes = {pool.submit(_commission, order, reviews[order.axis_id]): order.axis_id for order in orders}
+        waiting = set(axes)
         try:
             while waiting:
                 done, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
                 while not steps.empty():
                     show(steps.get())
-                yield from (task.result() for task in done)
+                yield from (_result(task, axes[task]) for task in done)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def _result(task: Future[Outcome], axis_id: str) -> Outcome:
+    from service.reports.commissioning_report import Outcome
+
+    try:
+        return task.result()
+    except BrokenProcessPool:
+        # With one process all that were still to be done are lost; what was done is kept for the next call.
+        reason = "a process of it was ended, perhaps for want of memory: call the command again"
+        return Outcome(axis_id, refusal=f"not commissioned: {reason}")
 
 
 def _steps(axis_id: str, show: Callable[[Step], None]) -> Callable[[str, str, float], None]:
