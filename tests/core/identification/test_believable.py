@@ -160,6 +160,17 @@ def test_the_level_of_torque_noise_is_looked_for_where_it_is(seed: int) -> None:
     assert abs(np.log10(noise.torque / noise.output / (0.5 / 2e-5))) < 1
 
 
+def test_the_shortest_memory_that_shows_small_changes_is_taken(seed: int) -> None:
+    rec = record(seed, disturbed=3.0)
+    shown = {memory: found([rec], memory_s=memory).watched for memory in (0.05, 20.0)}
+    few, many = (max(w.change for w in watched) for watched in shown.values())
+    assert many < 0.2 < few
+    for memories in ((0.05, 20.0), (0.05, 20.0, 40.0)):
+        chosen = found([rec], memories_s=memories)
+        assert chosen.memory_s == 20.0
+        assert chosen.watched == shown[20.0]
+
+
 def test_outlook(seed: int) -> None:
     """With a long memory all show; with a short one little does; a value of zero has no size."""
     rec = record(seed)

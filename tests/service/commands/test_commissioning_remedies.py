@@ -1,0 +1,69 @@
+"""What commissioning tries next: another drive, fewer parameters, another memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monitor_core.identification import Obstacle, Watched
+from service.commands.commissioning_remedies import memory_change, retry
+from service.commands.signal_proposals import configured
+
+TEXT = """
+[[robot]]
+name = "cell"
+[[robot.axis]]
+name = "a1"
+sample_interval_s = 0.005
+torque = { column = "u" }
+angle = { column = "phi" }
+model = { drive = "three-mass", monitor = ["kT", "1/Ja", "fm"], nominal = { kT = 1, r = 0.01, Jg = 3.0 } }
+"""
+NAME = "cell.a1"
+
+
+def report(*watched: Watched, rejection: str | None = None, follows: tuple[str, ...] = ()) -> Any:
+    """What is looked at of an identification."""
+    options = SimpleNamespace(scheduled=[SimpleNamespace(parameter=name) for name in follows])
+    return SimpleNamespace(
+        rejection=rejection, result=SimpleNamespace(watched=watched, options=options, memory_s=5.0)
+    )
+
+
+KT, FM = Watched("kT", 0.1, None), Watched("fm", 0.2, None)
+NO_FM = Watched("fm", np.nan, Obstacle.NO_SIZE)
+
+
+@pytest.mark.parametrize("found", [report(KT, FM, rejection="the fit has not converged"), report(NO_FM)])
+def test_several_masses_that_are_not_identified_become_one(found: Any, tmp_path: Path) -> None:
+    _, axis = configured(TEXT, NAME, tmp_path)
+    again = retry(found, TEXT, axis)
+    assert again is not None
+    assert again.words == 'model.drive = "one-mass"'
+    _, simple = configured(again.text, NAME, tmp_path)
+    model = simple.config.model
+    assert (model.drive, model.monitor, dict(model.nominal)) == ("one-mass", ("kT", "fc", "fm"), {"kT": 1})
+    assert retry(found, again.text, simple) is None, "there is nothing simpler"
+
+
+def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
+    _, axis = configured(TEXT, NAME, tmp_path)
+    assert retry(report(KT, FM, follows=("fm",)), TEXT, axis) is None
+    again = retry(report(KT, NO_FM, follows=("fm",)), TEXT, axis)
+    assert again is not None
+    assert not again.changes
+    _, fewer = configured(again.text, NAME, tmp_path)
+    assert fewer.config.model.monitor == ("kT",)
+
+
+def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
+    _, axis = configured(TEXT, NAME, tmp_path)
+    (change,) = memory_change(report(KT), axis.config)
+    assert change.change == "estimator.memory_s = 5"
+    given = TEXT + "estimator = { memory_s = 2.0 }\n"
+    _, axis = configured(given, NAME, tmp_path)
+    assert memory_change(report(KT), axis.config) == ()
