@@ -37,10 +37,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def proposed(dbc: Path) -> tuple[str, tuple[NamedAxis, ...]]:
-    """What is said, and the axes; ``check`` accepts them."""
-    said = shown("init", dbc)
+    """What is shown, and the axes; ``check`` accepts them."""
+    shown_text = shown("init", dbc)
     assert "no problems" in shown("check", "--config", "axis.toml")
-    return said, load(Path("axis.toml"), {}).axes
+    return shown_text, load(Path("axis.toml"), {}).axes
 
 
 def test_units_and_names(folder: Path) -> None:
@@ -60,9 +60,9 @@ def test_units_and_names(folder: Path) -> None:
 
 @pytest.mark.parametrize(("name", "count"), [("demo.dbc", 6), ("robot.dbc", 6), ("irb.dbc", 1)])
 def test_shipped_files(name: str, count: int) -> None:
-    said, axes = proposed(ROOT / "config" / name)
+    shown_text, axes = proposed(ROOT / "config" / name)
     assert len(axes) == count
-    assert said.count(": sure") == count
+    assert shown_text.count(": sure") == count
 
 
 def test_a_real_one(records_dir: Path) -> None:
