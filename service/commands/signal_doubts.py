@@ -20,10 +20,15 @@ def unknown_units(checked: Checked) -> Iterator[str]:
             " frictions are in that unit, and alarms, in percent, are the same"
         )
     if checked.in_whole_numbers("motion") and not settled and abs(checked.factor("motion")) == 1:
+        weighed = any(p.name == "gc" for p in checked.drive.drawn)
+        until = (
+            "the weight of the arm cannot be found"
+            if weighed
+            else "inertias and frictions are in it, and alarms, in percent, are the same"
+        )
         yield (
             f"the {checked.output} is in whole numbers, as counts are: set {checked.output}.factor to 2 pi / counts of"
-            " a turn of the motor (data sheet of the encoder) [rad]; until then inertias and frictions are in it,"
-            " and alarms, in percent, are the same"
+            f" a turn of the motor (data sheet of the encoder) [rad]; until then {until}"
         )
     elif checked.output == "speed" and not settled and fastest(checked.records) > FASTEST:
         yield (

@@ -136,6 +136,15 @@ def test_what_no_record_tells(change: Mapping[str, Column], key: str, tmp_path: 
     assert "model.nominal" in looked.unchecked
 
 
+def test_counts_hide_a_weight(tmp_path: Path, seed: int) -> None:
+    """Unless its period shows how many there are."""
+    looked = looked_at(tmp_path, seed, "one-mass-weight", "angle", False, y=counts(13))
+    if looked.corrections:
+        assert is_change(looked.corrections[0], ("angle", "factor"), TURN / 2**13)
+    else:
+        assert "until then the weight of the arm cannot be found" in looked.doubts[0]
+
+
 @pytest.mark.parametrize(
     ("names", "change", "key", "value"),
     [
