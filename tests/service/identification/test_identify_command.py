@@ -149,7 +149,9 @@ def test_a_poor_fit_is_written_with_force_only(directory: Path) -> None:
     assert "No nominal values:" in (directory / "report.html").read_text(encoding="utf-8")
     forced = identify("second.csv --free Jm --force")
     assert forced.exit_code == 0, forced.output
-    assert forced.stdout.startswith("demo.axis1: poor fit: the simulation explains ")
+    outlook, verdict = forced.stdout.splitlines()[:2]
+    assert "Alarms would come from what the drive lacks. Cannot: fm, since" in outlook
+    assert verdict.startswith("demo.axis1: poor fit: the simulation explains ")
     assert (directory / "nominal.toml").exists()
     content = found(f"healthy.csv --free {NAMES} --force")
     assert content["verdict"]["quality"] == "good"
