@@ -86,13 +86,15 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
 
     progress("identify", "reading the records", 0.0)
     again: Retry | None = None
+    tried: list[str] = []
     try:
         while True:
             config, axis = configured(text, order.axis_id, order.folder)
             task = prepare(config, axis, order.records, [], Request(memories_s=memories_of(axis.config)))
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
             report = task.run(provenance, _within("identify", progress))
-            again = retry(report, text, axis)
+            again = retry(report, text, axis, tried)
+            tried.append(axis.config.model.drive)
             if again is None or (again.changes and not order.shorten):
                 break
             text = again.text

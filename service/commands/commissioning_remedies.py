@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,8 +17,19 @@ if TYPE_CHECKING:
     from service.reports.identification_report import IdentificationReport
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
-_ONE_MASS, _WEIGHT = "one-mass", "-weight"
-_OF_ONE_MASS = ("kT", "fc", "fm")
+_WEIGHT = "-weight"
+
+
+class _Drive(NamedTuple):
+    monitor: tuple[str, ...]
+    values: Mapping[str, float]
+    """That no record shows, where the configuration has none"""
+
+
+_ONE_MASS = "one-mass", _Drive(("kT", "fc", "fm"), {"kT": 1.0})
+_THREE_MASS = "three-mass", _Drive(("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
+_FAST_S = 0.006
+"""Up to this interval records can show the springs of gearbox and arm."""
 _MEMORIES = (1.0, 2.0, 5.0)
 """Times the usual memory, where the configuration names none: the shortest that shows small changes."""
 
@@ -43,27 +55,46 @@ def watched_in(report: IdentificationReport) -> tuple[str, ...]:
     return tuple(w.name for w in report.result.watched if w.obstacle is None)
 
 
-def retry(report: IdentificationReport, text: str, axis: NamedAxis) -> Retry | None:
+def retry(
+    report: IdentificationReport, text: str, axis: NamedAxis, tried: Collection[str] = ()
+) -> Retry | None:
     """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
 
     Args:
         report: of the identification.
         text: of the configuration that it was made with.
         axis: of that configuration.
+        tried: the drives of identifications before.
     """
-    drive, watched = axis.config.model.drive, watched_in(report)
+    watched = watched_in(report)
     if report.rejection or not watched:
-        if drive.removesuffix(_WEIGHT) not in _SEVERAL_MASSES:
+        other = _other_drive(axis.config, tried)
+        if other is None:
             return None
-        simple = _ONE_MASS + (_WEIGHT if drive.endswith(_WEIGHT) else "")
+        name, drive = other
         why = report.rejection or "nothing could be watched"
-        change = Correction(("model", "drive"), simple, f"as {drive} it was not identified: {why}")
-        return Retry(with_drive(text, axis.id, simple, _OF_ONE_MASS, ("kT",)), (change,))
+        change = Correction(
+            ("model", "drive"), name, f"as {axis.config.model.drive} it was not identified: {why}"
+        )
+        return Retry(with_drive(text, axis.id, name, drive.monitor, drive.values), (change,))
     bases = {split_name(name)[0] for name in watched}
     if all(split_name(term.parameter)[0] in bases for term in report.result.options.scheduled):
         return None
     # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
     return Retry(monitoring(text, axis.id, watched), ())
+
+
+def _other_drive(axis: AxisConfig, tried: Collection[str]) -> tuple[str, _Drive] | None:
+    """One mass for several, or three for one, if the samples are fast; with a weight as before."""
+    before = axis.model.drive.removesuffix(_WEIGHT)
+    weight = _WEIGHT if axis.model.drive.endswith(_WEIGHT) else ""
+    if before in _SEVERAL_MASSES:
+        name, drive = _ONE_MASS
+    elif before == _ONE_MASS[0] and axis.sample_interval_s <= _FAST_S:
+        name, drive = _THREE_MASS
+    else:
+        return None
+    return None if name + weight in tried else (name + weight, drive)
 
 
 def memories_of(axis: AxisConfig) -> tuple[float, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -90,12 +90,18 @@ def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     return tomlkit.dumps(document)
 
 
-def with_drive(text: str, axis_id: str, drive: str, monitor: Sequence[str], values: Collection[str]) -> str:
-    """The text of a configuration in which an axis has another drive, monitors these parameters, keeps these values."""
+def with_drive(
+    text: str, axis_id: str, drive: str, monitor: Sequence[str], values: Mapping[str, float]
+) -> str:
+    """The text of a configuration in which an axis has another drive and monitors these parameters.
+
+    Of its values only those named in ``values`` stay, else they are these.
+    """
     document = tomlkit.parse(text)
     model = next(axis for name, axis in _axes(document) if name == axis_id)["model"]
     model["drive"], model["monitor"] = drive, list(monitor)
-    for table in ("nominal", "scales", "bounds", "limits"):
+    model["nominal"] = {name: model.get("nominal", {}).get(name, value) for name, value in values.items()}
+    for table in ("scales", "bounds", "limits"):
         for name in [name for name in model.get(table, {}) if name not in values]:
             del model[table][name]
     return tomlkit.dumps(document)

@@ -47,7 +47,20 @@ def test_several_masses_that_are_not_identified_become_one(found: Any, tmp_path:
     _, simple = configured(again.text, NAME, tmp_path)
     model = simple.config.model
     assert (model.drive, model.monitor, dict(model.nominal)) == ("one-mass", ("kT", "fc", "fm"), {"kT": 1})
-    assert retry(found, again.text, simple) is None, "there is nothing simpler"
+    assert retry(found, again.text, simple, ["three-mass"]) is None, "there is nothing else"
+
+
+def test_one_mass_that_is_not_identified_becomes_three_at_fast_samples(tmp_path: Path) -> None:
+    text = TEXT.replace('"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]')
+    text = text.replace("{ kT = 1, r = 0.01, Jg = 3.0 }", "{ kT = 2 }")
+    _, axis = configured(text, NAME, tmp_path)
+    again = retry(report(rejection="poor"), text, axis)
+    assert again is not None
+    _, several = configured(again.text, NAME, tmp_path)
+    model = several.config.model
+    assert (model.drive, dict(model.nominal)) == ("three-mass", {"kT": 2, "r": 1})
+    slow = text.replace("0.005", "0.02")
+    assert retry(report(rejection="poor"), slow, configured(slow, NAME, tmp_path)[1]) is None
 
 
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
