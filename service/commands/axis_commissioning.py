@@ -28,6 +28,7 @@ from service.reports.commissioning_report import Outcome
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
+    from service.config import Config, NamedAxis
     from service.reports.formats import Provenance
 
 
@@ -136,7 +137,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
         changed = corrected(text, order.axis_id, outcome.corrections)
         own = commissioned(changed, {order.axis_id: outcome.found})
         try:
-            config, axis = configured(own, order.axis_id, order.folder)
+            config, axis = _cold(*configured(own, order.axis_id, order.folder))
             found = calibrate_axis(config, axis, order.records, options, order.provenance, step)
             break
         except CalibrationError as error:
@@ -165,6 +166,17 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
         smallest=tuple((name, *first.smallest(name)) for name in found.result.model.monitored),
         pages=(*outcome.pages, page),
     )
+
+
+def _cold(config: Config, axis: NamedAxis) -> tuple[Config, NamedAxis]:
+    """As the identification took it: cold at the beginning of the first record, if it follows a heat."""
+    from service.commands.options import starting_as
+    from service.config.conditions import thermal_of
+
+    if thermal_of(axis.config) is None:
+        return config, axis
+    config = starting_as(config, "cold")
+    return config, next(other for other in config.axes if other.id == axis.id)
 
 
 _MOST_REMEDIES = 5

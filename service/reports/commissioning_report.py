@@ -10,6 +10,8 @@ from monitor_core.wording import duration
 from service.config.commissioned import Correction, Found
 from service.reports.formats import Provenance, Table, percent, render
 
+READY = "ready"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -33,6 +35,24 @@ class Outcome:
     refusal: str = ""
     """Why the axis has no nominal values, or no thresholds; empty: it has both"""
     pages: tuple[str, ...] = ()
+
+    @property
+    def finds(self) -> dict[str, float]:
+        """By parameter, the smallest change that is found in time in either direction."""
+        sizes = {name: (up, down) for name, up, down in self.smallest}
+        return {
+            name: max(abs(up), abs(down))
+            for name, (up, down) in sizes.items()
+            if up is not None and down is not None
+        }
+
+    @property
+    def state(self) -> str:
+        """Whether it is ready, and else why not."""
+        if self.refusal:
+            return self.refusal
+        none = self.smallest and all(up is None and down is None for _, up, down in self.smallest)
+        return f"no change that was tried is found within {self.within_s:.3g} s" if none else READY
 
     @property
     def found(self) -> Found | None:
@@ -70,17 +90,20 @@ def overview(outcomes: Sequence[Outcome]) -> Table:
         (
             outcome.axis_id,
             ", ".join(outcome.watched) or "nothing",
+            ", ".join(f"{name} {percent(size)}" for name, size in outcome.finds.items()),
             "" if outcome.budget_s is None else duration(outcome.budget_s),
-            outcome.refusal or "ready",
+            outcome.state,
         )
         for outcome in outcomes
     ]
-    return Table(("axis", "watched", "one false alarm in", "state"), rows)
+    return Table(
+        ("axis", "watched", "changes found in time, either way", "one false alarm in", "state"), rows
+    )
 
 
 def as_html(outcomes: Sequence[Outcome], next_step: str, provenance: Provenance) -> str:
     """The page, beside the pages of each axis."""
-    ready = sum(not outcome.refusal for outcome in outcomes)
+    ready = sum(outcome.state == READY for outcome in outcomes)
     return render(
         "commissioning.html",
         title="Commissioned robot",

@@ -12,6 +12,8 @@ import pytest
 from monitor_core.identification import Obstacle, Watched
 from service.commands.commissioning_remedies import memory_change, retry
 from service.commands.signal_proposals import configured
+from service.reports.commissioning_report import Outcome, as_html, overview
+from service.reports.formats import Provenance
 
 TEXT = """
 [[robot]]
@@ -80,3 +82,14 @@ def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
     given = TEXT + "estimator = { memory_s = 2.0 }\n"
     _, axis = configured(given, NAME, tmp_path)
     assert memory_change(report(KT), axis.config) == ()
+
+
+def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:
+    blind = Outcome("cell.a1", watched=("kT",), within_s=50.0, smallest=(("kT", None, None),))
+    some = Outcome("cell.a2", watched=("kT", "fm"), smallest=(("kT", 0.1, -0.2), ("fm", 0.5, None)))
+    assert blind.state == "no change that was tried is found within 50 s"
+    assert (some.state, some.finds) == ("ready", {"kT": 0.2})
+    rows = overview([blind, some]).rows
+    assert [row[2] for row in rows] == ["", "kT 20 %"]
+    page = as_html([blind, some], "", Provenance.now())
+    assert "1 of 2 axes ready." in page
