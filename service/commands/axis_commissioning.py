@@ -28,7 +28,6 @@ from service.reports.commissioning_report import Outcome
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
-    from service.config import Config, NamedAxis
     from service.reports.formats import Provenance
 
 
@@ -128,7 +127,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
 
 def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     from monitor_core.calibration import CalibrationError
-    from service.commands.calibrate import calibrate_axis
+    from service.commands.calibrate import as_identified, calibrate_axis
     from service.reports.calibration_files import as_html, as_toml
 
     options, found, step = order.options, None, _within("calibrate", progress)
@@ -137,7 +136,8 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
         changed = corrected(text, order.axis_id, outcome.corrections)
         own = commissioned(changed, {order.axis_id: outcome.found})
         try:
-            config, axis = _cold(*configured(own, order.axis_id, order.folder))
+            config, axis = configured(own, order.axis_id, order.folder)
+            config, axis = as_identified(config, axis, order.records)
             found = calibrate_axis(config, axis, order.records, options, order.provenance, step)
             break
         except CalibrationError as error:
@@ -166,17 +166,6 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
         smallest=tuple((name, *first.smallest(name)) for name in found.result.model.monitored),
         pages=(*outcome.pages, page),
     )
-
-
-def _cold(config: Config, axis: NamedAxis) -> tuple[Config, NamedAxis]:
-    """As the identification took it: cold at the beginning of the first record, if it follows a heat."""
-    from service.commands.options import starting_as
-    from service.config.conditions import thermal_of
-
-    if thermal_of(axis.config) is None:
-        return config, axis
-    config = starting_as(config, "cold")
-    return config, next(other for other in config.axes if other.id == axis.id)
 
 
 _MOST_REMEDIES = 5

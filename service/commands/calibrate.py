@@ -89,6 +89,8 @@ def calibrate(
     read = starting_as(configuration(config, without_bus=True, thresholds=False), thermal)
     chosen = axis_named(read.axes, axis)
     with explained():
+        if thermal is None:
+            read, chosen = as_identified(read, chosen, records)
         from monitor_core.calibration import CalibrationOptions
         from service.reports.calibration_files import as_html, as_json, as_toml
         from service.reports.calibration_report import print_text
@@ -98,6 +100,16 @@ def calibrate(
         with steps_bar(chosen.id) as progress:
             found = calibrate_axis(read, chosen, records, options, Provenance.now(), progress)
     files.write(as_toml(found), as_html(found), partial(as_json, found), partial(print_text, found))
+
+
+def as_identified(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Config, NamedAxis]:
+    """The configuration and the axis, cold at first if its identification took the same records to begin so."""
+    from service.ingest.calibration_records import begins_cold
+
+    if not begins_cold(axis, records):
+        return config, axis
+    config = starting_as(config, "cold")
+    return config, axis_named(config.axes, axis.id)
 
 
 def calibrate_axis(

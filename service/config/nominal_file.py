@@ -77,6 +77,8 @@ class ThermalTable(FoundTable):
     viscous_friction: NotNegative
     coulomb_friction: NotNegative
     largest_w: Positive
+    first_w: NotNegative | None = None
+    """Heat at the beginning of the first record, 0: it was taken to be cold; none in files of earlier versions"""
     model_error: dict[str, NotNegative] = Field(default_factory=dict)
     """Standard deviation of what parameters are off by beside the heat; none in files of earlier versions"""
 
@@ -100,6 +102,13 @@ class CorrelationTable(FoundTable):
         return self
 
 
+class RecordTable(FoundTable):
+    """[[record]]: what was used, in the order in which it was given."""
+
+    sha256: str
+    range_s: tuple[Real, Real]
+
+
 class NominalFile(FoundFile):
     """The whole file."""
 
@@ -113,6 +122,7 @@ class NominalFile(FoundFile):
     thermal: ThermalTable | None = None
     standard_deviations: dict[str, NotNegative] = Field(default_factory=dict)
     correlation: CorrelationTable = CorrelationTable()
+    record: tuple[RecordTable, ...] = ()
 
     def untold(self, monitored: Sequence[str]) -> tuple[tuple[str, str], ...]:
         """Pairs of a monitored parameter and another one that the record hardly distinguishes.

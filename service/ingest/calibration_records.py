@@ -27,6 +27,23 @@ class Source(NamedTuple):
     seconds: float
 
 
+_SAME_S = 1e-3
+"""Times in a file of nominal values are rounded."""
+
+
+def begins_cold(axis: NamedAxis, texts: Sequence[str]) -> bool:
+    """Whether the axis was cold at the beginning of these records, as its identification took the same ones to be.
+
+    Raises:
+        RecordError: the first of them cannot be read.
+    """
+    found = axis.config.model.nominal_file
+    if found is None or found.thermal is None or found.thermal.first_w != 0 or not found.record:
+        return False
+    want, first = wanted(texts[0]), found.record[0]
+    return abs((want.start_s or 0.0) - first.range_s[0]) < _SAME_S and sha256_of(want.path) == first.sha256
+
+
 def read(
     texts: Sequence[str],
     config: Config,

@@ -155,6 +155,7 @@ def _thermal_table(found: FoundWarmUp) -> str:
         "viscous_friction": "fm of the power [N m s/rad]",
         "coulomb_friction": "fc of the power [N m]",
         "largest_w": "heat in the records, at the most",
+        "first_w": "heat at the beginning of the first record",
         "model_error": "sd of what friction is off by beside the heat, in its unit",
     }
     about = "heat' = (P - heat) / tau, P = fm w^2 + fc |w| of the motor speed w: the signal heat [W], 0 when cold."
@@ -190,6 +191,7 @@ def _thermal(found: FoundWarmUp) -> Json:
         "viscous_friction": m.fm,
         "coulomb_friction": m.fc,
         "largest_w": m.largest,
+        "first_w": found.starts[0],
         "model_error": found.errors,
     }
 

@@ -13,6 +13,8 @@ import pytest
 
 from monitor_core.monitoring import NotTested
 from service.commands.exit_codes import NOT_TESTED
+from service.config import load
+from service.ingest.calibration_records import begins_cold
 from service.texts import episode_words
 from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
@@ -67,6 +69,15 @@ def test_identify_finds_that_friction_falls(made: Made) -> None:
     assert -0.65 < falls["fm"] < -0.3
     assert -0.45 < falls["fc"] < -0.1
     assert {s["signal"] for s in found["schedule"]} == {"heat"}
+
+
+def test_the_records_of_the_identification_begin_cold_for_calibrate_too(made: Made) -> None:
+    """Else the heat is found from the motion, and may leave the range of the records, where nothing is tested."""
+    (axis,) = load(made.config, {}).axes
+    first, second = map(str, made.records)
+    assert begins_cold(axis, [first, second])
+    assert not begins_cold(axis, [second, first])
+    assert not begins_cold(axis, [f"{first}@60:"])
 
 
 def test_records_that_end_before_the_axis_is_warm_are_called_too_short(made: Made, tmp_path: Path) -> None:
