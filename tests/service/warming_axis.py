@@ -12,7 +12,7 @@ import numpy as np
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
 from monitor_core.samples import SampleBlock
-from service.commands.calibrate import calibrate_axis
+from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors, Heat
 from service.pipeline.checkpointing import Checkpointer, restore
@@ -107,7 +107,8 @@ def calibrated(config: Path, records: Sequence[Path], options: CalibrationOption
     """The configuration with thresholds from these records, too."""
     read = configuration(config, without_bus=True, thresholds=False)
     provenance = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate")
-    found = calibrate_axis(read, read.axes[0], [str(path) for path in records], options, provenance)
+    read, axis = as_identified(read, read.axes[0], [str(path) for path in records])
+    found = calibrate_axis(read, axis, [str(path) for path in records], options, provenance)
     (config.parent / "thresholds.toml").write_text(as_toml(found), encoding="utf-8")
     lines = 'nominal_file = "nominal.toml"\nthresholds_file = "thresholds.toml"\n'
     return configured(config.parent, "watched.toml", lines)
