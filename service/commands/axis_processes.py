@@ -64,7 +64,7 @@ def _result(task: Future[Outcome], axis_id: str) -> Outcome:
     try:
         return task.result()
     except BrokenProcessPool:
-        # With one process all that were still to be done are lost; what was done is kept for the next call.
+        # The others end with it; what was done before is kept for the next call.
         reason = "a process of it was ended, perhaps for want of memory: call the command again"
         return Outcome(axis_id, refusal=f"not commissioned: {reason}")
 

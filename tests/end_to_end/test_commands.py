@@ -10,6 +10,7 @@ import subprocess
 import urllib.request
 from pathlib import Path
 
+from service.commands.exit_codes import MISTAKE
 from tests.end_to_end.processes import (
     PROGRAM,
     ROOT,
@@ -21,6 +22,7 @@ from tests.end_to_end.processes import (
     running,
     wait_for,
 )
+from tests.service.commands.test_commission import AXIS, H, configured, table
 
 
 def test_demo_shows_a_page_and_its_report_and_names_its_fault(tmp_path: Path) -> None:
@@ -92,3 +94,29 @@ def _read(terminal: int) -> bytes:
         return os.read(terminal, 65536)
     except OSError:  # the other end is closed
         return b""
+
+
+def test_a_process_of_commission_that_is_killed_is_a_refusal(tmp_path: Path) -> None:
+    record = table(tmp_path / "healthy.csv", 3, 40.0, axes=2)
+    config = configured(tmp_path / "robot.toml", *(AXIS.format(n=n, interval=H) for n in (1, 2)))
+    log, words = tmp_path / "commission.log", ("commission", record, "--config", config, "-o", tmp_path)
+    with log.open("w", encoding="utf-8") as file:
+        command = [*PROGRAM, *map(str, words)]
+        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, cwd=tmp_path)
+        try:
+            wait_for(lambda: "identify ..." in log.read_text(encoding="utf-8"))
+            os.kill(workers_of(process.pid)[0], signal.SIGKILL)
+            assert process.wait(60) == MISTAKE
+        finally:
+            process.kill()
+            process.wait()
+    text = log.read_text(encoding="utf-8")
+    assert "Traceback" not in text
+    for name in ("cell.a1", "cell.a2"):
+        assert f"{name}: not commissioned: a process of it was ended" in text
+
+
+def workers_of(pid: int) -> list[int]:
+    """The processes that a process has started to share its work."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    return [n for n in map(int, children) if b"spawn_main" in Path(f"/proc/{n}/cmdline").read_bytes()]
