@@ -22,6 +22,8 @@ _BEYOND = 2.5
 """Farther than the steepest or flattest scale by this factor; what is tried differs by as much."""
 _SIGNIFICANT = 10.83
 """Of a chi-square variable with one degree of freedom, one in a thousand: twice the gain in log likelihood."""
+_FAILED = 10.0
+"""What a fit that fails costs, as a multiple of the best fit: a number, since Brent's search interpolates the costs."""
 
 
 def with_best_scale(found: Estimate, scales: Sequence[float], fit: Callable[[Problem], Estimate]) -> Estimate:
@@ -57,7 +59,7 @@ def _refined(best: Estimate, tried: Sequence[float], fit: Callable[[Problem], Es
     def cost(log_scale: float) -> float:
         found = _with_scale(best, float(f"{math.exp(log_scale):.3g}"), fit)
         if found is None or not found.converged:
-            return math.inf
+            return _FAILED * best.cost
         fits.append(found)
         return found.cost
 

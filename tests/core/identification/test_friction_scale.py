@@ -1,0 +1,48 @@
+"""The search for the speed scale of Coulomb friction goes on where some of its fits fail."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from monitor_core.identification.friction_scale import with_best_scale
+from monitor_core.identification.greybox import Estimate, Problem, fit
+from tests.core.identification.problems import reference_problem, reference_record
+
+BEST = 3.0
+
+
+@pytest.fixture(scope="module")
+def found() -> Estimate:
+    problem = reference_problem(free=("fm",), speed_scale=2.0)
+    return fit(problem, [reference_record(5, 500)])
+
+
+def costs(found: Estimate, fails: Callable[[float], bool]) -> Callable[[Problem], Estimate]:
+    """Fits whose cost is least at the best scale, by far more than chance; some fail."""
+
+    def fitted(problem: Problem) -> Estimate:
+        if fails(problem.speed_scale):
+            raise ValueError("the fit fails")
+        return at(found, problem.speed_scale)
+
+    return fitted
+
+
+def at(found: Estimate, scale: float) -> Estimate:
+    cost = found.lam0 * 1e4 * (1 + math.log(scale / BEST) ** 2)
+    return replace(found, problem=replace(found.problem, speed_scale=scale), cost=cost, converged=True)
+
+
+@pytest.mark.parametrize("failing", [(0.0, 0.0), (2.01, 2.2), (3.2, 4.9), (2.01, 2.7), (2.01, 4.9)])
+def test_failed_fits_are_passed_over(found: Estimate, failing: tuple[float, float]) -> None:
+    low, high = failing
+    fails = lambda scale: low < scale < high  # noqa: E731 - the name of the parameter says it
+    best = with_best_scale(at(found, 2.0), (1.0, 5.0), costs(found, fails))
+    tried = best.problem.speed_scale
+    assert not fails(tried)
+    if not low < BEST < high:
+        assert tried == pytest.approx(BEST, rel=0.15)
