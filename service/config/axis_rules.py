@@ -11,7 +11,7 @@ from service.config.axis_settings import step_noise
 from service.config.drives import not_identified, watched_values
 from service.config.model_rules import usable_drive
 from service.config.problems import Finding
-from service.config.schema import AxisConfig
+from service.config.schema import AxisConfig, RobotConfig
 
 _NEARLY = 1e-3
 """Of a turn: as exactly as somebody may have written 2 pi."""
@@ -26,6 +26,12 @@ def motion(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("speed",), message)
     if axis.angle is None and axis.speed is None:
         yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
+
+
+def defaults_without_name(robot: RobotConfig) -> Iterator[Finding]:
+    """Every axis has a name of its own."""
+    if "name" in robot.defaults:
+        yield Finding(("defaults", "name"), "remove this: each axis has a name of its own")
 
 
 def times(axis: AxisConfig) -> Iterator[Finding]:
@@ -43,10 +49,12 @@ def times(axis: AxisConfig) -> Iterator[Finding]:
 
 def clock(axis: AxisConfig) -> Iterator[Finding]:
     """Message and signal of the counter come together; a clock is fitted only where no counter tells the time."""
-    pair = {key: getattr(axis.time, key) for key in ("counter_message", "counter_signal")}
-    missing = [key for key, value in pair.items() if value is None]
-    if len(missing) == 1:
-        yield Finding(("time", missing[0]), "missing: counter_message and counter_signal go together")
+    if axis.time.counter_message is not None and axis.time.counter_signal is None:
+        yield Finding(("time", "counter_signal"), "missing: it is needed with counter_message")
+    if axis.time.counter_signal is not None and axis.time.counter_message is None:
+        yield Finding(
+            ("time", "counter_signal"), "is on a bus, but angle or speed is not: give counter_message"
+        )
     if axis.time.clock == "cyclic" and axis.time.counter_signal is not None:
         message = "the counter gives the times: remove this, or"
         yield Finding(("time", "clock"), message, ("time", "counter_signal"))

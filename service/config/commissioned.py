@@ -11,6 +11,7 @@ import tomlkit
 from tomlkit import TOMLDocument
 
 from service.config.base_table import SUFFIX
+from service.config.robot_defaults import DEFAULTS
 
 _IN_NOMINAL_FILE = {
     "model": ("nominal", "friction_speed_scale"),
@@ -19,6 +20,7 @@ _IN_NOMINAL_FILE = {
 """Keys of an axis by table that a nominal_file replaces."""
 _IN_THRESHOLDS_FILE = ("alpha_1", "alpha_2")
 """Keys of its detector that a thresholds_file replaces."""
+_REPLACED = {**_IN_NOMINAL_FILE, "detector": _IN_THRESHOLDS_FILE}
 
 
 REPORT = "report.html"
@@ -74,9 +76,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
         *tables, key = correction.key
         table = axis
         for name in tables:
-            if name not in table:
-                table[name] = tomlkit.table()
-            table = table[name]
+            table = _table(table, name)
         value = correction.value
         table[key] = value if isinstance(value, str | bool) else float(f"{value:.10g}")
     return tomlkit.dumps(document)
@@ -86,7 +86,7 @@ def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     """The text of a configuration in which an axis, "robot.axis", monitors these parameters."""
     document = tomlkit.parse(text)
     axis = next(axis for name, axis in _axes(document) if name == axis_id)
-    axis["model"]["monitor"] = list(names)
+    _table(axis, "model")["monitor"] = list(names)
     return tomlkit.dumps(document)
 
 
@@ -98,7 +98,10 @@ def with_drive(
     Of its values only those named in ``values`` stay, else they are these.
     """
     document = tomlkit.parse(text)
-    model = next(axis for name, axis in _axes(document) if name == axis_id)["model"]
+    for robot in document["robot"]:
+        for key in ("nominal", "scales", "bounds", "limits"):
+            _give_to_axes(robot, "model", key)  # those of the other axes stay as they are
+    model = _table(next(axis for name, axis in _axes(document) if name == axis_id), "model")
     model["drive"], model["monitor"] = drive, list(monitor)
     model["nominal"] = {name: model.get("nominal", {}).get(name, value) for name, value in values.items()}
     for table in ("scales", "bounds", "limits"):
@@ -113,9 +116,14 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
     ``heading``: lines of comment at the top.
     """
     document = tomlkit.parse(text)
-    for name, axis in _axes(document):
-        if name in found:
-            _set(axis, found[name])
+    for robot in document["robot"]:
+        for table, keys in _REPLACED.items():
+            for key in keys:
+                _give_to_axes(robot, table, key)
+        shared = robot.get(DEFAULTS, {}).get("model", {}).get("monitor")
+        for axis in robot["axis"]:
+            if (name := f"{robot['name']}.{axis['name']}") in found:
+                _set(axis, found[name], shared)
     for robot in document["robot"]:
         for number, axis in reversed(list(enumerate(robot["axis"]))):
             if f"{robot['name']}.{axis['name']}" not in found:
@@ -132,26 +140,56 @@ def _axes(document: TOMLDocument) -> Iterator[tuple[str, Any]]:
             yield f"{robot['name']}.{axis['name']}", axis
 
 
-def _set(axis: Any, found: Found) -> None:
+def _table(parent: Any, name: str) -> Any:
+    """A table of an axis; made in one line where the axis has none of its own."""
+    if name not in parent:
+        parent[name] = tomlkit.inline_table()
+    return parent[name]
+
+
+def _give_to_axes(robot: Any, table: str, key: str) -> None:
+    """Move a key of a table of [robot.defaults] into the axes, which may then differ in it."""
+    defaults = robot.get(DEFAULTS, {}).get(table, {})
+    if key not in defaults:
+        return
+    value = defaults.pop(key).unwrap()
+    if not defaults:
+        del robot[DEFAULTS][table]
+    for axis in robot["axis"]:
+        own = _table(axis, table)
+        own[key] = {**value, **own.get(key, {})} if isinstance(value, dict) else own.get(key, value)
+
+
+def _set(axis: Any, found: Found, shared: Sequence[str] | None) -> None:
+    """Write what was found into an axis; ``shared``: what it monitors where it has no key of its own."""
     for table, keys in _IN_NOMINAL_FILE.items():
-        for key in keys:
-            if key in axis.get(table, {}):
-                del axis[table][key]
-    model = axis["model"]
-    model["monitor"] = list(found.monitor)
+        _remove(axis, table, keys)
+    model = _table(axis, "model")
+    if list(model.get("monitor", shared or ())) != list(found.monitor):
+        model["monitor"] = list(found.monitor)
     model["nominal_file"] = found.nominal_file
     model.pop("thresholds_file", None)
     if found.thresholds_file is not None:
         model["thresholds_file"] = found.thresholds_file
-        for key in _IN_THRESHOLDS_FILE:
-            if key in axis.get("detector", {}):
-                del axis["detector"][key]
+        _remove(axis, "detector", _IN_THRESHOLDS_FILE)
+
+
+def _remove(axis: Any, table: str, keys: Sequence[str]) -> None:
+    """Remove keys of a table of an axis, and the table if nothing is left."""
+    own = axis.get(table, {})
+    present = [key for key in keys if key in own]
+    for key in present:
+        del own[key]
+    if present and not own:
+        del axis[table]
 
 
 def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
     """Where the configuration names files that stay where they are."""
     for bus in document.get("bus", ()):
         yield bus, "dbc"
-    for _, axis in _axes(document):
-        if str(axis["model"].get("drive", "")).endswith(SUFFIX):
-            yield axis["model"], "drive"
+    for robot in document["robot"]:
+        for axis in (*robot["axis"], robot.get(DEFAULTS, {})):
+            model = axis.get("model", {})
+            if str(model.get("drive", "")).endswith(SUFFIX):
+                yield model, "drive"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import tomlkit
+
+from service.config.robot_defaults import completed
 
 _SOURCES = ("torque", "angle", "speed", "time")
 """Tables of an axis that name messages and signals"""
@@ -20,22 +23,24 @@ def connected(text: str, other: str, heading: str) -> str:
         KeyError: the other one lacks an axis.
     """
     document, source = tomlkit.parse(text), tomlkit.parse(other)
-    signals = {_name(robot, axis): axis for robot in source["robot"] for axis in robot["axis"]}
+    complete = completed(source.unwrap())
+    signals = {_name(robot, axis): axis for robot in complete["robot"] for axis in robot["axis"]}
     for robot in document["robot"]:
         for axis in robot["axis"]:
             found = signals[_name(robot, axis)]
-            axis["bus"] = str(found["bus"])
+            if len(complete["bus"]) > 1:
+                axis["bus"] = found["bus"]
             for table in set(_SOURCES) & set(found):
-                axis[table] = _joined(axis[table], found[table])
+                axis[table] = _joined(axis.get(table, tomlkit.inline_table()), found[table])
     buses = tomlkit.document()
     buses["bus"] = source["bus"]
     return f"# {heading}\n\n{tomlkit.dumps(buses).strip()}\n\n{tomlkit.dumps(document)}"
 
 
-def _joined(own: Any, more: Any) -> Any:
+def _joined(own: Any, more: Mapping[str, Any]) -> Any:
     """A table in one line with the entries of both, with the comment of the first."""
     table = tomlkit.inline_table()
-    table.update({**own.unwrap(), **more.unwrap()})
+    table.update({**own.unwrap(), **more})
     table.trivia.comment_ws, table.trivia.comment = own.trivia.comment_ws, own.trivia.comment
     return table
 

@@ -15,13 +15,14 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from monitor_core.wording import did_you_mean
-from service.config.axis_rules import AXIS_RULES
+from service.config.axis_rules import AXIS_RULES, defaults_without_name
 from service.config.base_table import Reading, Undecidable
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import ConfigErrors, Finding, Keys, Problem, dotted, nearest, positions, shown
+from service.config.robot_defaults import origin
 from service.config.schema import Config
 from service.config.validation_messages import findings, table_in
 
@@ -98,7 +99,7 @@ def _problems(
     path: Path, where: Mapping[Keys, int], over: _Overrides, values: dict[str, Any], found: Iterable[Finding]
 ) -> list[Problem]:
     problems = []
-    for finding in dict.fromkeys(found):
+    for finding in dict.fromkeys(_at_origin(finding, where) for finding in found):
         message = finding.message
         if finding.other:
             message += f" {dotted(finding.other)} in line {nearest(where, finding.other)}"
@@ -108,6 +109,13 @@ def _problems(
             line, value = nearest(where, finding.path), _shown_at(values, finding.path)
             problems.append(Problem(path, line, dotted(finding.path), value, message))
     return sorted(problems, key=lambda problem: problem.line or 0)
+
+
+def _at_origin(finding: Finding, where: Mapping[Keys, int]) -> Finding:
+    """The finding where the file has the value: in an axis, or in the defaults of its robot."""
+    path = origin(finding.path, where)
+    other = None if finding.other is None else origin(finding.other, where)
+    return finding._replace(path=path, other=finding.other if other == path else other)
 
 
 def _shown_at(values: Any, path: Keys) -> str | None:
@@ -171,7 +179,7 @@ def crosscheck(config: Config) -> Iterator[Finding]:
     for i, bus in enumerate(config.bus):
         yield from _run(BUS_RULES, bus, ("bus", i))
     for i, robot in enumerate(config.robot):
-        yield from _run((signals_of_axes,), robot, ("robot", i))
+        yield from _run((defaults_without_name, signals_of_axes), robot, ("robot", i))
         for k, axis in enumerate(robot.axis):
             path: Keys = ("robot", i, "axis", k)
             yield from _run((*AXIS_RULES, *FILE_RULES), axis, path)

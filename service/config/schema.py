@@ -7,11 +7,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
+from service.config.robot_defaults import completed
 from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
 
 # --- The samples of an axis: signals, their time, gates ---------------------------------------------------------------
@@ -100,7 +101,7 @@ class TimeConfig(Table):
     factor: Positive = 1.0
     """seconds = factor * column: 0.001 for milliseconds"""
     counter_message: Text | None = None
-    """message that carries the sample counter"""
+    """message that carries the sample counter; if not given, that of angle or speed"""
     counter_signal: Text | None = None
     """sample counter; with it sample times are whole intervals, free of receipt jitter"""
     clock: Literal["receipt", "cyclic"] = "receipt"
@@ -167,7 +168,7 @@ class AxisConfig(Table):
     name: Name
     """name of the axis: letters, digits, - and _"""
     bus: Text = ""
-    """name of a [[bus]]"""
+    """name of a [[bus]]; where there is only one, it is that"""
     sample_interval_s: Positive = Field(ge=1e-5, le=1)
     """nominal sample interval [s]"""
     pairing_tolerance_s: Positive = Field(default_factory=intervals(0.4))
@@ -263,6 +264,8 @@ class RobotConfig(Table):
 
     name: Name
     """name of the robot: letters, digits, - and _"""
+    defaults: dict[str, Any] = Field(default_factory=dict)
+    """[robot.defaults], keys of all axes of the robot; an axis that has a key of its own keeps it"""
     axis: tuple[AxisConfig, ...] = Field(min_length=1)
     """axes of the robot, [[robot.axis]]"""
 
@@ -288,6 +291,8 @@ class Config(Table):
     """CAN buses, [[bus]]; without any, axes are only identified from tables"""
     robot: tuple[RobotConfig, ...] = Field(min_length=1)
     """robots, [[robot]]"""
+
+    _completed = model_validator(mode="before")(completed)
 
     @property
     def axes(self) -> tuple[NamedAxis, ...]:

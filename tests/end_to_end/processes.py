@@ -15,13 +15,14 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tests.demo_text import demo_text
+
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = (sys.executable, "-m", "service.commands.main")
 PATIENCE_S = 150.0
 
 T = TypeVar("T")
 
-_DEMO = (ROOT / "config" / "demo.toml").read_text(encoding="utf-8")
 _BUS = 'interface = "virtual"\nchannel = "axiswatch-demo"'
 
 
@@ -34,8 +35,7 @@ def demo_config(folder: Path, bus: str | None = None, axes: int = 2, service: st
         20_000 + secrets.randbelow(12_000),
     )
     bus = bus or f'interface = "udp_multicast"\nchannel = "239.{group}"\noptions = {{ port = {port} }}'
-    parts = _DEMO.split("[[robot.axis]]")
-    text = "[[robot.axis]]".join(parts[: 1 + axes])
+    text = demo_text(axes)
     assert _BUS in text
     text = text.replace(_BUS, bus).replace('state_dir = "demo-state"', f'state_dir = "state"\n{service}')
     file = folder / "robot.toml"

@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from service.config import Config, load
+from tests.demo_text import demo_text
 from tests.service.found_files import nominal_text, thresholds_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -152,8 +153,7 @@ TABLES = (
 
 def demo_axis() -> str:
     """The first axis of the demo, without P(0)."""
-    parts = (CONFIG / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")
-    return re.sub(r"^initial_p = .*\n", "", "[[robot.axis]]".join(parts[:2]), flags=re.MULTILINE)
+    return re.sub(r"^initial_p = .*\n", "", demo_text(), flags=re.MULTILINE)
 
 
 def watched() -> str:

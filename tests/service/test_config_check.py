@@ -8,6 +8,7 @@ from typer.testing import Result
 from service.config import load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
+from tests.demo_text import demo_text
 from tests.service.command_line import axiswatch, refused
 from tests.service.config_texts import TABLES
 
@@ -17,15 +18,16 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 @pytest.mark.parametrize(
     ("name", "signals"),
     [
-        ("axiswatch.toml", ("robot.dbc", "Axis1Torque.Torque", "Axis1Angle.Angle")),
-        ("demo.toml", ("demo.dbc", "Axis1State.Torque", "Axis1State.Angle")),
+        ("axiswatch.toml", ("one-mass", "fc", "robot.dbc", "Axis6Torque.Torque", "Axis6Angle.Angle")),
+        ("reference.toml", ("three-mass", "1/Ja", "robot.dbc", "Axis1Torque.Torque", "Axis1Angle.Angle")),
+        ("demo.toml", ("three-mass", "1/Ja", "demo.dbc", "Axis1State.Torque", "Axis1State.Angle")),
     ],
 )
 def test_a_right_configuration_is_summed_up(name: str, signals: tuple[str, ...]) -> None:
     result = check(CONFIG / name)
     assert (result.exit_code, result.stderr) == (0, "")
     assert f"{CONFIG / name}: no problems\n" in result.stdout
-    for words in ("can0", "axis1", "axis2", "three-mass", "1/Ja", *signals):
+    for words in ("can0", "axis1", "axis2", *signals):
         assert words in result.stdout
 
 
@@ -64,7 +66,7 @@ def test_the_environment_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def with_memory(tmp_path: Path, memory_s: float) -> Path:
     """The demo's configuration, of which the first axis has this memory; beside it its DBC."""
-    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
+    text = demo_text()
     (tmp_path / "demo.dbc").write_bytes((CONFIG / "demo.dbc").read_bytes())
     file = tmp_path / "demo.toml"
     file.write_text(text.replace("memory_s = 1.0", f"memory_s = {memory_s}", 1), encoding="utf-8")

@@ -61,7 +61,7 @@ def test_without_a_mistake_the_texts_load(name: str, tmp_path: Path) -> None:
 # --- keys of earlier versions -------------------------------------------------------------------------------
 
 
-EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
+EXAMPLE = (CONFIG / "reference.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("key", RENAMED_KEYS.values())

@@ -17,7 +17,7 @@ from service.config.validation_messages import table_in
 from tests.service.found_files import nominal_text, thresholds_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
+EXAMPLE = (CONFIG / "reference.toml").read_text(encoding="utf-8")
 OPTIONAL = re.compile(r"^#(?=[\w\[\"])", re.MULTILINE)  # "#key = value" or "#[table]"; prose begins with "# "
 EVERYTHING = OPTIONAL.sub("", EXAMPLE)
 
@@ -30,7 +30,7 @@ def test_demo_is_six_reference_drives_and_the_example_has_both_outputs() -> None
         assert axis.config.model.nominal == pytest.approx(expected, rel=1e-14)
         assert axis.config.model.monitor == ("kT", "1/Ja", "fm")
         assert axis.config.output == "angle"
-    config = load(CONFIG / "axiswatch.toml", {})
+    config = load(CONFIG / "reference.toml", {})
     assert [(axis.id, axis.config.output) for axis in config.axes] == [
         ("cell1.axis1", "angle"),
         ("cell1.axis2", "speed"),
@@ -43,7 +43,7 @@ def everything(tmp_path: Path) -> Config:
     """The example with every optional key in force."""
     (tmp_path / "robot.dbc").symlink_to(CONFIG / "robot.dbc")
     (tmp_path / "a.toml").write_text(EVERYTHING, encoding="utf-8")
-    axis = load(CONFIG / "axiswatch.toml", {}).axes[0].config
+    axis = load(CONFIG / "reference.toml", {}).axes[0].config
     drawn = axis.model.model_copy(update={"drive_model": "ThreeMass"})
     filed = axis.model_copy(update={"model": drawn})
     (tmp_path / "nominal.toml").write_text(nominal_text(filed), encoding="utf-8")
@@ -63,7 +63,7 @@ def _kinds(table: type[Table]) -> set[type[Table]]:
 
 
 def test_what_the_example_calls_a_default_is_one(everything: Config) -> None:
-    defaults = load(CONFIG / "axiswatch.toml", {})
+    defaults = load(CONFIG / "reference.toml", {})
     stated = [path for path in _told_defaults() if _at(defaults, path) is not None]
     assert len(stated) > 20
     for path in stated:

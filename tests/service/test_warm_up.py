@@ -216,7 +216,7 @@ def test_a_start_is_said_on_the_command_line(made: Made, tmp_path: Path) -> None
     for start, known in (("unknown", False), ("cold", True)):
         output = shown("replay", record, "--config", config, "--thermal", start, code=NOT_TESTED)
         assert ("not known yet" in output) != known
-    shipped = Path(__file__).resolve().parents[2] / "config" / "axiswatch.toml"
+    shipped = Path(__file__).resolve().parents[2] / "config" / "reference.toml"
     assert "no axis follows its heat" in refused("replay", record, "--config", shipped, "--thermal", "cold")
 
 

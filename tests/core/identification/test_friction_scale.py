@@ -40,7 +40,10 @@ def at(found: Estimate, scale: float) -> Estimate:
 @pytest.mark.parametrize("failing", [(0.0, 0.0), (2.01, 2.2), (3.2, 4.9), (2.01, 2.7), (2.01, 4.9)])
 def test_failed_fits_are_passed_over(found: Estimate, failing: tuple[float, float]) -> None:
     low, high = failing
-    fails = lambda scale: low < scale < high  # noqa: E731 - the name of the parameter says it
+
+    def fails(scale: float) -> bool:
+        return low < scale < high
+
     best = with_best_scale(at(found, 2.0), (1.0, 5.0), costs(found, fails))
     tried = best.problem.speed_scale
     assert not fails(tried)

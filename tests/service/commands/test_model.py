@@ -30,7 +30,7 @@ end Press;
 """
 
 
-EXAMPLE = shipped("axiswatch.toml").read_text(encoding="utf-8")
+EXAMPLE = shipped("reference.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from service.config import Config, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
 from service.simulation.axis import ControlledAxis
+from tests.demo_text import demo_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
 TRUE = {"fc": 0.0, "tau0": 0.0}
@@ -23,9 +24,7 @@ GUESS = {"Jm": 0.004, "Ja": 150.0, "kg": 2e5, "ka": 4e5, "fm": 0.03}
 
 def robot_text(values: Mapping[str, float] = {}) -> str:
     """The first axis of the demo, with columns, and with these nominal values."""
-    text = "[[robot.axis]]".join(
-        (SHIPPED / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")[:2]
-    )
+    text = demo_text()
     for signal, column in (("Torque", "torque"), ("Angle", "angle")):
         text = text.replace(f'signal = "{signal}"\n', f'signal = "{signal}"\ncolumn = "{column}"\n')
     text = text.replace("[robot.axis.time]\n", '[robot.axis.time]\ncolumn = "t"\n')

@@ -16,13 +16,14 @@ from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.config.remarks import remarks
 from service.config.schema import SpeedConfig
+from tests.demo_text import demo_text
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
 from tests.service.found_files import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
-DEMO = (SHIPPED / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")
-NOMINAL = DEMO[1].split("[robot.axis.model.nominal]")[1].split("[robot.axis.estimator]")[0]
+DEMO = demo_text()
+NOMINAL = DEMO.split("[robot.axis.model.nominal]")[1].split("[robot.axis.estimator]")[0]
 NOISES = "torque_noise = 0.05\noutput_noise = 0.0001\n"
 ESTIMATOR = "[robot.axis.estimator]"
 KIND = 'predictor = "innovations"\n'
@@ -34,7 +35,7 @@ AXIS = load(SHIPPED / "demo.toml", {}).axes[0].config
 def robot(tmp_path: Path) -> Path:
     """One axis of the demo, without nominal values, noises and P(0) of its own."""
     (tmp_path / "demo.dbc").symlink_to(SHIPPED / "demo.dbc")
-    text = re.sub(r"initial_p = .*\n", "", "[[robot.axis]]".join(DEMO[:2]).replace(NOISES, ""))
+    text = re.sub(r"initial_p = .*\n", "", DEMO.replace(NOISES, ""))
     before = "[robot.axis.model.nominal]" + NOMINAL
     assert before in text
     text = text.replace(before, "")

@@ -1,0 +1,75 @@
+"""Keys that need not be written for each axis: those in [robot.defaults], and those that follow from others.
+
+They are put into the axes before these are validated, so the rest of the program sees complete axes.  A mistake in the
+defaults is reported once, in its line there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from typing import Any
+
+from service.config.problems import Keys
+
+DEFAULTS = "defaults"
+
+
+def completed(config: Any) -> Any:
+    """A configuration as read, with complete axes; what is no table or list is left to the schema to report."""
+    if not isinstance(config, dict) or not isinstance(config.get("robot"), list):
+        return config
+    match config.get("bus"):
+        case [{"name": str(name)}]:
+            bus: str | None = name
+        case _:
+            bus = None
+    return {**config, "robot": [_completed_robot(robot, bus) for robot in config["robot"]]}
+
+
+def _completed_robot(robot: Any, bus: str | None) -> Any:
+    if not isinstance(robot, dict) or not isinstance(robot.get("axis"), list):
+        return robot
+    defaults = robot.get(DEFAULTS)
+    shared = {key: defaults[key] for key in defaults if key != "name"} if isinstance(defaults, dict) else {}
+    return {**robot, "axis": [_with_derived(_merged(shared, axis), bus) for axis in robot["axis"]]}
+
+
+def _merged(shared: Mapping[str, Any], own: Any) -> Any:
+    """Tables are merged key by key; everything else of the axis replaces that of the defaults."""
+    if not isinstance(own, dict):
+        return own
+    complete = dict(shared)
+    for key, value in own.items():
+        below = complete.get(key)
+        complete[key] = _merged(below, value) if isinstance(below, dict) else value
+    return complete
+
+
+def _with_derived(axis: Any, bus: str | None) -> Any:
+    """The axis on the only bus, if it reads messages and names no bus; its counter in the message of the motion."""
+    match axis:
+        case {"torque": {"message": _}} if bus is not None and "bus" not in axis:
+            axis = {**axis, "bus": bus}
+    match axis:
+        case {"time": {"counter_signal": _} as time, "angle": {"message": message}} | {
+            "time": {"counter_signal": _} as time,
+            "speed": {"message": message},
+        } if "counter_message" not in time:
+            axis = {**axis, "time": {**time, "counter_message": message}}
+    return axis
+
+
+def origin(path: Keys, written: Container[Keys]) -> Keys:
+    """Where the value at a path comes from: the defaults of the robot, if the axis has less of the path itself."""
+    match path:
+        case ("robot", int(robot), "axis", int(axis), *keys):
+            own: Keys = ("robot", robot, "axis", axis)
+            shared: Keys = ("robot", robot, DEFAULTS)
+            if _depth(shared, keys, written) > _depth(own, keys, written):
+                return (*shared, *keys)
+    return path
+
+
+def _depth(table: Keys, keys: list[str | int], written: Container[Keys]) -> int:
+    """How many of the keys are written below a table."""
+    return next((n for n in range(len(keys), 0, -1) if (*table, *keys[:n]) in written), 0)

@@ -1,0 +1,177 @@
+"""Keys that axes share stand once in [robot.defaults]; a file with them means the same as one without."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomlkit
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from service.config import ConfigErrors, load
+from service.config.commissioned import Correction, Found, commissioned, corrected, monitoring, with_drive
+from service.config.connected import connected
+from service.config.robot_defaults import completed
+from tests.service.config_texts import CONFIG
+
+law = settings(deadline=None, max_examples=200)
+FOUND = {
+    f"cell.axis{n}": Found(
+        f"{n}.toml", f"thresholds{n}.toml" if n > 1 else None, ("kT", "fm") if n < 3 else ("kT",)
+    )
+    for n in (1, 2, 3)
+}
+
+
+def robot() -> dict[str, Any]:
+    """Three axes, alike but for their signals and a few values."""
+    axes = []
+    for n in (1, 2, 3):
+        nominal = {"kT": 1.0, "r": 0.01 * (1 + (n == 3)), "fm": 0.1}
+        axis = {
+            "name": f"axis{n}",
+            "bus": "can0",
+            "sample_interval_s": 0.005,
+            "torque": {"message": f"T{n}", "signal": "Torque", "factor": -1.0 if n == 2 else 1.0},
+            "angle": {"message": f"A{n}", "signal": "Angle"},
+            "time": {"counter_message": f"A{n}", "counter_signal": "Counter", "column": "t"},
+            "model": {"drive": "own.mo", "monitor": ["kT", "fm"], "nominal": nominal},
+            "estimator": {"torque_noise": 0.05},
+            "detector": {"alpha_1": 3.0, "alpha_2": 20.0 + (n == 1)},
+        }
+        axes.append(axis)
+    bus = {"name": "can0", "channel": "can0", "dbc": "a.dbc"}
+    return {"bus": [bus], "robot": [{"name": "cell", "axis": axes}]}
+
+
+def shared(tables: Iterable[dict[str, Any]], draw: st.DrawFn) -> dict[str, Any]:
+    """What tables have in common or one of them has, as drawn; it is taken out of those that have it."""
+    tables, defaults = list(tables), {}
+    for key in [key for key in tables[0] if key != "name"]:
+        values = [table[key] for table in tables]
+        if all(isinstance(value, dict) for value in values):
+            if inner := shared(values, draw):
+                defaults[key] = inner
+                for table in tables:
+                    if not table[key]:
+                        del table[key]
+        elif draw(st.booleans()):
+            defaults[key] = draw(st.sampled_from(values))
+            for table in tables:
+                if table[key] == defaults[key]:
+                    del table[key]
+    return defaults
+
+
+@st.composite
+def with_shared_keys(draw: st.DrawFn) -> dict[str, Any]:
+    config = robot()
+    (cell,) = config["robot"]
+    defaults = shared(cell["axis"], draw)
+    if draw(st.booleans()):  # these two follow from other keys
+        for axis in cell["axis"]:
+            axis.pop("bus", None)
+            axis.get("time", {}).pop("counter_message", None)
+        defaults.pop("bus", None)
+        defaults.get("time", {}).pop("counter_message", None)
+    return {**config, "robot": [{"name": "cell", "defaults": defaults, "axis": cell["axis"]}]}
+
+
+def meaning(config: dict[str, Any]) -> dict[str, Any]:
+    """The axes of a configuration, complete."""
+    axes = completed(config)["robot"][0]["axis"]
+    return {axis["name"]: {key: value for key, value in axis.items() if value != {}} for axis in axes}
+
+
+def text_of(config: dict[str, Any]) -> str:
+    return tomlkit.dumps(config)
+
+
+@law
+@given(with_shared_keys())
+def test_a_file_with_defaults_means_what_it_means_written_out(config: dict[str, Any]) -> None:
+    before = deepcopy(config)
+    assert meaning(config) == meaning(robot())
+    assert config == before
+
+
+@law
+@given(with_shared_keys())
+def test_commissioning_changes_both_alike(config: dict[str, Any]) -> None:
+    corrections = [Correction(("torque", "factor"), 2.0, ""), Correction(("angle", "wrap_period"), 6.25, "")]
+    changes: tuple[Callable[[str], str], ...] = (
+        lambda text: commissioned(text, FOUND),
+        lambda text: commissioned(text, {name: FOUND[name] for name in ("cell.axis3",)}),
+        lambda text: corrected(text, "cell.axis2", corrections),
+        lambda text: monitoring(text, "cell.axis2", ("fm",)),
+        lambda text: with_drive(text, "cell.axis2", "one-mass", ("kT",), {"kT": 3.0, "fc": 1.0}),
+    )
+    for change in changes:
+        short, long = (meaning(tomllib.loads(change(text_of(c)))) for c in (config, robot()))
+        assert short == long
+
+
+@law
+@given(with_shared_keys())
+def test_a_bus_is_added_to_either(config: dict[str, Any]) -> None:
+    tables = "[[robot]]\nname = 'cell'\n" + "".join(
+        f"[[robot.axis]]\nname = 'axis{n}'\ntorque = {{column = 'u{n}'}}\n" for n in (1, 2, 3)
+    )
+    short, long = (meaning(tomllib.loads(connected(tables, text_of(c), "x"))) for c in (config, robot()))
+    assert short == long
+
+
+HEAD = f"""\
+[[bus]]
+name = "can0"
+channel = "can0"
+dbc = "{CONFIG / "robot.dbc"}"
+[[robot]]
+name = "cell"
+[robot.defaults]
+sample_interval_s = 0.005
+model = {{ drive = "one-mass", monitor = ["kT", "fm"], nominal = {{ kT = 1 }} }}
+"""
+AXES = """\
+[[robot.axis]]
+name = "axis1"
+torque = { message = "Axis1Torque", signal = "Torque" }
+angle = { message = "Axis1Angle", signal = "Angle" }
+[[robot.axis]]
+name = "axis2"
+torque = { message = "Axis2Torque", signal = "Torque" }
+angle = { message = "Axis2Angle", signal = "Angle" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [
+        ("fo = 1\n", ["a.toml:10: robot[1].defaults.fo = 1: unknown key"]),
+        ('time.clock = "x"\n', ["a.toml:10: robot[1].defaults.time.clock"]),
+        ('name = "x"\n', ["a.toml:10: robot[1].defaults.name = \"x\": remove this: each axis has a name of its own"]),
+        ("speed = { message = \"Axis1Speed\", signal = \"Speed\" }\n", [*["a.toml:10: robot[1].defaults.speed"] * 2]),
+        ("max_gap_s = 0.001\n", ["a.toml:10: robot[1].defaults.max_gap_s = 0.001"]),
+        ('time.counter_signal = "Count"\n', ["a.toml:10: robot[1].defaults.time.counter_signal"] * 2),
+        ('bus = "can1"\n', ['a.toml:10: robot[1].defaults.bus = "can1": no such bus']),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_the_defaults_is_reported_there(more: str, expected: list[str], tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(HEAD + more + AXES, encoding="utf-8")
+    with pytest.raises(ConfigErrors) as caught:
+        load(tmp_path / "a.toml", {})
+    rows = str(caught.value).replace(f"{tmp_path}/", "").splitlines()
+    for row, part in zip(rows, expected, strict=True):
+        assert part in row
+
+
+def test_defaults_that_are_no_table_are_reported(tmp_path: Path) -> None:
+    text = HEAD[: HEAD.index("[robot.defaults]")] + "defaults = 1\n" + AXES
+    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigErrors, match=r"a.toml:7: robot\[1\].defaults = 1: must be a table"):
+        load(tmp_path / "a.toml", {})
