@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -33,6 +33,8 @@ _EXPLAINS = 0.3
 """Of the variance of the torque, by which two axes explain more with their torques exchanged."""
 _MOST = 50_000
 """Samples that are compared."""
+_AS_LONG = 0.95
+"""Of the longest record of an axis: on a bus a few samples of some are lost."""
 _ROUNDS = 8
 """One mistake hides another: after a correction it is looked again."""
 
@@ -76,29 +78,40 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
         found.append(new)
 
 
-def exchanged(text: str, records: Sequence[str], folder: Path) -> dict[str, tuple[Correction, ...]]:
-    """Axes of a robot whose torques are those of others, by their names: with the signal that is theirs."""
+def exchanged(
+    text: str, records: Mapping[str, Sequence[str]], folder: Path
+) -> dict[str, tuple[Correction, ...]]:
+    """Axes of a robot whose torques are those of others, by their names: with the signal that is theirs.
+
+    ``records``: of each axis; the first ones are looked at.  Axes without any are passed over.
+    """
     config, _ = configured(text, None, folder)
     found: dict[str, tuple[Correction, ...]] = {}
     for robot in config.robot:
-        found |= _exchanged_in(config, [axis for axis in config.axes if axis.robot == robot.name], records)
+        axes = [axis for axis in config.axes if axis.robot == robot.name and records.get(axis.id)]
+        if axes:
+            first = [records[axis.id][0] for axis in axes]
+            shared = max(first, key=first.count)
+            beside = [axis for axis, record in zip(axes, first, strict=True) if record == shared]
+            found |= _exchanged_in(config, beside, shared)
     return found
 
 
 def _exchanged_in(
-    config: Config, axes: Sequence[NamedAxis], records: Sequence[str]
+    config: Config, axes: Sequence[NamedAxis], record: str
 ) -> dict[str, tuple[Correction, ...]]:
-    """Of one robot."""
+    """Of one robot, by one record."""
     from scipy.optimize import linear_sum_assignment
 
-    loaded = {axis.id: _loaded(config, axis, records[:1])[0].record for axis in axes}
-    longest = max(map(len, loaded.values()))
-    axes = [
-        axis for axis in axes if len(loaded[axis.id]) == longest
-    ]  # others are no samples of the same moments
+    loaded = {axis.id: _loaded(config, axis, [record])[0] for axis in axes}
+    longest = max(len(item.record) for item in loaded.values())
+    # Others have another interval, or are no samples of the same time.
+    axes = [axis for axis in axes if len(loaded[axis.id].record) >= _AS_LONG * longest]
     part = slice(min(longest, _MOST))
-    moved = [loaded[axis.id].select(part) for axis in axes]
-    explained = np.array([[_explained(motion, torque.u) for torque in moved] for motion in moved])
+    moved = [item._replace(record=item.record.select(part)) for item in (loaded[axis.id] for axis in axes)]
+    explained = np.array(
+        [[_explained(motion.record, _beside(motion, torque)) for torque in moved] for motion in moved]
+    )
     # A torque that is its own explains the motion best.  Small differences are no reason to look elsewhere.
     _, best = linear_sum_assignment(-explained - _EXPLAINS * np.eye(len(axes)))
     now = explained.diagonal()
@@ -106,6 +119,13 @@ def _exchanged_in(
     if not changed or min(explained[k, best[k]] - now[k] for k in changed) < _EXPLAINS:
         return {}
     return {axes[k].id: tuple(_torque_of(axes[k], axes[best[k]])) for k in changed}
+
+
+def _beside(motion: Loaded, torque: Loaded) -> Floats:
+    """The torque of an axis at the samples of another one: the nearest, by the clock of the file."""
+    earlier_s = (motion.source.begins_s or 0.0) - (torque.source.begins_s or 0.0)
+    t, at = torque.record.t, motion.record.t + earlier_s
+    return torque.record.u[np.searchsorted((t[1:] + t[:-1]) / 2, at)]
 
 
 def _explained(motion: Record, torque: Floats) -> float:
