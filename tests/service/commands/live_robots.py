@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from can.interfaces.virtual import channels
 
 from monitor_core.arrays import Floats
 from service.can.bus import open_buses, send
@@ -34,7 +35,7 @@ def configured(path: Path, dbc: Path, axes: int = 1) -> Path:
 
 @contextmanager
 def moving(table: Path, config: Path, change: Callable[[Floats], object] = lambda _: None) -> Iterator[None]:
-    """The robot of a table sends until the end of the block, again from the start where the table ends.
+    """The robot of a table moves while somebody listens, until the end of the block or of the table.
 
     Args:
         table: time, torque and angle of each axis.
@@ -57,13 +58,17 @@ def _send(rows: Floats, config: Path, stop: threading.Event) -> None:
     read = load(config, {})
     encoder = FrameEncoder(read, read.bus[0].name)
     began, interval_s = time.time(), float(rows[1, 0] - rows[0, 0])
-    sent = 0
+    sent, due = 0, 0.0
     with open_buses(read.bus) as buses:
-        while not stop.wait(_EVERY_S):
-            due = round(SPEED * (time.time() - began) / interval_s)
-            for k in range(sent, due):
-                row = rows[k % len(rows)]
-                values = {a.id: (row[1 + 2 * n], row[2 + 2 * n]) for n, a in enumerate(read.axes)}
+        (bus,) = buses.values()
+        before = time.monotonic()
+        while not stop.wait(_EVERY_S) and sent < len(rows):
+            now = time.monotonic()
+            if len(channels[read.bus[0].channel]) > 1:  # else its frames would be lost
+                due += SPEED * (now - before) / interval_s
+            before = now
+            for k in range(sent, min(round(due), len(rows))):
+                values = {a.id: (rows[k, 1 + 2 * n], rows[k, 2 + 2 * n]) for n, a in enumerate(read.axes)}
                 for frame in encoder.encode(values, k):
-                    send(buses[read.bus[0].name], frame.key, frame.data, began + k * interval_s)
-            sent = due
+                    send(bus, frame.key, frame.data, began + k * interval_s)
+                sent = k + 1

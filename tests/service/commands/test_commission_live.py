@@ -40,7 +40,7 @@ def words_of(result: str) -> str:
 
 def test_from_a_live_bus_to_a_configuration(folder: Path, seed: int) -> None:
     """The torque has the wrong sign, the DBC says degrees: proposed when looked at, and put right."""
-    rows = table(folder / "rows.csv", seed, 40.0, sign=-1)
+    rows = table(folder / "rows.csv", seed, 50.0, sign=-1)
     config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc"))
     words = ("commission", "--config", config, "--budget", "2min", "--output", "made", "--yes")
     with moving(rows, config, to_degrees):
@@ -81,7 +81,7 @@ def looked_at(
 
 @pytest.fixture(scope="module")
 def two_axes(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
-    return table(tmp_path_factory.mktemp("rows") / "rows.csv", seed, 12.0, axes=2)
+    return table(tmp_path_factory.mktemp("rows") / "rows.csv", seed, 25.0, axes=2)
 
 
 @pytest.fixture
