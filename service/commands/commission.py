@@ -175,8 +175,8 @@ def _check_source(records: Sequence[str] | None, minutes: float | None, output: 
         check_minutes(minutes)
     if not records and minutes is None and not recorded(output):
         raise typer.BadParameter(
-            f"no records, and none of half a minute in {output / RECORDS}: give tables or CAN logs of the healthy robot,"
-            " or --minutes 10 to record its buses",
+            f"no records, and none of half a minute in {output / RECORDS}: give tables or CAN logs of the healthy"
+            " robot, or --minutes 10 to record its buses",
             param_hint="RECORD",
         )
 

@@ -49,8 +49,9 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
         if console.is_terminal:
             live = stack.enter_context(Live(console=console, auto_refresh=False, transient=False))
         latest, due = Latest(read), time.monotonic() + _LINES_S
-        for block in rounds(buses, math.inf if seconds is None else seconds, stop):
-            for bus, frames in block:
+        readers = [bus.reader for bus in buses]
+        for block in rounds(readers, math.inf if seconds is None else seconds, stop):
+            for bus, frames in zip(buses, block, strict=True):
                 for value in bus.ingest.feed_values(frames):
                     latest.add(value)
             stamps = {axis_id: axis.stamps for bus in buses for axis_id, axis in bus.ingest.axes.items()}
@@ -104,15 +105,13 @@ def live_buses(config: Config, everything: bool = False) -> Iterator[list[LiveBu
             live.reader.close()
 
 
-def rounds(
-    buses: Sequence[LiveBus], seconds: float, stop: Event
-) -> Iterator[list[tuple[LiveBus, list[Frame]]]]:
-    """What the buses bring, ten times a second, until the time is over or ``stop`` is set."""
+def rounds(readers: Sequence[CanReader], seconds: float, stop: Event) -> Iterator[list[list[Frame]]]:
+    """What each reader brings, ten times a second, until the time is over or ``stop`` is set."""
     end = time.monotonic() + seconds
     ended = False
     while not ended:
         ended = stop.wait(_TAKE_S) or time.monotonic() >= end
-        yield [(bus, bus.reader.take(_MOST)) for bus in buses]
+        yield [reader.take(_MOST) for reader in readers]
 
 
 def bus_lines(buses: Sequence[LiveBus]) -> list[str]:

@@ -182,8 +182,8 @@ def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: 
     began = shown = time.monotonic()
     with live_buses(config, everything=True) as buses, FrameRecorder(path) as recorder:
         motions = _Motions(config)
-        for block in rounds(buses, seconds, stop):
-            for bus, frames in block:
+        for block in rounds([bus.reader for bus in buses], seconds, stop):
+            for bus, frames in zip(buses, block, strict=True):
                 recorder.write(bus.name, frames)
                 traffic[bus.name].update(frame.key for frame in frames)
                 motions.add(bus.ingest.feed_values(frames))

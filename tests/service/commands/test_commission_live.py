@@ -121,8 +121,14 @@ def stuck_for_a_while(rows: Floats) -> None:
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (stuck_torque, "the torque is 0.5 all the time, while the axis moves: Joint2.Joint2_Torque_Act is stuck"),
-        (stuck_angle, "the angle is 0.5 all the time, while the torque changes: Joint2.Joint2_Pos_Act is stuck"),
+        (
+            stuck_torque,
+            "the torque is 0.5 all the time, while the axis moves: Joint2.Joint2_Torque_Act is stuck",
+        ),
+        (
+            stuck_angle,
+            "the angle is 0.5 all the time, while the torque changes: Joint2.Joint2_Pos_Act is stuck",
+        ),
         (standing, "it does not move: let the robot work"),
         (stuck_for_a_while, "signal Joint2_Pos_Act of Joint2 (the angle) is stuck, while the axis moves"),
     ],
