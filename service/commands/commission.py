@@ -71,7 +71,7 @@ def commission(
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
     from service.config.commissioned import relocated
-    from service.reports.commissioning_report import next_step
+    from service.reports.commissioning_report import motion_step, next_step
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
@@ -92,6 +92,9 @@ def commission(
     corrections = {outcome.axis_id: outcome.corrections for outcome in outcomes}
     words = next_step(outcomes, output / CONFIG, bool(read.bus))
     _write(config, orders[0], outcomes, corrections, words)
+    for step in (motion_step(outcome, output / CONFIG) for outcome in outcomes):
+        if step:
+            console.print(step, markup=False)
     console.print(words, markup=False)
     if not any(outcome.found for outcome in outcomes):
         raise typer.Exit(MISTAKE)
@@ -249,7 +252,7 @@ def _write(
 
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
-    replace_text(order.folder / REPORT, as_html(outcomes, words, order.provenance))
+    replace_text(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))
     if found:
         for axis_id, changes in corrections.items():
             text = corrected(text, axis_id, changes)
