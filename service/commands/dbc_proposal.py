@@ -60,6 +60,8 @@ def _axis_lines(axis: DbcAxis, bus: str) -> Iterator[str]:
         yield f"sample_interval_s = {axis.interval_s:g}  # {origin}"
     yield f"torque = {_source(axis.torque)}"
     yield f"{axis.motion.quantity} = {_source(axis.motion)}"
+    if axis.bunched and axis.counter is None:
+        yield 'time = { clock = "cyclic" }  # frames are received in bunches: the clock of the controller is fitted'
     if axis.counter is not None:
         message, signal = axis.counter
         # The times of a counter are whole intervals: nothing would show that the interval is wrong.

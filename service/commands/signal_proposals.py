@@ -21,10 +21,12 @@ from service.config.commissioned import Correction, corrected
 
 if TYPE_CHECKING:
     from monitor_core.identification import Record
-    from service.ingest.identification_records import Loaded
+    from service.ingest.identification_records import Loaded, Source
 
 _SAME_INTERVAL = 0.01
 """Relative: a measured interval that differs by less is the configured one."""
+_BUNCHED = 0.05
+"""Of the samples: so many frames come too close to another one where they come in bunches."""
 _UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 """Of times, by how many of them are a second."""
 _ABOUT = 2.5
@@ -190,8 +192,30 @@ def _interval(checked: Checked) -> Iterator[Correction]:
 
 
 def _interval_s(checked: Checked) -> float:
-    """The median of the records."""
-    return sorted(record.mean_interval_s for record in checked.records)[len(checked.records) // 2]
+    """The median of the records; where frames come in bunches, of all that came, with or without becoming a sample."""
+    intervals = []
+    for record, crowded in zip(checked.records, map(_crowded, checked.sources), strict=True):
+        every_s = record.duration_s / (len(record) - 1) / (1 + crowded)
+        intervals.append(every_s if crowded > _BUNCHED else record.mean_interval_s)
+    return sorted(intervals)[len(intervals) // 2]
+
+
+def _crowded(source: Source) -> float:
+    """Frames that came within half an interval after another one, as part of the samples; of torque and motion each."""
+    return source.dropped.get("repeated", 0) / 2 / source.samples
+
+
+def _bunches(checked: Checked) -> Iterator[Correction]:
+    """Frames whose times of receipt are not those of the samples, as some adapters pass them on."""
+    time = checked.axis.config.time
+    most = max(map(_crowded, checked.sources))
+    if not checked.in_tables and time.counter_signal is None and time.clock == "receipt" and most > _BUNCHED:
+        yield Correction(
+            ("time", "clock"),
+            "cyclic",
+            "frames are received in bunches, so the times of receipt are not those of the samples: the clock of the"
+            " controller is fitted to them",
+        )
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:
@@ -230,5 +254,5 @@ def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
 
 
 _Check = Callable[[Checked], Iterator[Correction]]
-_TIME_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval)
+_TIME_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches)
 _SIGNAL_CHECKS: tuple[_Check, ...] = (_wrap, by_name, _sign, by_ratio, by_weight, by_inertia, by_speed)

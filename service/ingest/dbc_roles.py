@@ -69,14 +69,16 @@ class DbcAxis(NamedTuple):
     """Of the samples: cycle of the message with the torque, or as measured; None: not known"""
     measured: bool = False
     """The interval is measured"""
+    bunched: bool = False
+    """Its frames are received in bunches"""
     explained: float | None = None
     """Part of the torque that the motion explains as a rigid mass; None: no values were compared"""
 
     @property
     def sureness(self) -> Sureness:
-        """By the values, where they show it; else that of the less sure signal by its name."""
-        if self.explained is not None and self.explained >= LIKELY:
-            return "sure" if self.explained >= SURE else "likely"
+        """By the values, where there are any; else that of the less sure signal by its name."""
+        if self.explained is not None:
+            return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "guess"
         grades: tuple[Sureness, ...] = ("guess", "likely", "sure")
         return min((self.torque.sureness, self.motion.sureness), key=grades.index)
 

@@ -31,8 +31,12 @@ from service.ingest.unit_names import Quantity
 
 _FEWEST = 50
 """Values of a signal that can be looked at."""
-_GAP = 10.0
-"""Times the median interval: frames were lost."""
+_GAP, _GAP_S = 10.0, 0.1
+"""Times the median interval, and s: longer intervals are gaps."""
+_SCATTER_S = 0.1
+"""Of times of receipt"""
+_BUNCHED = 0.05
+"""Of the frames, that come within half an interval after another one"""
 _ALIKE = 1.3
 """Intervals of signals that are compared differ by less than this factor."""
 _BITS = 8
@@ -56,7 +60,19 @@ class Series(NamedTuple):
     def interval_s(self) -> float:
         """The mean without gaps: times of receipt scatter, and late frames come in bunches."""
         steps = np.diff(self.t)
-        return float(np.mean(steps[steps <= _GAP * np.median(steps)])) if steps.size else 0.0
+        gap_s = max(_GAP * float(np.median(steps)), _GAP_S) if steps.size else 0.0
+        return float(np.mean(steps[steps <= gap_s])) if steps.size else 0.0
+
+    @property
+    def is_bunched(self) -> bool:
+        """Whether many values come close after another one."""
+        return bool(np.mean(np.diff(self.t) < 0.5 * self.interval_s) > _BUNCHED)
+
+    @property
+    def even_s(self) -> Floats:
+        """Times (N,) without the scatter of receipt, s: evenly spaced, unless values were lost."""
+        even = np.asarray(self.t[0] + self.interval_s * np.arange(self.t.size), np.float64)
+        return even if abs(even - self.t).max() < _SCATTER_S else self.t
 
 
 class BusRoles(NamedTuple):
@@ -139,7 +155,7 @@ def _axes(dbc: Path, messages: Iterable[Message], series: Mapping[str, Series]) 
             motion = by_name.get(pair.motion) or _guess(*signals[pair.motion], pair.output)
             motion = _looked(motion, group[pair.motion])
             torque = torque._replace(turned=pair.turned)
-            axis = DbcAxis(pair.name, torque, motion, None, None, True, pair.explained)
+            axis = DbcAxis(pair.name, torque, motion, None, None, explained=pair.explained)
             yield _timed(axis, signals[pair.torque][0], series)
     for axis in axes_in(dbc):
         own = {f"{role.message}.{role.signal}" for role in (axis.torque, axis.motion)}
@@ -165,8 +181,8 @@ def _groups(series: Mapping[str, Series]) -> Iterator[dict[str, Series]]:
     while long:
         shortest_s = min(s.interval_s for s in long.values())
         group = {name: s for name, s in long.items() if s.interval_s < _ALIKE * shortest_s}
-        base = next(iter(group.values())).t
-        yield {name: Series(base, _nearest(s, base)) for name, s in group.items()}
+        first = next(iter(group.values()))
+        yield {name: Series(first.even_s, _nearest(s, first.t)) for name, s in group.items()}
         long = {name: s for name, s in long.items() if name not in group}
 
 
@@ -214,7 +230,8 @@ def _timed(axis: DbcAxis, message: Message, series: Mapping[str, Series]) -> Dbc
     cycle_s = (message.cycle_time or 0) / 1000
     near = abs(measured_s - cycle_s) < _CYCLE * cycle_s
     interval_s = cycle_s if near else float(f"{measured_s:.3g}")
-    return axis._replace(interval_s=interval_s or None, measured=True, counter=counter)
+    bunched = any(s.is_bunched for s in own)
+    return axis._replace(interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched)
 
 
 def _counted_s(signal: Signal, series: Series) -> float | None:

@@ -19,15 +19,18 @@ from service.ingest.encode import FrameEncoder
 from tests.service.commands import can_logs
 
 SPEED = 12.0
-"""So many seconds of the robot pass in a second; its frames keep their times."""
+"""So many seconds of the robot pass in a second where frames keep the times that they are sent with."""
 _EVERY_S = 0.02
 _CHANNELS = itertools.count()
 
 
-def configured(path: Path, dbc: Path, axes: int = 1) -> Path:
-    """A configuration of these axes on a bus inside the process."""
+def configured(path: Path, dbc: Path, axes: int = 1, device: str = "") -> Path:
+    """A configuration of these axes on a bus inside the process, or on that SocketCAN device, in real time."""
     can_logs.configured(path, dbc, axes)
     text, own = path.read_text(encoding="utf-8"), f"live-{next(_CHANNELS)}"
+    if device:
+        path.write_text(text.replace('channel = "can0"', f'channel = "{device}"'), encoding="utf-8")
+        return path
     bus = f'interface = "virtual"\nchannel = "{own}"\noptions = {{ preserve_timestamps = true }}'
     path.write_text(text.replace('channel = "can0"', bus), encoding="utf-8")
     return path
@@ -58,13 +61,15 @@ def _send(rows: Floats, config: Path, stop: threading.Event) -> None:
     read = load(config, {})
     encoder = FrameEncoder(read, read.bus[0].name)
     began, interval_s = time.time(), float(rows[1, 0] - rows[0, 0])
-    sent, due = 0, 0.0
+    sent, due, real = 0, 0.0, read.bus[0].interface != "virtual"
     with open_buses(read.bus) as buses:
         (bus,) = buses.values()
         before = time.monotonic()
         while not stop.wait(_EVERY_S) and sent < len(rows):
             now = time.monotonic()
-            if len(channels[read.bus[0].channel]) > 1:  # else its frames would be lost
+            if real:
+                due += (now - before) / interval_s
+            elif len(channels[read.bus[0].channel]) > 1:  # else its frames would be lost
                 due += SPEED * (now - before) / interval_s
             before = now
             for k in range(sent, min(round(due), len(rows))):

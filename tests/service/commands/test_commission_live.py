@@ -168,6 +168,33 @@ def test_a_silent_bus_and_the_dbc_of_another_robot(folder: Path, config: Path, t
     assert not any(axis.has_signals for axis in look.axes)
 
 
+@pytest.mark.vcan
+def test_on_a_real_device(folder: Path, two_axes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first torque has the wrong sign, its angle is in degrees; the second axis stands; frames come in bunches."""
+    monkeypatch.setattr(live_recording, "LOOK_S", 5.0)
+
+    def change(rows: Floats) -> None:
+        turned(rows)
+        to_degrees(rows)
+        standing(rows)
+
+    config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2), 2, "vcan0")
+    words = ("commission", "--config", config, "--output", "made")
+    with moving(two_axes, config, change):
+        result = axiswatch(*words, "--minutes", 0.1)
+    looked, _, after = result.stdout.partition("Recording 6 s into made/records/")
+    for part in (looked, after):
+        assert "frames are received in bunches" in part
+        assert "the samples of the records are" not in part
+        assert "the DBC says that the angle is in degrees" in part
+        assert "-> torque.factor = -1" in part
+    assert "cell.a2: it does not move: let the robot work" in looked
+    assert result.exit_code == MISTAKE
+    assert 'and nobody to ask: cell.a1: time.clock = "cyclic"; cell.a1: angle.factor' in words_of(
+        result.stderr
+    )
+
+
 # --- The recording ----------------------------------------------------------------------------------------------------
 
 

@@ -68,6 +68,19 @@ def test_signs_wraps_intervals_and_what_never_came(folder: Path, rows: Path) -> 
     assert (first.sample_interval_s, second.sample_interval_s) == (0.005, 0.005)
 
 
+@pytest.mark.vcan
+def test_on_a_real_device(folder: Path, rows: Path) -> None:
+    config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "deg", MORE), 2, "vcan0")
+    with moving(rows, config, wrong):
+        text = shown("init", "robot.dbc", "--bus", "socketcan:vcan0", "--seconds", 6)
+    assert "axis1: torque Joint1.Joint1_Torque_Act [Nm], angle Joint1.Joint1_Pos_Act [deg]: sure" in text
+    assert "never came: Io (0x386)" in text
+    first, second = (axis.config for axis in load(Path("axis.toml"), {}).axes)
+    assert (first.bus, first.torque.factor, second.torque.factor) == ("vcan0", -1, 1)
+    assert first.sample_interval_s == pytest.approx(0.005, rel=0.01)
+    assert first.time.clock == "cyclic", "the robot of this test sends in bunches"
+
+
 def test_names_that_say_nothing(folder: Path, rows: Path) -> None:
     """Two signals without units: the torque explains the motion."""
     dbc = can_logs.dbc(folder / "robot.dbc", 1, "rad")
