@@ -38,27 +38,37 @@ def words_of(result: str) -> str:
     return " ".join(result.replace("│", " ").split())
 
 
-def test_from_a_live_bus_to_a_configuration(folder: Path, seed: int) -> None:
-    """The torque has the wrong sign, the DBC says degrees: proposed when looked at, and put right."""
-    rows = table(folder / "rows.csv", seed, 50.0, sign=-1)
-    config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc"))
-    words = ("commission", "--config", config, "--budget", "2min", "--output", "made", "--yes")
-    with moving(rows, config, to_degrees):
-        result = axiswatch(*words, "--minutes", 0.05)
-    assert result.exit_code == 0, result.output
-    looked, _, after = result.output.partition("Recording 3 s into made/records/")
+def test_what_is_wrong_is_named_before_and_after_the_recording(folder: Path, two_axes: Path) -> None:
+    """The first torque has the wrong sign, its angle is in degrees; the second axis is right."""
+    config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "deg"), 2)
+    second = 'signal = "Joint2_Pos_Act"'
+    text = config.read_text("utf-8").replace(second, f"{second}, factor = {np.pi / 180}")
+    config.write_text(text, "utf-8")
+
+    def change(rows: Floats) -> None:
+        turned(rows)
+        rows[:, 2:5:2] *= 180 / np.pi
+        rows[:, 4] *= np.pi / 180  # the encoder of the simulated robot divides by the factor
+
+    words = ("commission", "--config", config, "--output", "made")
+    with moving(two_axes, config, change):
+        result = axiswatch(*words, "--minutes", 0.02)
+    looked, _, after = result.output.partition("Recording 1.2 s into made/records/")
     assert "200 samples a second from 0x181 on can0" in looked
     assert "-> torque.factor = -1; proposed after the recording" in looked
-    assert "the DBC says that the angle is in degrees" in looked
-    assert "the DBC says that the angle is in degrees" in after
-    (axis,) = load(folder / "made" / "axiswatch.toml").axes
-    assert axis.config.motion.factor == pytest.approx(np.pi / 180)
-    assert axis.config.torque.factor == -1
-    assert "`axiswatch run --config made/axiswatch.toml`" in result.output
+    assert "cell.a2: 200 samples" in looked
+    for part in (looked, after):
+        assert "cell.a1: the DBC says that the angle is in degrees" in part
+        assert "cell.a2: the DBC" not in part
+    assert result.exit_code == MISTAKE
+    right = "2 proposed changes, and nobody to ask: cell.a1: angle.factor = 0.0174533; cell.a1: torque.factor = -1."
+    assert right in words_of(result.stderr)
+    (record,) = recorded(folder / "made")
 
-    before = (folder / "made" / "cell.a1.json").stat().st_mtime_ns
-    assert axiswatch(*words).exit_code == 0  # with what was recorded; no robot is there
-    assert (folder / "made" / "cell.a1.json").stat().st_mtime_ns == before
+    again = axiswatch(*words)  # with what was recorded; no robot is there
+    assert again.exit_code == MISTAKE
+    assert right in words_of(again.stderr)
+    assert recorded(folder / "made") == [record]
 
 
 def to_degrees(rows: Floats) -> None:
