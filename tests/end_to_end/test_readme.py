@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import tomllib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -164,7 +165,7 @@ def test_a_robot_is_commissioned_on_its_bus(
     """A bus in this process, on which a robot lives faster than the clock; its torque has the wrong sign."""
     robot_config = configured(tmp_path / "true.toml", can_logs.dbc(tmp_path / "robot.dbc", 1, "rad"))
     rows = table(tmp_path / "rows.csv", seed, 60.0, sign=-1)
-    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW_COPIES)
+    monkeypatch.setattr(commission, "options_for", lambda _budget_s: replace(FEW_COPIES, within_s=20.0))
     monkeypatch.setattr(live_recording, "LEAST_S", 1.0)
     monkeypatch.setattr(live_recording, "LOOK_S", 0.5)
     monkeypatch.chdir(tmp_path)
