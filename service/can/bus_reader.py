@@ -79,11 +79,11 @@ class CanReader:
 
     Args:
         config: the bus.
-        wanted: the frames to let through.
+        wanted: the frames to let through; None: all.
     """
 
-    def __init__(self, config: BusSettings, wanted: Iterable[FrameKey]) -> None:
-        self._config, self._wanted = config, tuple(wanted)
+    def __init__(self, config: BusSettings, wanted: Iterable[FrameKey] | None) -> None:
+        self._config, self._wanted = config, None if wanted is None else tuple(wanted)
         self._queue = FrameQueue(config.queue_frames)
         self._block_frames = min(_BLOCK_FRAMES, config.queue_frames // 4)
         self._bus: can.BusABC | None = None

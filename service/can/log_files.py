@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
@@ -81,6 +82,8 @@ class CanLog:
                 message = next(messages, None)
                 frame = None if message is None else frame_of(message, stored=True)
             except _FAULTS as error:
+                if self._lines is not None and self._lines.torn:
+                    break
                 raise self._damaged(error) from None
             if message is None or frame is None:
                 break
@@ -137,6 +140,11 @@ class _Lines(io.TextIOWrapper):
         self.number += 1
         self.entries += line.lstrip()[:1].isdigit() or line[:1] == b"("
         return line.decode("utf-8", "replace").replace("\t", " ")
+
+    @property
+    def torn(self) -> bool:
+        """Whether the last line has no end, as where its writer was killed."""
+        return bool(self._line) and not self._line.endswith(b"\n")
 
     def text(self) -> str:
         """The last line, not too long."""
@@ -213,3 +221,29 @@ def _message(bus: str, frame: Frame) -> can.Message:
         is_fd=len(frame.data) > 8,
         data=frame.data,
     )
+
+
+_TAIL = 4096
+"""Bytes that hold the last lines of a log."""
+
+
+def span_s(path: Path) -> float:
+    """Seconds from the first to the last frame that ``FrameRecorder`` has written to a file; a torn last line is none.
+
+    Raises:
+        RecordError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            first = file.readline()
+            file.seek(max(0, path.stat().st_size - _TAIL))
+            lines = file.read().split(b"\n")[:-1]
+    except OSError as error:
+        raise RecordError(f"cannot read {path}: {error.strerror}") from None
+    times = [_STAMP.match(line) for line in (first, lines[-1] if lines else b"")]
+    if times[0] is None or times[1] is None:
+        return 0.0
+    return float(times[1][1]) - float(times[0][1])
+
+
+_STAMP = re.compile(rb"\((\d+\.\d+)\) ")

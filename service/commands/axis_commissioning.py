@@ -17,14 +17,15 @@ from service.commands.commissioning_remedies import (
     Retry,
     memories_of,
     memory_change,
+    motion_for,
     remedy_for,
     retry,
     watched_in,
 )
 from service.commands.output_files import replace_text
 from service.commands.signal_proposals import Review, configured
-from service.config.commissioned import Correction, commissioned, corrected, pages_of
-from service.reports.commissioning_report import Outcome
+from service.config.commissioned import Correction, Found, commissioned, corrected, pages_of
+from service.reports.commissioning_report import Outcome, own_config
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
@@ -116,13 +117,22 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     replace_text(order.folder / values, as_toml(report))
     refusal = "" if watched_in(report) else f"{outcome.outlook.removesuffix('.')}{taken}"
     memory = memory_change(report, axis.config)
-    return replace(
+    outcome = replace(
         outcome,
         nominal_file=values,
         watched=watched_in(report),
         refusal=refusal,
         corrections=(*outcome.corrections, *memory),
     )
+    motion = motion_for(report, [item.record for item in task.estimation])
+    if motion is None:
+        return outcome
+    if (
+        outcome.found is None
+    ):  # no part of the commissioned configuration, but a motion is planned with its values
+        own = commissioned(text, {axis.id: Found(values, None, motion.lost)})
+        replace_text(order.folder / own_config(axis.id), own)
+    return replace(outcome, lost=motion.lost, excite=motion.options)
 
 
 def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
@@ -210,7 +220,7 @@ def _read(kept: Path, digest: str, folder: Path) -> Outcome | None:
         fields = content["outcome"]
         fields["corrections"] = tuple(Correction(tuple(key), *rest) for key, *rest in fields["corrections"])
         fields["smallest"] = tuple(tuple(row) for row in fields["smallest"])
-        for name in ("watched", "notes", "pages"):
+        for name in ("watched", "notes", "pages", "lost", "excite"):
             fields[name] = tuple(fields[name])
         outcome = Outcome(**fields)
     except (OSError, ValueError, KeyError, TypeError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +14,8 @@ from rich.console import Console
 
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
-from service.commands.options import ConfigPath, RecordRanges, configuration
+from service.commands.live_recording import RECORDS, check_minutes, record_live, recorded
+from service.commands.options import ConfigPath, configuration
 from service.commands.output_files import replace_text
 from service.commands.progress import axes_bars
 
@@ -30,38 +32,69 @@ Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for everything that is written.")
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Take all proposals without asking.")]
+RecordsOrBus = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="RECORD...",
+        help="Tables (.csv .parquet .mat) or CAN logs (.log .asc .blf .trc) of the healthy robot; FILE@10:60 are its"
+        " seconds 10 to 60. Without any, those of DIR/records.",
+        show_default=False,
+    ),
+]
+Minutes = Annotated[
+    float | None,
+    typer.Option(
+        "--minutes",
+        metavar="N",
+        help="Without RECORD: first record the buses for so long, into DIR/records.",
+        show_default=False,
+    ),
+]
 
 
 def commission(
     config: ConfigPath,
-    records: RecordRanges,
+    records: RecordsOrBus = None,
     output: Output = Path("commissioned"),
     budget: Budget = "1y",
     yes: Yes = False,
+    minutes: Minutes = None,
 ) -> None:
-    """Commission a robot from records of its healthy state: check, identify and calibrate every axis.
+    """Commission a robot from its healthy state, recorded or live: check, identify and calibrate every axis.
+
+    Without RECORD, `--minutes N` looks at the buses first and says what is missing, then records them into
+    DIR/records; Ctrl-C ends the recording early. Called again without both, it uses all that was recorded there.
 
     Writes DIR/axiswatch.toml, which `replay` and `run` take as it is, the nominal values and thresholds that it names,
     and DIR/report.html: what is found how soon on each axis, what is not, and the next step. What the records show to
     be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
-    from service.reports.commissioning_report import next_step
+    from service.config.commissioned import relocated
+    from service.reports.commissioning_report import motion_step, next_step
 
     budget_s = seconds_of(budget)
-    read = configuration(config, without_bus=True, thresholds=False)
+    _check_source(records, minutes, output)
+    read = configuration(config, without_bus=bool(records), thresholds=False)
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise typer.BadParameter(f"{output}: {error.strerror}", param_hint="--output") from None
     console = Console(highlight=False, soft_wrap=True)
+    text = relocated(config.read_text(encoding="utf-8-sig"), config.parent.resolve(), output.resolve())
     with explained():
-        orders = _orders(config, read, records, output, options_for(budget_s), yes)
-        reviews = _reviewed(orders, yes, console, _command(records, config, output, budget))
-        outcomes = _carried_out(orders, reviews, console)
+        if minutes is not None:
+            record_live(read, text, output, 60 * minutes, yes)
+        used = tuple(records or map(str, recorded(output)))
+        orders, silent = _orders(text, read, used, output, options_for(budget_s), yes)
+        reviews = _reviewed(orders, yes, console, _command(records or (), config, output, budget))
+        outcomes = [*_carried_out(orders, reviews, console), *silent]
     corrections = {outcome.axis_id: outcome.corrections for outcome in outcomes}
     words = next_step(outcomes, output / CONFIG, bool(read.bus))
     _write(config, orders[0], outcomes, corrections, words)
+    for step in (motion_step(outcome, output / CONFIG) for outcome in outcomes):
+        if step:
+            console.print(step, markup=False)
     console.print(words, markup=False)
     if not any(outcome.found for outcome in outcomes):
         raise typer.Exit(MISTAKE)
@@ -78,7 +111,8 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
     from service.commands.signal_proposals import exchanged, review
     from service.config.commissioned import corrected
 
-    text, records, folder = orders[0].text, orders[0].records, orders[0].folder
+    text, folder = orders[0].text, orders[0].folder
+    records = {order.axis_id: order.records for order in orders}
     ask = yes or sys.stdin.isatty()
     agreed: dict[str, list[Correction]] = {order.axis_id: [] for order in orders}
     proposed: list[str] = []
@@ -99,7 +133,7 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
         take(axis_id, corrections)
     for axis_id, found in agreed.items():
         text = corrected(text, axis_id, found)
-    reviews = {order.axis_id: review(text, order.axis_id, records, folder) for order in orders}
+    reviews = {order.axis_id: review(text, order.axis_id, order.records, folder) for order in orders}
     for axis_id, looked in reviews.items():
         take(axis_id, looked.corrections)
         # Where it goes on, faults are the refusal of the axis.
@@ -129,23 +163,62 @@ def _command(records: Sequence[str], config: Path, output: Path, budget: str) ->
     return shlex.join(map(str, words))
 
 
+def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
+    """Check that there is something to commission from: records, or a time to record.
+
+    Raises:
+        typer.BadParameter: neither, both, or no time.
+    """
+    if records and minutes is not None:
+        raise typer.BadParameter(
+            "records that are given are used as they are: leave out --minutes, or the records",
+            param_hint="--minutes",
+        )
+    if minutes is not None:
+        check_minutes(minutes)
+    if not records and minutes is None and not recorded(output):
+        raise typer.BadParameter(
+            f"no records, and none of half a minute in {output / RECORDS}: give tables or CAN logs of the healthy"
+            " robot, or --minutes 10 to record its buses",
+            param_hint="RECORD",
+        )
+
+
 def _orders(
-    path: Path,
+    text: str,
     config: Config,
     records: Sequence[str],
     output: Path,
     options: CalibrationOptions,
     shorten: bool,
-) -> list[Order]:
+) -> tuple[list[Order], list[Outcome]]:
+    """What is to be done for each axis with the records that have it; and the outcomes of axes that none has.
+
+    Raises:
+        RecordError: no record has any axis, or one cannot be read.
+    """
+    from service.can.user_errors import RecordError
     from service.commands.axis_commissioning import Order
-    from service.config.commissioned import relocated
+    from service.ingest.axis_records import silent_in, wanted
+    from service.reports.commissioning_report import Outcome
     from service.reports.formats import Provenance
 
-    text = relocated(path.read_text(encoding="utf-8-sig"), path.parent.resolve(), output.resolve())
-    return [
-        Order(text, axis.id, tuple(records), output, options, Provenance.now(), shorten)
-        for axis in config.axes
-    ]
+    silent = {record: silent_in(wanted(record).path, config) for record in records}
+    orders, refused = list[Order](), list[Outcome]()
+    for axis in config.axes:
+        own = tuple(record for record in records if axis.id not in silent[record])
+        if own:
+            orders.append(Order(text, axis.id, own, output, options, Provenance.now(), shorten))
+            continue
+        lost = sum((Counter(silent[record][axis.id]) for record in records), Counter[str]())
+        dropped = ", ".join(f"{count} {reason}" for reason, count in lost.items() if count) or "nothing"
+        words = f"not identified: no samples of it in {', '.join(records)}; dropped: {dropped}"
+        refused.append(Outcome(axis.id, refusal=words))
+    if not orders:
+        raise RecordError(
+            f"no samples of any axis: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}"
+        )
+    return orders, refused
 
 
 def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
@@ -179,7 +252,7 @@ def _write(
 
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
-    replace_text(order.folder / REPORT, as_html(outcomes, words, order.provenance))
+    replace_text(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))
     if found:
         for axis_id, changes in corrections.items():
             text = corrected(text, axis_id, changes)

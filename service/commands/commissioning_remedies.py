@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from monitor_core.drive import split_name
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive import COSINE, SINE, split_name
+from monitor_core.identification import Obstacle, Record
+from service.commands.checked_axis import fastest
 from service.config.commissioned import Correction, monitoring, with_drive
 from service.reports.commissioning_report import Outcome
+from service.reports.identification_report import shaped_for
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationError, CalibrationOptions
@@ -32,6 +38,9 @@ _FAST_S = 0.006
 """Up to this interval records can show the springs of gearbox and arm."""
 _MEMORIES = (1.0, 2.0, 5.0)
 """Times the usual memory, where the configuration names none: the shortest that shows small changes."""
+
+_USUAL_HZ, _OF_NYQUIST = 30.0, 0.8
+"""Band of `excite`, where the samples are not too slow for it"""
 
 
 # --- After an identification ------------------------------------------------------------------------------------------
@@ -110,6 +119,48 @@ def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Corre
         return ()
     reason = "with a shorter one only large changes would show in this motion"
     return (Correction(("estimator", "memory_s"), memory_s, reason),)
+
+
+class Motion(NamedTuple):
+    """What a motion is planned with that would show more of an axis."""
+
+    lost: tuple[str, ...]
+    """What the records do not show"""
+    options: tuple[str, ...]
+    """Of ``excite``: what to find, and the limits, which are those of the records"""
+
+
+def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motion | None:
+    """What would show the parameters that these records do not; None: they show all, or nothing was identified."""
+    result = report.result
+    lost = tuple(w.name for w in result.watched if w.obstacle in (Obstacle.NOT_SHOWN, Obstacle.TOGETHER))
+    if report.rejection or not lost:
+        return None
+    options = list[str]()
+    if find := [name for name in lost if shaped_for(name, result)]:
+        options += ["--find", ",".join(find)]
+    if {COSINE, SINE} & set(result.estimate.drive.inputs):
+        options += ["--as", "angle"]  # a torque alone does not keep a weight in its place
+    most_hz = _OF_NYQUIST * 0.5 / result.estimate.interval_s
+    if most_hz < _USUAL_HZ:
+        options += ["--band", "0", f"{most_hz:.3g}"]
+    angles = [_angle(record) for record in records]
+    limits = {
+        "torque": max(float(abs(record.u).max()) for record in records),
+        "speed": fastest(records),
+        "angle": max(float(np.ptp(angle)) / 2 for angle in angles),
+    }
+    for name, limit in limits.items():
+        options += [f"--{name}-limit", f"{limit:.3g}"]
+    return Motion(lost, tuple(options))
+
+
+def _angle(record: Record) -> Floats:
+    """Of a record; of a speed its integral."""
+    t, y = record.t[record.measured], record.y[record.measured]
+    if record.quantity == "angle":
+        return y
+    return np.asarray(np.concatenate([[0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)]))
 
 
 # --- After a calibration that was refused -----------------------------------------------------------------------------

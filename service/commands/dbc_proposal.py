@@ -7,39 +7,61 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from service.config.schema import BusConfig
 from service.ingest.dbc_roles import DbcAxis, SignalRole
 
 _INTERVAL_S = 0.005
+_BUS = "can0"
 
 
-def lines(axes: Sequence[DbcAxis], dbc: Path, output: Path, model: str) -> Iterator[str]:
-    """Of the file ``output``; ``model``: the line of each axis that names its drive."""
+def lines(
+    axes: Sequence[DbcAxis], dbc: Path, output: Path, model: str, bus: BusConfig | None = None
+) -> Iterator[str]:
+    """Of the file ``output``.
+
+    Args:
+        axes: in their order.
+        dbc: of their bus.
+        output: the file.
+        model: the line of each axis that names its drive.
+        bus: that was listened to; None: none was.
+    """
+    name = _BUS if bus is None else bus.name
     yield f"# Proposed by `axiswatch init` from {dbc.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts the unit of the DBC, -1 turns the sign; of the angle of an arm it is the gear ratio."
     yield "[[bus]]"
-    yield 'name = "can0"'
-    yield 'channel = "can0"  # of the interface; the name in a log'
+    yield f"name = {_quoted(name)}"
+    if bus is None:
+        yield f'channel = "{_BUS}"  # of the interface; the name in a log'
+    else:
+        yield f"interface = {_quoted(bus.interface)}"
+        yield f"channel = {_quoted(bus.channel)}"
+        if bus.options:
+            yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
     yield f"dbc = {_quoted(os.path.relpath(dbc.resolve(), output.resolve().parent))}"
     yield ""
     yield "[[robot]]"
     yield 'name = "robot1"'
     for axis in axes:
-        yield from _axis_lines(axis)
+        yield from _axis_lines(axis, name)
         yield model
 
 
-def _axis_lines(axis: DbcAxis) -> Iterator[str]:
+def _axis_lines(axis: DbcAxis, bus: str) -> Iterator[str]:
     yield ""
     yield "[[robot.axis]]"
     yield f"name = {_quoted(axis.name)}"
-    yield 'bus = "can0"'
+    yield f"bus = {_quoted(bus)}"
     if axis.interval_s is None:
         yield f"sample_interval_s = {_INTERVAL_S:g}  # not in the DBC: correct it; `commission` measures it"
     else:
-        yield f"sample_interval_s = {axis.interval_s:g}  # cycle time of the message"
+        origin = "as measured" if axis.measured else "cycle time of the message"
+        yield f"sample_interval_s = {axis.interval_s:g}  # {origin}"
     yield f"torque = {_source(axis.torque)}"
     yield f"{axis.motion.quantity} = {_source(axis.motion)}"
+    if axis.bunched and axis.counter is None:
+        yield 'time = { clock = "cyclic" }  # frames are received in bunches: the clock of the controller is fitted'
     if axis.counter is not None:
         message, signal = axis.counter
         # The times of a counter are whole intervals: nothing would show that the interval is wrong.
@@ -53,11 +75,14 @@ def _axis_lines(axis: DbcAxis) -> Iterator[str]:
 
 def _source(role: SignalRole) -> str:
     keys = [f"message = {_quoted(role.message)}", f"signal = {_quoted(role.signal)}"]
-    if role.factor not in (None, 1.0):
-        keys.append(f"factor = {role.factor:.10g}")
+    factor = (1.0 if role.factor is None else role.factor) * (-1.0 if role.turned else 1.0)
+    if factor != 1:
+        keys.append(f"factor = {factor:.10g}")
     if role.wrap_period is not None:
         keys.append(f"wrap_period = {role.wrap_period:.10g}")
     remark = f"{role.sureness}: {_unit_words(role)}"
+    if role.turned:
+        remark += "; the sign is turned, since the motion goes against it"
     return f"{{ {', '.join(keys)} }}  # {remark}"
 
 

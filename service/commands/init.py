@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,11 +10,13 @@ import typer
 from rich.console import Console
 
 from monitor_core.arrays import Floats
-from service.commands.exit_codes import explained
-from service.commands.options import Force
+from service.commands.exit_codes import explained, stopped_by_signals
+from service.commands.options import BusOption, Force, bus_named
 from service.commands.output_files import check_writable, write_all
 
 if TYPE_CHECKING:
+    from service.can.frames import Frame
+    from service.config.schema import BusConfig
     from service.ingest.column_roles import AxisColumns, TableRoles
     from service.ingest.unit_names import Quantity
 
@@ -30,11 +32,21 @@ MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = {
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 
 
-def init(record: RecordFile, output: Output = Path("axis.toml"), force: Force = False) -> None:
+ListenFor = Annotated[float, typer.Option("--seconds", min=1.0, metavar="N", help="With --bus: how long.")]
+
+
+def init(
+    record: RecordFile,
+    output: Output = Path("axis.toml"),
+    force: Force = False,
+    bus: BusOption = None,
+    seconds: ListenFor = 10.0,
+) -> None:
     """Write a first configuration: which columns of a table, or signals of a DBC, are torque and motion of which axis.
 
     The names of the columns and their values are looked at; each proposal says how sure it is. Check it, then run
-    `axiswatch commission` with it. A table without names is understood by its values alone.
+    `axiswatch commission` with it. A table without names is understood by its values alone. Of a DBC the values are
+    those on the bus, while the robot moves, where --bus names it.
     """
     check_writable(output)
     if output.exists() and not force:
@@ -45,8 +57,15 @@ def init(record: RecordFile, output: Output = Path("axis.toml"), force: Force = 
         from service.ingest.records import is_table
 
         if record.suffix.lower() == ".dbc":
-            _from_dbc(record, output)
+            if bus is None:
+                _from_dbc(record, output)
+            else:
+                _from_bus(record, bus_named(bus, record), seconds, output)
             return
+        if bus is not None:
+            raise typer.BadParameter(
+                f"{record} is no DBC: a bus needs one to be understood", param_hint="--bus"
+            )
         if not is_table(record):
             raise typer.BadParameter(
                 f"{record} is a CAN log: give the DBC of its bus in its place", param_hint="FILE"
@@ -82,6 +101,75 @@ def _from_dbc(dbc: Path, output: Path) -> None:
         console.print(words, markup=False)
     write_all([(output, "\n".join(lines(axes, dbc, output, MODEL)) + "\n")])
     console.print(f"Next: axiswatch commission RECORD.log --config {output}", markup=False)
+
+
+def _from_bus(dbc: Path, bus: BusConfig, seconds: float, output: Path) -> None:
+    """Write a configuration for a bus, by what it sends.
+
+    Raises:
+        DbcError: the file cannot be used.
+        BusError: the bus cannot be opened.
+        RecordError: it is silent, or carries no axis of the DBC.
+    """
+    from service.can.dbc import read_dbc
+    from service.can.user_errors import RecordError
+    from service.commands.dbc_proposal import lines
+    from service.ingest.dbc_roles import summary
+    from service.ingest.live_roles import roles_on_bus
+
+    console = Console(highlight=False, soft_wrap=True)
+    where = f"{bus.interface} {bus.channel}"
+    read_dbc(dbc)  # a mistake in it is reported before anything is waited for
+    console.print(f"Listening to {where} for {seconds:g} s; the robot should move ...", markup=False)
+    frames = _heard(bus, seconds)
+    if not frames:
+        raise RecordError(
+            f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
+            " termination and bit rate right?"
+        )
+    found = roles_on_bus(dbc, frames)
+    if not found.came:
+        raise RecordError(
+            f"{len(frames)} frames on {where}, and none of their messages is in {dbc}: {_few(found.strange)}; is it the"
+            " DBC of this robot, and of this bus?"
+        )
+    if not found.axes:
+        raise RecordError(
+            f"no torque and motion of an axis on {where}: of {dbc} there came {_few(found.came)}; do the axes move?"
+        )
+    for words in summary(found.axes):
+        console.print(words, markup=False)
+    for what, names in (("never came", found.missing), ("not in the DBC", found.strange)):
+        if names:
+            console.print(f"{what}: {_few(names)}", markup=False)
+    write_all([(output, "\n".join(lines(found.axes, dbc, output, MODEL, bus)) + "\n")])
+    console.print(f"Next: axiswatch commission --config {output} --minutes 10", markup=False)
+
+
+_NAMED = 12
+
+
+def _few(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+def _heard(bus: BusConfig, seconds: float) -> list[Frame]:
+    """All frames on a bus; Ctrl-C ends it early."""
+    from service.can.bus_reader import CanReader
+    from service.commands.listen import rounds
+
+    frames: list[Frame] = []
+    reader = CanReader(bus, None)
+    reader.open()
+    try:
+        reader.start()
+        with stopped_by_signals() as stop:
+            for (block,) in rounds([reader], seconds, stop):
+                frames += block
+    finally:
+        reader.close()
+    return frames
 
 
 def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:

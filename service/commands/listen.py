@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from threading import Event
+from typing import NamedTuple
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -14,6 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from service.can.bus_reader import CanReader
+from service.can.frames import Frame
 from service.commands.exit_codes import explained, stopped_by_signals
 from service.commands.options import ConfigPath, Seconds, configuration
 from service.config import Config, needed
@@ -21,7 +24,10 @@ from service.ingest.bus_samples import Ingest, Value
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
 from service.texts import now_us
 
-_TAKE_S, _LINES_S = 0.1, 1.0
+_LINES_S = 1.0
+_TAKE_S = 0.1
+_MOST = 1_000_000
+"""Frames of a bus that are taken at once"""
 
 _UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
 _OLD_S = 1.0
@@ -37,19 +43,19 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
     read = configuration(config)
     with explained(), ExitStack() as stack:
         stop = stack.enter_context(stopped_by_signals())
-        sources = _open(read, stack)
-        end = math.inf if seconds is None else time.monotonic() + seconds
+        buses = stack.enter_context(live_buses(read))
         console = Console(highlight=False)
         live = None
         if console.is_terminal:
             live = stack.enter_context(Live(console=console, auto_refresh=False, transient=False))
         latest, due = Latest(read), time.monotonic() + _LINES_S
-        while not stop.wait(_TAKE_S) and time.monotonic() < end:
-            for reader, ingest in sources:
-                for value in ingest.feed_values(reader.take()):
+        readers = [bus.reader for bus in buses]
+        for block in rounds(readers, math.inf if seconds is None else seconds, stop):
+            for bus, frames in zip(buses, block, strict=True):
+                for value in bus.ingest.feed_values(frames):
                     latest.add(value)
-            stamps = {axis_id: axis.stamps for _, ingest in sources for axis_id, axis in ingest.axes.items()}
-            words = [*_buses(read, sources), *_remarks(read, stamps)]
+            stamps = {axis_id: axis.stamps for bus in buses for axis_id, axis in bus.ingest.axes.items()}
+            words = [*bus_lines(buses), *_remarks(read, stamps)]
             if live is not None:
                 live.update(table(latest, now_us(), words, stamps), refresh=True)
             elif time.monotonic() >= due:
@@ -57,31 +63,69 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
                 print(*lines(latest, now_us(), words, stamps), sep="\n", flush=True)
 
 
-_Sources = list[tuple[CanReader, Ingest]]
+# --- The buses, as other commands listen to them, too -----------------------------------------------------------------
 
 
-def _open(config: Config, stack: ExitStack) -> _Sources:
-    sources = []
-    for bus in config.bus:
-        ingest = Ingest(config, bus.name)
-        reader = CanReader(bus, ingest.keys)
-        reader.open()
-        stack.callback(reader.close)
-        sources.append((reader, ingest))
-    for reader, _ in sources:
-        reader.start()
-    return sources
+class LiveBus(NamedTuple):
+    """A bus that is read, and what its frames mean."""
+
+    name: str
+    reader: CanReader
+    ingest: Ingest
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Frames that were dropped, by reason; those that no axis needs are none of them."""
+        counts = {**self.reader.stats().dropped, **self.ingest.dropped}
+        return {reason: n for reason, n in counts.items() if n and reason != "unwanted"}
 
 
-def _buses(config: Config, sources: _Sources) -> list[str]:
+@contextmanager
+def live_buses(config: Config, everything: bool = False) -> Iterator[list[LiveBus]]:
+    """The buses of a configuration, read until the end of the block.
+
+    ``everything``: all frames, not only those that the axes need.
+
+    Raises:
+        BusError: a bus cannot be opened.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    opened = list[LiveBus]()
+    try:
+        for bus in config.bus:
+            ingest = Ingest(config, bus.name)
+            reader = CanReader(bus, None if everything else ingest.keys)
+            opened.append(LiveBus(bus.name, reader, ingest))
+            reader.open()
+        for live in opened:
+            live.reader.start()
+        yield opened
+    finally:
+        for live in opened:
+            live.reader.close()
+
+
+def rounds(readers: Sequence[CanReader], seconds: float, stop: Event) -> Iterator[list[list[Frame]]]:
+    """What each reader brings, ten times a second, until the time is over or ``stop`` is set."""
+    end = time.monotonic() + seconds
+    ended = False
+    while not ended:
+        ended = stop.wait(_TAKE_S) or time.monotonic() >= end
+        yield [reader.take(_MOST) for reader in readers]
+
+
+def bus_lines(buses: Sequence[LiveBus]) -> list[str]:
     """One line for each bus: its state, its frames, and the dropped frames by reason."""
     words = []
-    for bus, (reader, ingest) in zip(config.bus, sources, strict=True):
-        stats = reader.stats()
-        dropped = {reason: n for reason, n in {**stats.dropped, **ingest.dropped}.items() if n}
+    for bus in buses:
+        stats = bus.reader.stats()
+        dropped = {reason: n for reason, n in {**stats.dropped, **bus.ingest.dropped}.items() if n}
         lost = "".join(f", {n} {reason}" for reason, n in dropped.items())
         words.append(f"{bus.name}: {stats.state}, {stats.frames} frames{lost}")
     return words
+
+
+# --- What is shown ----------------------------------------------------------------------------------------------------
 
 
 def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:

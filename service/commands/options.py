@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -12,6 +14,9 @@ from rich.text import Text
 
 from service.commands.exit_codes import MISTAKE
 from service.config import Config, ConfigErrors, NamedAxis, Problem, load
+
+if TYPE_CHECKING:
+    from service.config.schema import BusConfig
 
 ConfigPath = Annotated[
     Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")
@@ -44,6 +49,16 @@ Port = Annotated[
     int | None,
     typer.Option(
         "--port", min=0, max=65535, help="Port of the page and the API, instead of the configured one."
+    ),
+]
+BusOption = Annotated[
+    str | None,
+    typer.Option(
+        "--bus",
+        metavar="INTERFACE:CHANNEL",
+        help="With a DBC: listen to this bus, so that values are looked at, too. Options of python-can follow after"
+        " commas: pcan:PCAN_USBBUS1,bitrate=500000.",
+        show_default=False,
     ),
 ]
 
@@ -158,3 +173,46 @@ def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--a
         what = "is in more than one robot" if found else "is not there"
         raise typer.BadParameter(f"{wanted} {what}; there is {names}", param_hint=option)
     return found[0]
+
+
+def bus_named(text: str, dbc: Path) -> BusConfig:
+    """The bus of "socketcan:can0", with further options after commas.
+
+    Raises:
+        typer.BadParameter: it has another form, or there is no such interface.
+    """
+    from service.config.base_table import Reading
+    from service.config.bus_rules import usable_bus
+    from service.config.schema import BusConfig
+
+    (where, *further), options = text.split(","), dict[str, object]()
+    interface, _, channel = where.partition(":")
+    pairs = [option.partition("=") for option in further]
+    if not (interface and channel and all(key and value for key, _, value in pairs)):
+        raise typer.BadParameter(
+            f"{text}: must be INTERFACE:CHANNEL, such as socketcan:can0, with options as ,bitrate=500000",
+            param_hint="--bus",
+        )
+    for key, _, value in pairs:
+        options[key.strip()] = _value(value.strip())
+    name = channel if re.fullmatch(r"[\w-]+", channel, re.ASCII) else "bus1"
+    values = {
+        "name": name,
+        "interface": interface,
+        "channel": channel,
+        "dbc": str(dbc.resolve()),
+        "options": options,
+    }
+    bus = BusConfig.model_validate(values, context=Reading(Path.cwd()))
+    for finding in usable_bus(bus):
+        if finding.path != ("dbc",):  # that is reported as a file
+            raise typer.BadParameter(f"{text}: {finding.message}", param_hint="--bus")
+    return bus
+
+
+def _value(text: str) -> object:
+    """As in TOML; other words are texts."""
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except tomllib.TOMLDecodeError:
+        return text

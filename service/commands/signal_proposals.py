@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,10 +21,12 @@ from service.config.commissioned import Correction, corrected
 
 if TYPE_CHECKING:
     from monitor_core.identification import Record
-    from service.ingest.identification_records import Loaded
+    from service.ingest.identification_records import Loaded, Source
 
 _SAME_INTERVAL = 0.01
 """Relative: a measured interval that differs by less is the configured one."""
+_BUNCHED = 0.05
+"""Of the samples: so many frames come too close to another one where they come in bunches."""
 _UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 """Of times, by how many of them are a second."""
 _ABOUT = 2.5
@@ -33,6 +35,8 @@ _EXPLAINS = 0.3
 """Of the variance of the torque, by which two axes explain more with their torques exchanged."""
 _MOST = 50_000
 """Samples that are compared."""
+_AS_LONG = 0.95
+"""Of the longest record of an axis: on a bus a few samples of some are lost."""
 _ROUNDS = 8
 """One mistake hides another: after a correction it is looked again."""
 
@@ -76,29 +80,40 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
         found.append(new)
 
 
-def exchanged(text: str, records: Sequence[str], folder: Path) -> dict[str, tuple[Correction, ...]]:
-    """Axes of a robot whose torques are those of others, by their names: with the signal that is theirs."""
+def exchanged(
+    text: str, records: Mapping[str, Sequence[str]], folder: Path
+) -> dict[str, tuple[Correction, ...]]:
+    """Axes of a robot whose torques are those of others, by their names: with the signal that is theirs.
+
+    ``records``: of each axis; the first ones are looked at.  Axes without any are passed over.
+    """
     config, _ = configured(text, None, folder)
     found: dict[str, tuple[Correction, ...]] = {}
     for robot in config.robot:
-        found |= _exchanged_in(config, [axis for axis in config.axes if axis.robot == robot.name], records)
+        axes = [axis for axis in config.axes if axis.robot == robot.name and records.get(axis.id)]
+        if axes:
+            first = [records[axis.id][0] for axis in axes]
+            shared = max(first, key=first.count)
+            beside = [axis for axis, record in zip(axes, first, strict=True) if record == shared]
+            found |= _exchanged_in(config, beside, shared)
     return found
 
 
 def _exchanged_in(
-    config: Config, axes: Sequence[NamedAxis], records: Sequence[str]
+    config: Config, axes: Sequence[NamedAxis], record: str
 ) -> dict[str, tuple[Correction, ...]]:
-    """Of one robot."""
+    """Of one robot, by one record."""
     from scipy.optimize import linear_sum_assignment
 
-    loaded = {axis.id: _loaded(config, axis, records[:1])[0].record for axis in axes}
-    longest = max(map(len, loaded.values()))
-    axes = [
-        axis for axis in axes if len(loaded[axis.id]) == longest
-    ]  # others are no samples of the same moments
+    loaded = {axis.id: _loaded(config, axis, [record])[0] for axis in axes}
+    longest = max(len(item.record) for item in loaded.values())
+    # Others have another interval, or are no samples of the same time.
+    axes = [axis for axis in axes if len(loaded[axis.id].record) >= _AS_LONG * longest]
     part = slice(min(longest, _MOST))
-    moved = [loaded[axis.id].select(part) for axis in axes]
-    explained = np.array([[_explained(motion, torque.u) for torque in moved] for motion in moved])
+    moved = [item._replace(record=item.record.select(part)) for item in (loaded[axis.id] for axis in axes)]
+    explained = np.array(
+        [[_explained(motion.record, _beside(motion, torque)) for torque in moved] for motion in moved]
+    )
     # A torque that is its own explains the motion best.  Small differences are no reason to look elsewhere.
     _, best = linear_sum_assignment(-explained - _EXPLAINS * np.eye(len(axes)))
     now = explained.diagonal()
@@ -106,6 +121,13 @@ def _exchanged_in(
     if not changed or min(explained[k, best[k]] - now[k] for k in changed) < _EXPLAINS:
         return {}
     return {axes[k].id: tuple(_torque_of(axes[k], axes[best[k]])) for k in changed}
+
+
+def _beside(motion: Loaded, torque: Loaded) -> Floats:
+    """The torque of an axis at the samples of another one: the nearest, by the clock of the file."""
+    earlier_s = (motion.source.begins_s or 0.0) - (torque.source.begins_s or 0.0)
+    t, at = torque.record.t, motion.record.t + earlier_s
+    return torque.record.u[np.searchsorted((t[1:] + t[:-1]) / 2, at)]
 
 
 def _explained(motion: Record, torque: Floats) -> float:
@@ -170,8 +192,30 @@ def _interval(checked: Checked) -> Iterator[Correction]:
 
 
 def _interval_s(checked: Checked) -> float:
-    """The median of the records."""
-    return sorted(record.mean_interval_s for record in checked.records)[len(checked.records) // 2]
+    """The median of the records; where frames come in bunches, of all that came, with or without becoming a sample."""
+    intervals = []
+    for record, crowded in zip(checked.records, map(_crowded, checked.sources), strict=True):
+        every_s = record.duration_s / (len(record) - 1) / (1 + crowded)
+        intervals.append(every_s if crowded > _BUNCHED else record.mean_interval_s)
+    return sorted(intervals)[len(intervals) // 2]
+
+
+def _crowded(source: Source) -> float:
+    """Frames that came within half an interval after another one, as part of the samples; of torque and motion each."""
+    return source.dropped.get("repeated", 0) / 2 / source.samples
+
+
+def _bunches(checked: Checked) -> Iterator[Correction]:
+    """Frames whose times of receipt are not those of the samples, as some adapters pass them on."""
+    time = checked.axis.config.time
+    most = max(map(_crowded, checked.sources))
+    if not checked.in_tables and time.counter_signal is None and time.clock == "receipt" and most > _BUNCHED:
+        yield Correction(
+            ("time", "clock"),
+            "cyclic",
+            "frames are received in bunches, so the times of receipt are not those of the samples: the clock of the"
+            " controller is fitted to them",
+        )
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:
@@ -210,5 +254,5 @@ def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
 
 
 _Check = Callable[[Checked], Iterator[Correction]]
-_TIME_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval)
+_TIME_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches)
 _SIGNAL_CHECKS: tuple[_Check, ...] = (_wrap, by_name, _sign, by_ratio, by_weight, by_inertia, by_speed)

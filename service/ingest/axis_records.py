@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -72,6 +73,26 @@ class AxisRecord(NamedTuple):
     dropped: Mapping[str, int]
     left_out: Sequence[str] = ()
     """Lines of a table that could not be read, with their place"""
+
+
+def silent_in(path: Path, config: Config) -> dict[str, Mapping[str, int]]:
+    """The axes without two samples in a CAN log, with what became none, by reason; in a table none is silent.
+
+    A log is read until every axis has been seen.
+
+    Raises:
+        RecordError: the file cannot be read, or is damaged.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    if is_table(path) or not config.bus:
+        return {}
+    log, counts = LogRecord(path, config, {axis.id: () for axis in config.axes}), Counter[str]()
+    for step in log.steps():
+        counts.update({axis_id: block.size for axis_id, block in step.samples.items()})
+        if all(counts[axis.id] > 1 for axis in config.axes):
+            return {}
+    lost = log.quality.axis_dropped
+    return {axis.id: lost[axis.id] for axis in config.axes if counts[axis.id] < 2}
 
 
 def axis_record(

@@ -82,14 +82,15 @@ def roles(columns: Mapping[str, Floats]) -> TableRoles:
     values = {name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2}
     time, unit_s = _time(values)
     interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s if time is not None else None
-    moving = {name: v for name, v in values.items() if name != time and _moves(v)}
+    moving = {name: v for name, v in values.items() if name != time and changes(v)}
     t = None if time is None else np.asarray(values[time] * unit_s, np.float64)
-    axes = tuple(_axes(moving, t))
+    axes = tuple(axes_by_values(moving, t, {name: Named(role_of(name), _number(name)) for name in moving}))
     used = {time, *(axis.torque for axis in axes), *(axis.motion for axis in axes)}
     return TableRoles(time, unit_s, interval_s, axes, tuple(name for name in columns if name not in used))
 
 
-def _moves(v: Floats) -> bool:
+def changes(v: Floats) -> bool:
+    """Whether a column (N,) is not constant."""
     finite = v[np.isfinite(v)]
     return finite.size > 2 and float(np.ptp(finite)) > _MOVES
 
@@ -124,25 +125,45 @@ def _time(values: Mapping[str, Floats]) -> tuple[str | None, float]:
 # --- Torque and motion of each axis -----------------------------------------------------------------------------------
 
 
-def _axes(values: Mapping[str, Floats], t: Floats | None) -> list[AxisColumns]:
-    named = {name: role_of(name) for name in values}
-    torques = [n for n in values if named[n] == "torque"] or [n for n in values if named[n] == "current"]
-    motions = [n for n in values if named[n] == "angle"] or [n for n in values if named[n] == "speed"]
+class Named(NamedTuple):
+    """What the name of a column says."""
+
+    role: str
+    """As ``role_of``"""
+    number: str
+    """Of its axis; empty: it has none"""
+
+
+def axes_by_values(
+    values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]
+) -> list[AxisColumns]:
+    """Which columns are torque and motion of which axis.
+
+    Args:
+        values: columns (N,) that change, by name.
+        t: (N,) their times, s; None: evenly spaced.
+        named: what their names say.
+    """
+    by_role: dict[str, list[str]] = {}
+    for name in values:
+        by_role.setdefault(named[name].role, []).append(name)
+    torques = by_role.get("torque") or by_role.get("current") or []
+    angles, unnamed = by_role.get("angle", []), by_role.get("", [])
+    # An axis that sends both: the angle gives the better estimates.
+    numbers = {named[name].number for name in angles}
+    motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
     if not torques or not motions:
-        unnamed = [name for name in values if not named[name]]
-        motions = motions or _angles(values, unnamed, t)
-        moved = [
-            n for n in unnamed if n in motions or any(_is_slope(values[m], values[n], t) for m in motions)
-        ]
-        torques = torques or [name for name in unnamed if name not in moved]
+        motions = motions or _angles(values, unnamed, t) or unnamed
+        slopes = [n for n in unnamed if any(_is_slope(values[m], values[n], t) for m in motions if m != n)]
+        torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
     pairs = sorted(
-        (_pair(values, torque, motion, named, t) for torque in torques for motion in motions),
-        key=_weight,
+        (_pair(values, u, y, named, t) for u in torques for y in motions if u != y),
+        key=lambda pair: _weight(pair, named),
         reverse=True,
     )
     taken, found = set[str](), list[AxisColumns]()
     for pair in pairs:
-        if {pair.torque, pair.motion} & taken or (not named[pair.torque] and pair.explained < LIKELY):
+        if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
             continue
         taken |= {pair.torque, pair.motion}
         found.append(pair)
@@ -153,28 +174,28 @@ def _axes(values: Mapping[str, Floats], t: Floats | None) -> list[AxisColumns]:
     return found
 
 
-def _weight(pair: AxisColumns) -> tuple[bool, float]:
+def _weight(pair: AxisColumns, named: Mapping[str, Named]) -> tuple[bool, float]:
     """Pairs with the same number come first, then those that explain each other; of equals the first in the table."""
-    return _number(pair.torque) == _number(pair.motion), round(pair.explained - _TURNED * pair.turned, 1)
+    alike = named[pair.torque].number == named[pair.motion].number
+    return alike, round(pair.explained - _TURNED * pair.turned, 1)
 
 
 def _angles(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> list[str]:
-    """Columns of which another one is the slope, or else all."""
-    found = [a for a in names if any(_is_slope(values[a], values[s], t) for s in names if s != a)]
-    return found or list(names)
+    """Columns of which another one is the slope."""
+    return [a for a in names if any(_is_slope(values[a], values[s], t) for s in names if s != a)]
 
 
 def _is_slope(angle: Floats, speed: Floats, t: Floats | None) -> bool:
     slope = np.gradient(angle, 1.0 if t is None else t)
-    if not (_moves(slope) and np.isfinite(slope).all() and np.isfinite(speed).all()):
+    if not (changes(slope) and np.isfinite(slope).all() and np.isfinite(speed).all()):
         return False
     return float(np.corrcoef(slope, speed)[0, 1]) > _SLOPE
 
 
 def _pair(
-    values: Mapping[str, Floats], torque: str, motion: str, named: Mapping[str, str], t: Floats | None
+    values: Mapping[str, Floats], torque: str, motion: str, named: Mapping[str, Named], t: Floats | None
 ) -> AxisColumns:
-    output: Literal["angle", "speed"] = "speed" if named[motion] == "speed" else "angle"
+    output: Literal["angle", "speed"] = "speed" if named[motion].role == "speed" else "angle"
     u, y = values[torque], values[motion]
     good = np.isfinite(u) & np.isfinite(y)
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
@@ -184,14 +205,14 @@ def _pair(
     for sign in (1.0, -1.0):
         fit = rigid_fit(Record(times[good], sign * u[good], y[good], output, torque))
         signs.append(fit.explained if fit is not None and fit.inertia > 0 else 0.0)
-    number = _number(torque) or _number(motion)
+    number = named[torque].number or named[motion].number
     return AxisColumns(
         f"axis{number}" if number else "axis",
         torque,
         motion,
         output,
         max(signs),
-        named[torque] == "current",
+        named[torque].role == "current",
         signs[1] > signs[0],
     )
 

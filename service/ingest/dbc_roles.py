@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from service.can.dbc import Message, Signal, read_dbc
-from service.ingest.column_roles import role_of, words_in
+from service.ingest.column_roles import LIKELY, SURE, role_of, words_in
 from service.ingest.unit_names import Quantity, unit_in
 
 Sureness = Literal["sure", "likely", "guess"]
@@ -22,24 +22,6 @@ _NOT_MEASURED = {
 }
 _NO_MOTION = {"status", "mode", "state", "flag", "time"}
 """In the name of the signal itself; a message of the state of an axis may carry its motion."""
-_MEASURED = {
-    *(
-        "input",
-        "limit",
-        "limits",
-        "max",
-        "min",
-        "ff",
-        "error",
-        "err",
-        "warning",
-        "gain",
-        "config",
-        "offset",
-        "status",
-    ),
-    *("mode", "state", "request", "requested", "param", "wanted", "sollwert"),
-}
 _MEASURED = {
     "act",
     "actual",
@@ -71,6 +53,8 @@ class SignalRole(NamedTuple):
     """It is a current: its factor is the torque constant"""
     sureness: Sureness
     wrap_period: float | None
+    turned: bool = False
+    """It has the wrong sign, by its values"""
 
 
 class DbcAxis(NamedTuple):
@@ -82,11 +66,19 @@ class DbcAxis(NamedTuple):
     counter: tuple[str, str] | None
     """Message and signal of a sample counter beside the torque"""
     interval_s: float | None
-    """Cycle of the message with the torque; None: the DBC does not have it"""
+    """Of the samples: cycle of the message with the torque, or as measured; None: not known"""
+    measured: bool = False
+    """The interval is measured"""
+    bunched: bool = False
+    """Its frames are received in bunches"""
+    explained: float | None = None
+    """Part of the torque that the motion explains as a rigid mass; None: no values were compared"""
 
     @property
     def sureness(self) -> Sureness:
-        """That of the less sure signal."""
+        """By the values, where there are any; else that of the less sure signal by its name."""
+        if self.explained is not None:
+            return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "guess"
         grades: tuple[Sureness, ...] = ("guess", "likely", "sure")
         return min((self.torque.sureness, self.motion.sureness), key=grades.index)
 
@@ -101,23 +93,28 @@ def axes_in(dbc: Path) -> list[DbcAxis]:
     by_axis: dict[str, list[SignalRole]] = {}
     for message in messages:
         for signal in message.signals:
-            role = _role(message, signal)
+            role = role_in(message, signal)
             if role is not None:
-                by_axis.setdefault(_number(message.name, signal.name), []).append(role)
+                by_axis.setdefault(number_in(message.name, signal.name), []).append(role)
     found = (_axis(number, roles, {m.name: m for m in messages}) for number, roles in by_axis.items())
     return [axis for axis in found if axis is not None]
 
 
-def _role(message: Message, signal: Signal) -> SignalRole | None:
-    """What a signal is; None: nothing that is measured of an axis."""
+def may_be_measured(message: Message, signal: Signal) -> bool:
+    """Whether a signal may be torque or motion: it is no counter, state, limit, or what a controller asks for."""
     words = {*words_in(signal.name), *words_in(message.name)}
-    if (
-        _counts(signal)
+    return not (
+        counts(signal)
         or words & _NOT_MEASURED
         or {*words_in(signal.name)} & _NO_MOTION
         or "wanted" in (role_of(signal.name), role_of(message.name))
         or signal.choices
-    ):
+    )
+
+
+def role_in(message: Message, signal: Signal) -> SignalRole | None:
+    """What a signal is by its unit and its name; None: nothing that is measured of an axis."""
+    if not may_be_measured(message, signal):
         return None
     text = signal.unit or ""
     named = role_of(signal.name) or role_of(message.name)
@@ -154,7 +151,7 @@ def _wrap(signal: Signal) -> float | None:
     return next(turns, None)
 
 
-def _number(message: str, signal: str) -> str:
+def number_in(message: str, signal: str) -> str:
     """Of the axis, by the names; empty: there is none."""
     for name in (signal, message):
         found = re.findall(r"(?:axis|joint|motor|drive|achse|node|[aj])_?(\d+)", name, re.IGNORECASE)
@@ -172,7 +169,7 @@ def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]
     if torque is None or motion is None:
         return None
     message = messages[torque.message]
-    counters = [s.name for s in message.signals if _counts(s)]
+    counters = [s.name for s in message.signals if counts(s)]
     cycle = message.cycle_time
     return DbcAxis(
         f"axis{number}",
@@ -183,7 +180,8 @@ def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]
     )
 
 
-def _counts(signal: Signal) -> bool:
+def counts(signal: Signal) -> bool:
+    """Whether a signal is a counter, by its name."""
     return bool({*words_in(signal.name)} & _COUNTS) and not signal.is_float and signal.scale == 1
 
 
@@ -203,4 +201,9 @@ def summary(axes: Sequence[DbcAxis]) -> Iterator[str]:
         torque, motion = (
             f"{r.message}.{r.signal}" + (f" [{r.unit}]" if r.unit else "") for r in (axis.torque, axis.motion)
         )
-        yield f"{axis.name}: torque {torque}, {axis.motion.quantity} {motion}: {axis.sureness}"
+        words = f"{axis.name}: torque {torque}, {axis.motion.quantity} {motion}: {axis.sureness}"
+        if axis.explained is not None:
+            words += f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
+        elif axis.measured:
+            words += " by its name; it did not move"
+        yield words

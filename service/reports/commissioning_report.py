@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from monitor_core.wording import duration
+from monitor_core.wording import duration, listed
 from service.config.commissioned import Correction, Found
 from service.reports.formats import Provenance, Table, percent, render
 
@@ -35,6 +36,10 @@ class Outcome:
     refusal: str = ""
     """Why the axis has no nominal values, or no thresholds; empty: it has both"""
     pages: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    """What the records do not show"""
+    excite: tuple[str, ...] = ()
+    """Options of `excite` for a motion that would"""
 
     @property
     def finds(self) -> dict[str, float]:
@@ -60,6 +65,27 @@ class Outcome:
         if self.nominal_file is None or not self.watched:
             return None
         return Found(self.nominal_file, self.thresholds_file, self.watched)
+
+
+def own_config(axis_id: str) -> str:
+    """Name of the configuration of an axis of which nothing can be watched yet, from which a motion is planned."""
+    return f"{axis_id}.toml"
+
+
+def motion_step(outcome: Outcome, config: Path) -> str:
+    """Which motion would show what the records of an axis do not; empty: they show all that can be shown.
+
+    ``config``: of the commissioned robot.
+    """
+    if not outcome.excite:
+        return ""
+    file = config if outcome.found is not None else config.parent / own_config(outcome.axis_id)
+    plan = config.parent / f"{outcome.axis_id}-motion.csv"
+    words = ["--config", str(file), "--axis", outcome.axis_id, *outcome.excite, "-o", str(plan)]
+    return (
+        f"To show {listed(outcome.lost)}, too, let the controller run the motion that"
+        f" `{shlex.join(['axiswatch', 'excite', *words])}` plans (its limits are those of the records) and record it."
+    )
 
 
 def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool) -> str:
@@ -101,8 +127,8 @@ def overview(outcomes: Sequence[Outcome]) -> Table:
     )
 
 
-def as_html(outcomes: Sequence[Outcome], next_step: str, provenance: Provenance) -> str:
-    """The page, beside the pages of each axis."""
+def as_html(outcomes: Sequence[Outcome], next_step: str, config: Path, provenance: Provenance) -> str:
+    """The page, beside the pages of each axis; ``config``: of the commissioned robot."""
     ready = sum(outcome.state == READY for outcome in outcomes)
     return render(
         "commissioning.html",
@@ -110,6 +136,7 @@ def as_html(outcomes: Sequence[Outcome], next_step: str, provenance: Provenance)
         outcomes=outcomes,
         ready=ready,
         next_step=next_step,
+        motions=[motion_step(outcome, config) for outcome in outcomes],
         overview=overview(outcomes),
         tables=[smallest(outcome) for outcome in outcomes],
         provenance=provenance,

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.drive import COSINE, COULOMB, DELAY, ONE, SINE, split_name
+from monitor_core.drive import COSINE, COULOMB, DELAY, ONE, SINE, Drive, split_name
 from monitor_core.identification import (
     LEVEL,
     Basis,
@@ -363,11 +363,7 @@ def _obstacle(w: Watched, result: IdentificationResult) -> str:
 def _motion(name: str, result: IdentificationResult) -> str:
     """The record that would determine a parameter."""
     drive, base = result.estimate.drive, split_name(name)[0]
-    acts = {
-        drive.inputs[term.col]
-        for term in drive.terms
-        if term.matrix == "B" and dict(term.powers).get(base, 0) > 0
-    }
+    acts = _acts_by(drive, base)
     if acts & {ONE, COSINE, SINE}:
         return "motion over more of the angle range, in both directions"
     if COULOMB in acts or (name != DELAY and drive.parameter(name).nonnegative):
@@ -377,6 +373,22 @@ def _motion(name: str, result: IdentificationResult) -> str:
     }:  # excite cannot look for what is held
         return "faster motion, with more torque"
     return f"the motion that `axiswatch excite --find {name}` plans"
+
+
+def _acts_by(drive: Drive, base: str) -> set[int]:
+    """The inputs of a drive by which a parameter acts; none: by its states."""
+    return {
+        drive.inputs[term.col]
+        for term in drive.terms
+        if term.matrix == "B" and dict(term.powers).get(base, 0) > 0
+    }
+
+
+def shaped_for(name: str, result: IdentificationResult) -> bool:
+    """Whether the spectrum of a motion can be chosen for a parameter: it is estimated, and no friction or weight."""
+    base, drive = split_name(name)[0], result.estimate.drive
+    free = {split_name(free)[0] for free in result.estimate.names}
+    return base in free and not _acts_by(drive, base) & {ONE, COSINE, SINE, COULOMB}
 
 
 class Tested(NamedTuple):

@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import tomllib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from service.can.log_files import FrameRecorder
-from service.commands import commission
+from service.commands import commission, live_recording
 from service.config import Config, load
 from service.simulation.robot import Fault
 from tests.end_to_end.processes import (
@@ -27,6 +28,9 @@ from tests.end_to_end.processes import (
     wait_for,
 )
 from tests.service.command_line import axiswatch
+from tests.service.commands import can_logs
+from tests.service.commands.live_robots import configured, moving
+from tests.service.commands.test_commission import table
 from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import blocks
 
@@ -78,7 +82,7 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
     config = demo_config(tmp_path, axes=1)
     (check,) = shown("axiswatch check")
     (listen,) = shown("axiswatch listen")
-    (run,) = shown("axiswatch run")
+    (run,) = (command for command in shown("axiswatch run") if "--record" in command)
     (simulate,) = shown("axiswatch simulate")
     assert run_program(*arguments(check, tmp_path)).returncode == 0
     with (
@@ -145,7 +149,7 @@ def test_a_robot_is_commissioned_by_one_command(
     write_record(tmp_path / "healthy.csv", load(write_robot(tmp_path), {}), 40, seed)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW_COPIES)
     monkeypatch.chdir(tmp_path)
-    (init,), (command,) = shown("axiswatch init"), shown("axiswatch commission")
+    (_, init), (_, command) = shown("axiswatch init"), shown("axiswatch commission")
     proposed = axiswatch(*init[1:], "-o", "proposed.toml")
     assert "axis: torque torque, angle angle: sure" in proposed.stdout
     done = axiswatch(*command[1:])
@@ -153,6 +157,37 @@ def test_a_robot_is_commissioned_by_one_command(
     (axis,) = load(tmp_path / "commissioned" / "axiswatch.toml", {}).axes
     assert axis.config.model.thresholds_file is not None
     assert "1 of 1 axis ready." in (tmp_path / "commissioned" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_robot_is_commissioned_on_its_bus(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bus in this process, on which a robot lives faster than the clock; its torque has the wrong sign."""
+    robot_config = configured(tmp_path / "true.toml", can_logs.dbc(tmp_path / "robot.dbc", 1, "rad"))
+    rows = table(tmp_path / "rows.csv", seed, 60.0, sign=-1)
+    monkeypatch.setattr(commission, "options_for", lambda _budget_s: replace(FEW_COPIES, within_s=20.0))
+    monkeypatch.setattr(live_recording, "LEAST_S", 1.0)
+    monkeypatch.setattr(live_recording, "LOOK_S", 0.5)
+    monkeypatch.chdir(tmp_path)
+    (init, _), (command, _) = shown("axiswatch init"), shown("axiswatch commission")
+    bus = load(robot_config, {}).bus[0]
+    init[init.index("socketcan:can0")] = f"virtual:{bus.channel},preserve_timestamps=true"
+    command[command.index("10")] = "0.05"
+    with moving(rows, robot_config):
+        proposed = axiswatch(*init[1:], "--seconds", 1)
+        assert "axis1: torque Joint1.Joint1_Torque_Act [Nm]" in proposed.stdout, proposed.output
+        done = axiswatch(*command[1:])
+    assert done.exit_code == 0, done.output
+    (axis,) = load(tmp_path / "commissioned" / "axiswatch.toml", {}).axes
+    assert axis.config.torque.factor == -1
+    assert axis.config.model.thresholds_file is not None
+    assert "`axiswatch run --config commissioned/axiswatch.toml`" in done.stdout
+    assert any("commissioned/axiswatch.toml" in run for run in shown("axiswatch run"))
+    assert axiswatch("check", "--config", "commissioned/axiswatch.toml").exit_code == 0
+    kept = tmp_path / "commissioned" / "robot1.axis1.json"
+    before = kept.stat().st_mtime_ns
+    again = axiswatch(*[word for word in command[1:] if word not in ("--minutes", "0.05")])
+    assert (again.exit_code, kept.stat().st_mtime_ns) == (0, before), "what was recorded is used again"
 
 
 def test_an_axis_is_identified_calibrated_and_watched(

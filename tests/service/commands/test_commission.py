@@ -200,7 +200,7 @@ def test_every_kind_of_can_log(suffix: str, folder: Path, seed: int) -> None:
         own = f'message = "Joint{n}", signal = "Joint{n}_Torque_Act"'
         text = text.replace(own, own.replace(f"Joint{n}", f"Joint{3 - n}x"))
     text = text.replace("Joint1x", "Joint1").replace("Joint2x", "Joint2")
-    found = exchanged(text, [str(log)], folder)
+    found = exchanged(text, {f"cell.a{n}": [str(log)] for n in (1, 2)}, folder)
     assert {axis: {c.key[1]: c.value for c in changes} for axis, changes in found.items()} == {
         f"cell.a{n}": {"message": f"Joint{n}", "signal": f"Joint{n}_Torque_Act"} for n in (1, 2)
     }

@@ -91,5 +91,5 @@ def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:
     assert (some.state, some.finds) == ("ready", {"kT": 0.2})
     rows = overview([blind, some]).rows
     assert [row[2] for row in rows] == ["", "kT 20 %"]
-    page = as_html([blind, some], "", Provenance.now())
+    page = as_html([blind, some], "", Path("made/axiswatch.toml"), Provenance.now())
     assert "1 of 2 axes ready." in page

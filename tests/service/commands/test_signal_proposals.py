@@ -99,6 +99,6 @@ def test_axes_with_the_torque_of_each_other(swap: bool, tmp_path: Path, seed: in
             rows[:, [1, 3]] = rows[:, [3, 1]]
 
     record = changed(table(tmp_path / "record.csv", seed, 20.0, axes=2), change)
-    found = exchanged(ROBOT + known(1) + known(2), [record], tmp_path)
+    found = exchanged(ROBOT + known(1) + known(2), {f"cell.a{n}": [record] for n in (1, 2)}, tmp_path)
     right = {"cell.a1": "A2_Trq", "cell.a2": "A1_Trq"} if swap else {}
     assert {axis: corrections[0].value for axis, corrections in found.items()} == right

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,11 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.modeling import SimulatedAxis
+from service.commands.commissioning_remedies import motion_for
+from service.commands.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
+from service.reports.commissioning_report import Outcome, motion_step
+from service.reports.formats import Provenance
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch, shown
 from tests.service.identification.conftest import write_robot
@@ -105,6 +110,26 @@ def test_the_motion_that_excite_plans_shows_the_inertia(folder: Path, seed: int)
     )
     assert "1/Ja (changes from" in again
     assert "Cannot: 1/Ja" not in again
+
+
+def test_the_motion_that_commissioning_names_can_be_planned(folder: Path, seed: int) -> None:
+    """The command in its report, as it stands there; the limits are those of the record."""
+    config = load(folder / "robot.toml", {})
+    record = followed(folder, "slow.csv", seed, SLOW)
+    request = Request(free=("Jm", "Ja", "fm", "fc"), start="values")
+    task = prepare(config, config.axes[0], [record], [], request)
+    motion = motion_for(task.run(Provenance.now()), [item.record for item in task.estimation])
+    assert motion is not None
+    outcome = Outcome("demo.axis1", lost=motion.lost, excite=motion.options)
+    (folder / "robot.toml").rename(folder / "demo.axis1.toml")  # as commissioning leaves it
+    command = re.search("`axiswatch (.+)` plans", motion_step(outcome, Path("axiswatch.toml")))
+    assert command
+    text = shown(*shlex.split(command[1]))
+    assert "fm" in motion.lost
+    assert f"--find {','.join(motion.lost)}" in command[1]
+    most = abs(np.genfromtxt("slow.csv", delimiter=",", names=True)["torque"]).max()
+    assert f" {most:.3g} N m " in text
+    assert Path("demo.axis1-motion.csv").exists()
 
 
 def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:

@@ -1,0 +1,222 @@
+"""A first look at the buses before minutes are recorded: which axes have their signals, and what is wrong with them.
+
+What is seen is a short record, looked at by the same checks as a long one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from monitor_core.wording import listed
+from service.commands.live_recording import Heard, Show, moves, record_buses
+from service.config import Config, NamedAxis
+
+if TYPE_CHECKING:
+    from service.can.frames import FrameKey
+    from service.ingest.axis_input import AxisInput
+    from service.ingest.identification_records import Loaded
+
+LOOK = "look.log"
+"""Name of the record of the look"""
+_UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s"}
+_NAMED = 5
+"""Identifiers of frames that are listed."""
+_STILL = "let the robot work, or run a motion that `axiswatch excite` plans"
+
+
+class AxisLook(NamedTuple):
+    """What was seen of an axis."""
+
+    axis_id: str
+    facts: str
+    """Its frames, rate, values, and whether it moves"""
+    has_signals: bool
+    """Whether torque and motion came"""
+    problems: tuple[str, ...]
+    """What keeps it from being identified, and what to do"""
+    proposals: tuple[str, ...]
+    """What the record will show to be wrong in the configuration"""
+
+
+class Look(NamedTuple):
+    """What was seen in all."""
+
+    buses: tuple[str, ...]
+    """What is wrong with the buses, and what to do"""
+    axes: tuple[AxisLook, ...]
+
+
+def look_at(
+    config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show = lambda *_: None
+) -> Look:
+    """Listen for so many seconds, and say what there is.
+
+    Args:
+        config: with its buses.
+        text: of the same configuration, valid in ``folder``.
+        folder: for the record of the look.
+        seconds: how long.
+        stop: ends it before.
+        show: called with the progress.
+
+    Raises:
+        BusError: a bus cannot be opened.
+        DbcError, IngestError: the configuration cannot be used.
+        RecordError: the record cannot be written.
+    """
+    path = folder / LOOK
+    path.unlink(missing_ok=True)
+    heard = record_buses(config, path, seconds, stop, show)
+    loaded, lost = _loaded(config, path) if heard.frames else ({}, {})
+    proposals = _proposals(text, folder, str(path), loaded)
+    axes = []
+    for axis, inputs in _inputs(config):
+        missing = tuple(_missing(axis, inputs, heard.traffic[axis.config.bus], heard.seconds))
+        found = loaded.get(axis.id)
+        facts = "" if found is None else _facts(axis, inputs, found)
+        unusable = () if missing or found is not None else (_unusable(lost.get(axis.id, "")),)
+        problems = missing or unusable or tuple(_unmoved(axis, found))
+        faults, corrections = proposals.get(axis.id, ((), ()))
+        axes.append(AxisLook(axis.id, facts, found is not None, problems or faults, corrections))
+    return Look(tuple(_bus_problems(config, heard)), tuple(axes))
+
+
+def _inputs(config: Config) -> Iterator[tuple[NamedAxis, AxisInput]]:
+    from service.ingest.bus_samples import Ingest
+
+    ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+    for axis in config.axes:
+        yield axis, ingests[axis.config.bus].axes[axis.id]
+
+
+def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, str]]:
+    """The samples of each axis; and why there are none, of the others."""
+    from service.can.user_errors import RecordError
+    from service.ingest.identification_records import load
+
+    found, lost = dict[str, "Loaded"](), dict[str, str]()
+    for axis in config.axes:
+        try:
+            found[axis.id] = load(str(path), config, axis.id)
+        except RecordError as error:
+            lost[axis.id] = str(error)
+    return found, lost
+
+
+# --- The buses --------------------------------------------------------------------------------------------------------
+
+
+def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
+    from service.can.dbc import read_dbc
+
+    for bus in config.bus:
+        traffic, state, lost = heard.traffic[bus.name], heard.states[bus.name], heard.lost[bus.name]
+        where = f"bus {bus.name} ({bus.interface} {bus.channel})"
+        known = {(m.frame_id, m.is_extended_frame) for m in read_dbc(bus.dbc).messages}
+        if state != "up":
+            yield f"{where} is {state}"
+        elif errors := lost.get("error_frame", 0):
+            yield f"{where}: {errors} error frames: the bit rate is wrong, or a cable or its termination is bad"
+        elif not traffic:
+            yield (
+                f"{where} is silent: no frame in {heard.seconds:.0f} s; is the controller on, does it send, and are"
+                " cable, termination and bit rate right?"
+            )
+        elif not known & set(traffic):
+            yield (
+                f"{where}: {traffic.total()} frames, and none of their messages is in {bus.dbc.name}: {_ids(traffic)};"
+                " is it the DBC of this robot, and of this bus?"
+            )
+        for reason, count in lost.items():
+            if reason in ("queue_full", "kernel_overflow"):
+                yield f"{where}: {count} frames were lost ({reason}): this machine is too busy"
+
+
+def _ids(keys: Sequence[FrameKey] | Mapping[FrameKey, int]) -> str:
+    names = [f"0x{key.can_id:x}" for key in sorted(keys)]
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+# --- An axis ----------------------------------------------------------------------------------------------------------
+
+
+def _missing(
+    axis: NamedAxis, inputs: AxisInput, traffic: Mapping[FrameKey, int], seconds: float
+) -> Iterator[str]:
+    """Messages that never came; where no frame came at all the bus is named instead."""
+    quantities: dict[tuple[FrameKey, str], list[str]] = {}
+    for quantity in (*inputs.sampled, *(held.quantity for held in inputs.held)):
+        quantities.setdefault((quantity.key, quantity.message), []).append(quantity.name)
+    for (key, message), names in quantities.items():
+        if not traffic.get(key):
+            yield (
+                f"no {listed(names)}: message {message} (0x{key.can_id:x}) never came on bus {axis.config.bus} in"
+                f" {seconds:.0f} s; is the axis on, and is this its message?"
+            )
+
+
+def _unusable(reason: str) -> str:
+    return f"its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the DBC"
+
+
+def _facts(axis: NamedAxis, inputs: AxisInput, found: Loaded) -> str:
+    keys = sorted({inputs.torque.key, inputs.motion.key})
+    record, output = found.record, axis.config.output
+    moving = "it moves" if moves(record.y, output) else "it does not move"
+    return (
+        f"{1 / record.mean_interval_s:.4g} samples a second from {_ids(keys)} on {axis.config.bus};"
+        f" torque {_range(record.u)} N m, {output} {_range(record.y[record.measured])} {_UNITS[output]}; {moving}"
+    )
+
+
+def _range(values: np.typing.NDArray[np.float64]) -> str:
+    return f"{values.min():.3g} to {values.max():.3g}"
+
+
+def _unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
+    """An axis that stands, or a signal that is stuck: which of them, by the other signal."""
+    if found is None:
+        return
+    record, config = found.record, axis.config
+    torque, motion = (f"{s.message}.{s.signal}" for s in (config.torque, config.motion))
+    stands, constant = not moves(record.y, config.output), bool(np.ptp(record.u) == 0)
+    if stands and not constant and np.ptp(record.y[record.measured]) == 0:
+        yield (
+            f"the {config.output} is {record.y[0]:.4g} all the time, while the torque changes: {motion} is stuck or"
+            f" another signal is the {config.output}; or the axis stands: {_STILL}"
+        )
+    elif stands:
+        yield f"it does not move: {_STILL}"
+    elif constant:
+        yield (
+            f"the torque is {record.u[0]:.4g} all the time, while the axis moves: {torque} is stuck, or another signal"
+            " is the torque"
+        )
+
+
+# --- What the checks of a record find ---------------------------------------------------------------------------------
+
+
+def _proposals(
+    text: str, folder: Path, record: str, loaded: Mapping[str, Loaded]
+) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Faults, and changes of the configuration that will be proposed, by axis."""
+    from service.commands.signal_proposals import exchanged, review
+    from service.config.commissioned import corrected
+
+    moving = [axis_id for axis_id, item in loaded.items() if moves(item.record.y, item.record.quantity)]
+    others = exchanged(text, dict.fromkeys(moving, (record,)), folder) if moving else {}
+    for axis_id, changes in others.items():
+        text = corrected(text, axis_id, changes)
+    found = {}
+    for axis_id in moving:
+        looked = review(text, axis_id, [record], folder)
+        changes = (*others.get(axis_id, ()), *looked.corrections)
+        found[axis_id] = (looked.faults, tuple(f"{c.reason}. -> {c.change}" for c in changes))
+    return found

@@ -1,0 +1,242 @@
+"""What a bus sends, by the DBC: which signals are torque and motion of which axis, by names and by values.
+
+Names and units are looked at as without a bus; the values decide as in the columns of a table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.identification import wrap_of
+from service.can.dbc import DbcError, Decoder, Message, Signal, read_dbc
+from service.can.frames import Frame, FrameKey
+from service.ingest.column_roles import AxisColumns, Named, axes_by_values, changes, role_of
+from service.ingest.dbc_roles import (
+    DbcAxis,
+    SignalRole,
+    axes_in,
+    counts,
+    may_be_measured,
+    number_in,
+    role_in,
+)
+from service.ingest.unit_names import Quantity
+
+_FEWEST = 50
+"""Values of a signal that can be looked at."""
+_GAP, _GAP_S = 10.0, 0.1
+"""Times the median interval, and s: longer intervals are gaps."""
+_SCATTER_S = 0.1
+"""Of times of receipt"""
+_BUNCHED = 0.05
+"""Of the frames, that come within half an interval after another one"""
+_ALIKE = 1.3
+"""Intervals of signals that are compared differ by less than this factor."""
+_BITS = 8
+"""A number of fewer bits is a state."""
+_CYCLE = 0.02
+"""Relative: a measured interval this close to the cycle in the DBC is that."""
+_COUNTS_ON = 0.9
+"""Of the frames, in which a sample counter goes up by 1."""
+_TURNS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
+"""Factors of angles without a unit that start again after so much"""
+_NEARLY = 1e-3
+
+
+class Series(NamedTuple):
+    """The values of a signal (N,), with their times, s."""
+
+    t: Floats
+    values: Floats
+
+    @property
+    def interval_s(self) -> float:
+        """The mean without gaps: times of receipt scatter, and late frames come in bunches."""
+        steps = np.diff(self.t)
+        gap_s = max(_GAP * float(np.median(steps)), _GAP_S) if steps.size else 0.0
+        return float(np.mean(steps[steps <= gap_s])) if steps.size else 0.0
+
+    @property
+    def is_bunched(self) -> bool:
+        """Whether many values come close after another one."""
+        return bool(np.mean(np.diff(self.t) < 0.5 * self.interval_s) > _BUNCHED)
+
+    @property
+    def even_s(self) -> Floats:
+        """Times (N,) without the scatter of receipt, s: evenly spaced, unless values were lost."""
+        even = np.asarray(self.t[0] + self.interval_s * np.arange(self.t.size), np.float64)
+        return even if abs(even - self.t).max() < _SCATTER_S else self.t
+
+
+class BusRoles(NamedTuple):
+    """What was found on a bus."""
+
+    axes: tuple[DbcAxis, ...]
+    came: tuple[str, ...]
+    """Messages of the DBC that came"""
+    missing: tuple[str, ...]
+    """Messages of the DBC that never came, with their identifiers"""
+    strange: tuple[str, ...]
+    """Identifiers of frames that the DBC does not have"""
+
+
+def roles_on_bus(dbc: Path, frames: Sequence[Frame]) -> BusRoles:
+    """The axes that a bus carries.
+
+    Args:
+        dbc: of the bus.
+        frames: all that were received, in the order of time.
+
+    Raises:
+        DbcError: the file cannot be read or is no DBC.
+    """
+    decoder, messages = _decoder(dbc)
+    keys = Counter(frame.key for frame in frames)
+    came = tuple(m.name for key, m in messages.items() if keys[key])
+    missing = tuple(f"{m.name} (0x{key.can_id:x})" for key, m in messages.items() if not keys[key])
+    strange = tuple(f"0x{key.can_id:x}" for key in sorted(keys.keys() - messages.keys()))
+    series = _series(decoder, frames)
+    return BusRoles(tuple(_axes(dbc, messages.values(), series)), came, missing, strange)
+
+
+def _decoder(dbc: Path) -> tuple[Decoder, dict[FrameKey, Message]]:
+    """A decoder of all messages that can be decoded, and these."""
+    decoder, messages = Decoder(dbc), dict[FrameKey, Message]()
+    for message in read_dbc(dbc).messages:
+        try:
+            for signal in message.signals:
+                messages[decoder.want(message.name, signal.name)] = message
+        except DbcError:
+            continue  # a fault in a message that may not be needed; `check` names it where it is
+    return decoder, messages
+
+
+def _series(decoder: Decoder, frames: Iterable[Frame]) -> dict[str, Series]:
+    """By "Message.Signal"."""
+    found: dict[str, tuple[list[int], list[float]]] = {}
+    for frame in frames:
+        signals = decoder.decode(frame)
+        if isinstance(signals, str):
+            continue
+        message = decoder.message(frame.key).name
+        for name, value in signals.items():
+            t_us, values = found.setdefault(f"{message}.{name}", ([], []))
+            t_us.append(frame.t_us)
+            values.append(value)
+    began_us = min((t_us[0] for t_us, _ in found.values()), default=0)
+    return {
+        name: Series(np.asarray((np.array(t_us, np.int64) - began_us) * 1e-6, np.float64), np.array(values))
+        for name, (t_us, values) in found.items()
+    }
+
+
+# --- The axes: by values where they move, else by names ---------------------------------------------------------------
+
+
+def _axes(dbc: Path, messages: Iterable[Message], series: Mapping[str, Series]) -> Iterator[DbcAxis]:
+    signals = {f"{m.name}.{s.name}": (m, s) for m in messages for s in m.signals}
+    by_name = {name: role for name, (m, s) in signals.items() if (role := role_in(m, s)) is not None}
+    candidates = {
+        name: named for name, pair in signals.items() if (named := _named(*pair, by_name.get(name)))
+    }
+    taken, numbers = set[str](), set[str]()
+    for group in _groups({n: s for n, s in series.items() if n in candidates and changes(s.values)}):
+        for pair in _pairs(group, candidates, by_name):
+            taken |= {pair.torque, pair.motion}
+            numbers.add(pair.name)
+            torque = by_name.get(pair.torque) or _guess(*signals[pair.torque], "torque")
+            motion = by_name.get(pair.motion) or _guess(*signals[pair.motion], pair.output)
+            motion = _looked(motion, group[pair.motion])
+            torque = torque._replace(turned=pair.turned)
+            axis = DbcAxis(pair.name, torque, motion, None, None, explained=pair.explained)
+            yield _timed(axis, signals[pair.torque][0], series)
+    for axis in axes_in(dbc):
+        own = {f"{role.message}.{role.signal}" for role in (axis.torque, axis.motion)}
+        if own <= series.keys() and not own & taken and axis.name not in numbers:
+            message = signals[f"{axis.torque.message}.{axis.torque.signal}"][0]
+            yield _timed(axis._replace(measured=True), message, series)
+
+
+def _named(message: Message, signal: Signal, role: SignalRole | None) -> Named | None:
+    """What its name says of a signal; None: it is neither torque nor motion."""
+    number = number_in(message.name, signal.name)
+    if role is not None:
+        return Named("current" if role.current else role.quantity, number)
+    unnamed = may_be_measured(message, signal) and not (
+        signal.unit or role_of(signal.name) or signal.length < _BITS
+    )
+    return Named("", number) if unnamed else None
+
+
+def _groups(series: Mapping[str, Series]) -> Iterator[dict[str, Series]]:
+    """Signals of about the same interval, all at the times of the first of them."""
+    long = {name: s for name, s in series.items() if s.t.size >= _FEWEST and s.interval_s > 0}
+    while long:
+        shortest_s = min(s.interval_s for s in long.values())
+        group = {name: s for name, s in long.items() if s.interval_s < _ALIKE * shortest_s}
+        first = next(iter(group.values()))
+        yield {name: Series(first.even_s, _nearest(s, first.t)) for name, s in group.items()}
+        long = {name: s for name, s in long.items() if name not in group}
+
+
+def _nearest(series: Series, t: Floats) -> Floats:
+    return series.values[np.searchsorted((series.t[1:] + series.t[:-1]) / 2, t)]
+
+
+def _pairs(
+    group: Mapping[str, Series], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]
+) -> list[AxisColumns]:
+    values = {}
+    for name, series in group.items():
+        role = by_name.get(name)
+        period = role.wrap_period if role is not None and role.wrap_period else wrap_of(series.values)
+        values[name] = series.values if period is None else np.unwrap(series.values, period=period)
+    return axes_by_values(values, next(iter(group.values())).t, named)
+
+
+def _looked(role: SignalRole, series: Series) -> SignalRole:
+    """The role with what the values of an angle show: where it starts again, and with that its unit."""
+    if role.quantity != "angle" or role.wrap_period is not None:
+        return role
+    period = wrap_of(series.values)
+    factor = role.factor
+    if not role.unit and period is not None:
+        near = (f for turn, f in _TURNS.items() if math.isclose(period, turn, rel_tol=_NEARLY))
+        factor = next(near, factor)
+    return role._replace(wrap_period=period, factor=factor)
+
+
+def _guess(message: Message, signal: Signal, quantity: Quantity) -> SignalRole:
+    """Of a signal whose name says nothing."""
+    return SignalRole(message.name, signal.name, quantity, signal.unit or "", None, False, "guess", None)
+
+
+def _timed(axis: DbcAxis, message: Message, series: Mapping[str, Series]) -> DbcAxis:
+    """With the interval as measured, and the sample counter beside the torque, if it counts."""
+    own = [series[f"{role.message}.{role.signal}"] for role in (axis.torque, axis.motion)]
+    measured_s, counter = max(s.interval_s for s in own), None
+    for signal in filter(counts, message.signals):
+        counted_s = _counted_s(signal, series[f"{message.name}.{signal.name}"])
+        if counted_s is not None:
+            measured_s, counter = counted_s, (message.name, signal.name)
+            break
+    cycle_s = (message.cycle_time or 0) / 1000
+    near = abs(measured_s - cycle_s) < _CYCLE * cycle_s
+    interval_s = cycle_s if near else float(f"{measured_s:.3g}")
+    bunched = any(s.is_bunched for s in own)
+    return axis._replace(interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched)
+
+
+def _counted_s(signal: Signal, series: Series) -> float | None:
+    """Seconds for each count of a sample counter; None: it does not count the frames."""
+    steps = np.diff(series.values) % 2.0**signal.length
+    if not steps.size or np.mean(steps == 1) < _COUNTS_ON:
+        return None
+    return float((series.t[-1] - series.t[0]) / steps.sum())

@@ -1,0 +1,286 @@
+"""``axiswatch commission --minutes``: the buses are looked at, recorded, and what is wrong with them is named."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from service.commands import live_recording
+from service.commands.exit_codes import MISTAKE, NO_BUS
+from service.commands.live_look import Look, look_at
+from service.commands.live_recording import moves, recorded
+from service.config import load
+from tests.service.command_line import axiswatch, refused
+from tests.service.commands import can_logs
+from tests.service.commands.live_robots import configured, moving
+from tests.service.commands.test_commission import folder, table
+
+__all__ = ["folder"]  # a fixture
+
+LOOK_S = 0.6
+
+
+@pytest.fixture(autouse=True)
+def fast(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robots here live faster than the clock."""
+    monkeypatch.setattr(live_recording, "LEAST_S", 1.0)
+    monkeypatch.setattr(live_recording, "LOOK_S", LOOK_S)
+
+
+def words_of(result: str) -> str:
+    return " ".join(result.replace("│", " ").split())
+
+
+def test_what_is_wrong_is_named_before_and_after_the_recording(folder: Path, two_axes: Path) -> None:
+    """The first torque has the wrong sign, its angle is in degrees; the second axis is right."""
+    config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "deg"), 2)
+    second = 'signal = "Joint2_Pos_Act"'
+    text = config.read_text("utf-8").replace(second, f"{second}, factor = {np.pi / 180}")
+    config.write_text(text, "utf-8")
+
+    def change(rows: Floats) -> None:
+        turned(rows)
+        rows[:, 2:5:2] *= 180 / np.pi
+        rows[:, 4] *= np.pi / 180  # the encoder of the simulated robot divides by the factor
+
+    words = ("commission", "--config", config, "--output", "made")
+    with moving(two_axes, config, change):
+        result = axiswatch(*words, "--minutes", 0.02)
+    looked, _, after = result.output.partition("Recording 1.2 s into made/records/")
+    assert "200 samples a second from 0x181 on can0" in looked
+    assert "-> torque.factor = -1; proposed after the recording" in looked
+    assert "cell.a2: 200 samples" in looked
+    for part in (looked, after):
+        assert "cell.a1: the DBC says that the angle is in degrees" in part
+        assert "cell.a2: the DBC" not in part
+    assert result.exit_code == MISTAKE
+    right = "2 proposed changes, and nobody to ask: cell.a1: angle.factor = 0.0174533; cell.a1: torque.factor = -1."
+    assert right in words_of(result.stderr)
+    (record,) = recorded(folder / "made")
+
+    again = axiswatch(*words)  # with what was recorded; no robot is there
+    assert again.exit_code == MISTAKE
+    assert right in words_of(again.stderr)
+    assert recorded(folder / "made") == [record]
+
+
+def to_degrees(rows: Floats) -> None:
+    rows[:, 2] *= 180 / np.pi
+
+
+# --- The look: what is wrong, and what to do --------------------------------------------------------------------------
+
+
+def looked_at(
+    folder: Path, config: Path, rows: Path | None, change: Callable[[Floats], object] = lambda _: None
+) -> Look:
+    """``rows``: those of the robot that sends; None: nothing is sent."""
+    read, stop = load(config, {}), threading.Event()
+    if rows is None:
+        return look_at(read, config.read_text("utf-8"), folder, 0.2, stop)
+    with moving(rows, config, change):
+        return look_at(read, config.read_text("utf-8"), folder, LOOK_S, stop)
+
+
+@pytest.fixture(scope="module")
+def two_axes(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
+    return table(tmp_path_factory.mktemp("rows") / "rows.csv", seed, 25.0, axes=2)
+
+
+@pytest.fixture
+def config(folder: Path) -> Path:
+    return configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "rad"), 2)
+
+
+def test_swapped_axes(folder: Path, config: Path, two_axes: Path) -> None:
+    look = looked_at(folder, config, two_axes, lambda rows: swap(rows, 1, 3))
+    assert not look.buses
+    for n, axis in enumerate(look.axes, 1):
+        assert not axis.problems
+        assert "the motion of this axis follows the torque of" in axis.proposals[0]
+        assert f'torque.message = "Joint{3 - n}"' in axis.proposals[0]
+
+
+def swap(rows: Floats, a: int, b: int) -> None:
+    rows[:, [a, b]] = rows[:, [b, a]]
+
+
+def stuck_torque(rows: Floats) -> None:
+    rows[:, 3] = 0.5
+
+
+def stuck_angle(rows: Floats) -> None:
+    rows[:, 4] = 0.5
+
+
+def standing(rows: Floats) -> None:
+    rows[:, 3], rows[:, 4] = 0.0, 0.5
+
+
+def stuck_for_a_while(rows: Floats) -> None:
+    rows[200:900, 4] = rows[200, 4]
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (
+            stuck_torque,
+            "the torque is 0.5 all the time, while the axis moves: Joint2.Joint2_Torque_Act is stuck",
+        ),
+        (
+            stuck_angle,
+            "the angle is 0.5 all the time, while the torque changes: Joint2.Joint2_Pos_Act is stuck",
+        ),
+        (standing, "it does not move: let the robot work"),
+        (stuck_for_a_while, "signal Joint2_Pos_Act of Joint2 (the angle) is stuck, while the axis moves"),
+    ],
+    ids=["torque", "angle", "standing", "for a while"],
+)
+def test_an_axis_that_is_not_right(
+    change: Callable[[Floats], object], problem: str, folder: Path, config: Path, two_axes: Path
+) -> None:
+    first, second = looked_at(folder, config, two_axes, change).axes
+    assert (first.has_signals, first.problems, first.proposals) == (True, (), ())
+    assert second.has_signals
+    assert problem in second.problems[0]
+
+
+def test_a_silent_axis(folder: Path, config: Path, two_axes: Path) -> None:
+    """The robot has one axis, the configuration two."""
+    text = config.read_text(encoding="utf-8")
+    single = config.with_name("single.toml")
+    single.write_text(text[: text.rindex("[[robot.axis]]")], encoding="utf-8")
+    with moving(two_axes, single):
+        look = look_at(load(config, {}), text, folder, LOOK_S, threading.Event())
+    first, second = look.axes
+    assert (first.has_signals, second.has_signals) == (True, False)
+    assert "no torque and angle: message Joint2 (0x182) never came on bus can0" in second.problems[0]
+
+
+def test_a_silent_bus_and_the_dbc_of_another_robot(folder: Path, config: Path, two_axes: Path) -> None:
+    (words,) = looked_at(folder, config, None).buses
+    assert "is silent: no frame" in words
+    other = (folder / "robot.dbc").read_text(encoding="utf-8").replace("BO_ 38", "BO_ 48")
+    (folder / "other.dbc").write_text(other, encoding="utf-8")
+    text = config.read_text(encoding="utf-8").replace("robot.dbc", "other.dbc")
+    config.with_name("other.toml").write_text(text, encoding="utf-8")
+    with moving(two_axes, config):
+        look = look_at(load(folder / "other.toml", {}), text, folder, LOOK_S, threading.Event())
+    assert "none of their messages is in other.dbc: 0x181, 0x182" in look.buses[0]
+    assert not any(axis.has_signals for axis in look.axes)
+
+
+@pytest.mark.vcan
+def test_on_a_real_device(folder: Path, two_axes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first torque has the wrong sign, its angle is in degrees; the second axis stands; frames come in bunches."""
+    monkeypatch.setattr(live_recording, "LOOK_S", 5.0)
+
+    def change(rows: Floats) -> None:
+        turned(rows)
+        to_degrees(rows)
+        standing(rows)
+
+    config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2), 2, "vcan0")
+    words = ("commission", "--config", config, "--output", "made")
+    with moving(two_axes, config, change):
+        result = axiswatch(*words, "--minutes", 0.1)
+    looked, _, after = result.stdout.partition("Recording 6 s into made/records/")
+    for part in (looked, after):
+        assert "frames are received in bunches" in part
+        assert "the samples of the records are" not in part
+        assert "the DBC says that the angle is in degrees" in part
+        assert "-> torque.factor = -1" in part
+    assert "cell.a2: it does not move: let the robot work" in looked
+    assert result.exit_code == MISTAKE
+    assert 'and nobody to ask: cell.a1: time.clock = "cyclic"; cell.a1: angle.factor' in words_of(
+        result.stderr
+    )
+
+
+# --- The recording ----------------------------------------------------------------------------------------------------
+
+
+def test_what_is_refused(folder: Path, config: Path) -> None:
+    words = ("commission", "--config", config)
+    assert "no records, and none of half a minute in commissioned/records" in refused(*words)
+    assert "0 minutes: half a minute (0.5) is the least" in refused(*words, "--minutes", 0)
+    assert "leave out --minutes" in refused(*words, "healthy.log", "--minutes", 1)
+    silent = axiswatch(*words, "--minutes", 0.05)
+    assert silent.exit_code == MISTAKE
+    assert "bus can0 (virtual live-" in silent.stdout
+    assert "nothing is recorded: no axis has its signals" in silent.stderr
+    assert not recorded(folder / "commissioned")
+    config.write_text(config.read_text("utf-8").replace('"virtual"', '"socketcan"'), "utf-8")
+    gone = axiswatch(*words, "--minutes", 0.05)
+    assert gone.exit_code == NO_BUS
+    assert "there is no network interface live-" in gone.stderr
+
+
+def test_ctrl_c_ends_the_recording_and_goes_on(folder: Path, config: Path, two_axes: Path) -> None:
+    """The torques of two axes are exchanged, so that it ends with a question."""
+
+    def interrupt() -> None:
+        while not list((folder / "made" / "records").glob("*.log")):
+            timer.wait(0.05)
+        timer.wait(1.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Event()
+    thread = threading.Thread(target=interrupt)
+    with moving(two_axes, config, lambda rows: swap(rows, 1, 3)):
+        thread.start()
+        result = axiswatch("commission", "--config", config, "--output", "made", "--minutes", 10)
+    thread.join()
+    (record,) = recorded(folder / "made")
+    assert f"made/records/{record.name}: " in result.stdout
+    assert result.exit_code == MISTAKE
+    again = "Take all with: axiswatch commission --config"
+    assert again in words_of(result.stderr)
+    assert 'cell.a1: torque.message = "Joint2"' in words_of(result.stderr)
+
+
+def test_an_axis_that_no_record_has_does_not_hinder_the_others(
+    folder: Path, config: Path, two_axes: Path
+) -> None:
+    text = config.read_text(encoding="utf-8")
+    single = config.with_name("single.toml")
+    single.write_text(text[: text.rindex("[[robot.axis]]")], encoding="utf-8")
+    with moving(two_axes, single, turned):
+        result = axiswatch("commission", "--config", config, "--output", "made", "--minutes", 0.03)
+    assert result.exit_code == MISTAKE  # a question, of the axis that is there
+    assert "1 proposed change, and nobody to ask: cell.a1: torque.factor = -1" in words_of(result.stderr)
+
+
+def turned(rows: Floats) -> None:
+    rows[:, 1] *= -1
+
+
+@pytest.mark.parametrize(
+    ("kind", "quantity", "right"),
+    [
+        ("noise", "angle", False),
+        ("last digit", "angle", False),
+        ("slow", "angle", True),
+        ("still", "angle", False),
+        ("constant", "speed", True),
+        ("noise", "speed", False),
+    ],
+)
+def test_whether_it_moves(kind: str, quantity: str, right: bool, seed: int) -> None:
+    rng, t = np.random.default_rng(seed), np.arange(2000) * 0.005
+    values = {
+        "noise": rng.standard_normal(t.size),
+        "last digit": np.rint(0.5 + 0.2 * rng.standard_normal(t.size)),
+        "slow": np.rint(3 * t),
+        "still": np.full(t.size, 0.3),
+        "constant": 100 + rng.standard_normal(t.size),
+    }
+    assert moves(values[kind], quantity) == right
