@@ -17,8 +17,7 @@ from service.commands.output_files import check_writable, write_all
 if TYPE_CHECKING:
     from service.can.frames import Frame
     from service.config.schema import BusConfig
-    from service.ingest.column_roles import AxisColumns, TableRoles
-    from service.ingest.unit_names import Quantity
+    from service.ingest.column_roles import TableRoles
 
 RecordFile = Annotated[
     Path,
@@ -27,8 +26,6 @@ RecordFile = Annotated[
         help="A table (.csv .parquet .mat) of the healthy, moving robot, or the DBC of its bus.",
     ),
 ]
-MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
-"""Of every axis: from the motion of production, springs are seldom determined."""
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 
 
@@ -53,6 +50,7 @@ def init(
         raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
     with explained():
         from service.can.user_errors import RecordError
+        from service.commands.proposed_configuration import table_lines
         from service.ingest.column_roles import roles
         from service.ingest.records import is_table
 
@@ -79,7 +77,7 @@ def init(
     console = Console(highlight=False, soft_wrap=True)
     for words in _summary(found):
         console.print(words, markup=False)
-    write_all([(output, "\n".join(_lines(found, record.name, interval_s)) + "\n")])
+    write_all([(output, "\n".join(table_lines(found, record.name, interval_s)) + "\n")])
     console.print(f"Next: axiswatch commission {record} --config {output}", markup=False)
 
 
@@ -90,7 +88,7 @@ def _from_dbc(dbc: Path, output: Path) -> None:
         DbcError: the file cannot be used, or holds no axis.
     """
     from service.can.dbc import DbcError
-    from service.commands.dbc_proposal import lines
+    from service.commands.proposed_configuration import bus_lines
     from service.ingest.dbc_roles import axes_in, summary
 
     axes = axes_in(dbc)
@@ -99,7 +97,7 @@ def _from_dbc(dbc: Path, output: Path) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for words in summary(axes):
         console.print(words, markup=False)
-    write_all([(output, "\n".join(lines(axes, dbc, output, MODEL)) + "\n")])
+    write_all([(output, "\n".join(bus_lines(axes, dbc, output)) + "\n")])
     console.print(f"Next: axiswatch commission RECORD.log --config {output}", markup=False)
 
 
@@ -113,7 +111,7 @@ def _from_bus(dbc: Path, bus: BusConfig, seconds: float, output: Path) -> None:
     """
     from service.can.dbc import read_dbc
     from service.can.user_errors import RecordError
-    from service.commands.dbc_proposal import lines
+    from service.commands.proposed_configuration import bus_lines
     from service.ingest.dbc_roles import summary
     from service.ingest.live_roles import roles_on_bus
 
@@ -142,7 +140,7 @@ def _from_bus(dbc: Path, bus: BusConfig, seconds: float, output: Path) -> None:
     for what, names in (("never came", found.missing), ("not in the DBC", found.strange)):
         if names:
             console.print(f"{what}: {_few(names)}", markup=False)
-    write_all([(output, "\n".join(lines(found.axes, dbc, output, MODEL, bus)) + "\n")])
+    write_all([(output, "\n".join(bus_lines(found.axes, dbc, output, bus)) + "\n")])
     console.print(f"Next: axiswatch commission --config {output} --minutes 10", markup=False)
 
 
@@ -203,48 +201,3 @@ def _summary(found: TableRoles) -> Iterator[str]:
         )
     if found.unused:
         yield f"not used: {', '.join(found.unused)}"
-
-
-def _lines(found: TableRoles, record: str, interval_s: float | None) -> Iterator[str]:
-    interval_s = found.interval_s or interval_s
-    yield f"# Proposed by `axiswatch init` from {record}."
-    yield "# Check units and signs: torque in N m, motion in rad or rad/s, both of the motor."
-    yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
-    yield "[[robot]]"
-    yield 'name = "robot1"'
-    for axis in found.axes:
-        yield from _axis_lines(found, axis, interval_s)
-
-
-def _axis_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) -> Iterator[str]:
-    yield ""
-    yield "[[robot.axis]]"
-    yield f"name = {_quoted(axis.name)}"
-    if interval_s is None:
-        yield "sample_interval_s = 0.001  # not known: correct it"
-    else:
-        yield f"sample_interval_s = {interval_s:.4g}"
-    if found.time is not None:
-        unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
-        yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
-    remark = axis.sureness + ("; a current: factor is the torque constant [N m/A]" if axis.current else "")
-    sign = -1.0 if axis.turned else 1.0
-    yield f"torque = {_source(axis.torque, 'torque', sign)}  # {remark}"
-    yield f"{axis.output} = {_source(axis.motion, axis.output)}"
-    yield MODEL
-
-
-def _source(column: str, quantity: Quantity, sign: float = 1.0) -> str:
-    """The column, with the factor of the unit in its name."""
-    from service.ingest.unit_names import unit_in
-
-    unit = unit_in(column, quantity)
-    factor = sign * (1.0 if unit is None or unit.factor is None else unit.factor)
-    words = "" if factor == 1 else f", factor = {factor:.10g}"
-    return f"{{ column = {_quoted(column)}{words} }}"
-
-
-def _quoted(text: str) -> str:
-    import json
-
-    return json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,158 @@
+"""The configuration that ``axiswatch init`` proposes, with what is to be checked in it: of a table, or of a bus."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from service.config.schema import BusConfig
+from service.ingest.column_roles import AxisColumns, TableRoles
+from service.ingest.dbc_roles import DbcAxis, SignalRole
+from service.ingest.unit_names import Quantity, unit_in
+
+_MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
+"""Of every axis: from the motion of production, springs are seldom determined."""
+_INTERVAL_S = 0.005
+_BUS = "can0"
+
+
+def table_lines(found: TableRoles, record: str, interval_s: float | None) -> Iterator[str]:
+    """The file for a table; ``interval_s``: between its rows, where a variable of the record says it."""
+    yield f"# Proposed by `axiswatch init` from {record}."
+    yield "# Check units and signs: torque in N m, motion in rad or rad/s, both of the motor."
+    yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
+    interval_s = found.interval_s or interval_s
+    yield from _robot_lines({axis.name: [*_column_lines(found, axis, interval_s)] for axis in found.axes})
+
+
+def bus_lines(
+    axes: Sequence[DbcAxis], dbc: Path, output: Path, bus: BusConfig | None = None
+) -> Iterator[str]:
+    """The file ``output`` for the axes of a DBC.
+
+    Args:
+        axes: in their order.
+        dbc: of their bus.
+        output: the file.
+        bus: that was listened to; None: none was.
+    """
+    yield f"# Proposed by `axiswatch init` from {dbc.name}."
+    yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
+    yield "# factor converts the unit of the DBC, -1 turns the sign; of the angle of an arm it is the gear ratio."
+    yield "[[bus]]"
+    yield f"name = {_quoted(_BUS if bus is None else bus.name)}"
+    if bus is None:
+        yield f'channel = "{_BUS}"  # of the interface; the name in a log'
+    else:
+        yield f"interface = {_quoted(bus.interface)}"
+        yield f"channel = {_quoted(bus.channel)}"
+        if bus.options:
+            yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
+    yield f"dbc = {_quoted(os.path.relpath(dbc.resolve(), output.resolve().parent))}"
+    yield ""
+    yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
+
+
+def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """A robot of axes, whose lines are given by their names: what all have in common stands once."""
+    yield "[[robot]]"
+    yield 'name = "robot1"'
+    first, *others = axes.values()
+    common = [line for line in first if others and all(line in lines for lines in others)]
+    if common:
+        yield ""
+        yield "[robot.defaults]  # of all axes of this robot; an axis may have its own"
+        yield from common
+    for name, lines in axes.items():
+        yield ""
+        yield "[[robot.axis]]"
+        yield f"name = {_quoted(name)}"
+        yield from (line for line in lines if line not in common)
+
+
+# --- An axis in a table -----------------------------------------------------------------------------------------------
+
+
+def _column_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) -> Iterator[str]:
+    if interval_s is None:
+        yield "sample_interval_s = 0.001  # not known: correct it"
+    else:
+        yield f"sample_interval_s = {interval_s:.4g}"
+    if found.time is not None:
+        unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
+        yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
+    yield _MODEL
+    remark = axis.sureness + ("; a current: factor is the torque constant [N m/A]" if axis.current else "")
+    sign = -1.0 if axis.turned else 1.0
+    yield f"torque = {_column(axis.torque, 'torque', sign)}  # {remark}"
+    yield f"{axis.output} = {_column(axis.motion, axis.output)}"
+
+
+def _column(column: str, quantity: Quantity, sign: float = 1.0) -> str:
+    """The column, with the factor of the unit in its name."""
+    unit = unit_in(column, quantity)
+    factor = sign * (1.0 if unit is None or unit.factor is None else unit.factor)
+    words = "" if factor == 1 else f", factor = {factor:.10g}"
+    return f"{{ column = {_quoted(column)}{words} }}"
+
+
+# --- An axis on a bus -------------------------------------------------------------------------------------------------
+
+
+def _message_lines(axis: DbcAxis) -> Iterator[str]:
+    if axis.interval_s is None:
+        yield f"sample_interval_s = {_INTERVAL_S:g}  # not in the DBC: correct it; `commission` measures it"
+    else:
+        origin = "as measured" if axis.measured else "cycle time of the message"
+        yield f"sample_interval_s = {axis.interval_s:g}  # {origin}"
+    yield from _time_lines(axis)
+    yield _MODEL
+    yield f"torque = {_source(axis.torque)}"
+    yield f"{axis.motion.quantity} = {_source(axis.motion)}"
+
+
+def _time_lines(axis: DbcAxis) -> Iterator[str]:
+    if axis.counter is not None:
+        message, signal = axis.counter
+        # The times of a counter are whole intervals: nothing would show that the interval is wrong.
+        remark, off = "a sample counter, by its name", ""
+        if axis.interval_s is None:
+            remark, off = f"{remark}: use it once sample_interval_s is right", "#"
+        beside = "" if message == axis.motion.message else f"counter_message = {_quoted(message)}, "
+        yield f"{off}time = {{ {beside}counter_signal = {_quoted(signal)} }}  # {remark}"
+    elif axis.bunched:
+        yield 'time = { clock = "cyclic" }  # frames are received in bunches: the clock of the controller is fitted'
+
+
+def _source(role: SignalRole) -> str:
+    keys = [f"message = {_quoted(role.message)}", f"signal = {_quoted(role.signal)}"]
+    factor = (1.0 if role.factor is None else role.factor) * (-1.0 if role.turned else 1.0)
+    if factor != 1:
+        keys.append(f"factor = {factor:.10g}")
+    if role.wrap_period is not None:
+        keys.append(f"wrap_period = {role.wrap_period:.10g}")
+    remark = f"{role.sureness}: {_unit_words(role)}"
+    if role.turned:
+        remark += "; the sign is turned, since the motion goes against it"
+    return f"{{ {', '.join(keys)} }}  # {remark}"
+
+
+def _unit_words(role: SignalRole) -> str:
+    if role.current:
+        return "a current; factor is the torque constant [N m/A]"
+    if not role.unit:
+        return f"by its name; the DBC has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"
+    if role.factor is None:
+        what = (
+            "rated torque / 1000 or / 100 [N m]"
+            if role.quantity == "torque"
+            else "2 pi / counts of a turn [rad]"
+        )
+        return f"in {role.unit}; factor is {what}"
+    return f"in {role.unit}"
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
