@@ -12,6 +12,7 @@ from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.greybox import Estimate, monitored_information
 from monitor_core.identification.problem import value_of
 from monitor_core.identification.records.record import Record
+from monitor_core.wording import rounded_down
 
 _SHOWS = 3.0
 """Standard deviations of an estimate that a change must reach, as nu of the paper's tests (alpha_1)."""
@@ -23,6 +24,8 @@ _LARGEST = 1.0
 
 _SMALL = 0.2
 """A change of 20 % is what robots are watched for."""
+_NEEDED = 33
+"""Memories that a record must hold: ten to find P(0), twenty to calibrate, the rest for what cannot be used."""
 
 
 class Obstacle(Enum):
@@ -90,13 +93,18 @@ def shortest_memory(
 ) -> float:
     """The shortest of these memories [s], in ascending order, with which all that shows shows from small changes on.
 
-    Else the longest.  Arguments as of ``outlook``.
+    Else the longest; if the records are too short to calibrate with that, the longest with which they are not, but at
+    least the first.  Arguments as of ``outlook``.
     """
-    for memory_s in memories_s[:-1]:
+    longest_s = rounded_down(sum(record.duration_s for record in records) / _NEEDED)
+    most_s = max(memories_s[0], min(longest_s, memories_s[-1]))
+    for memory_s in memories_s:
+        if memory_s >= most_s:
+            break
         found = outlook(estimate, monitored, records, memory_s, sizes)
         if all(w.change <= _SMALL for w in found if w.obstacle is not Obstacle.NO_SIZE):
             return memory_s
-    return memories_s[-1]
+    return most_s
 
 
 def _changes(

@@ -161,14 +161,22 @@ def test_the_level_of_torque_noise_is_looked_for_where_it_is(seed: int) -> None:
 
 
 def test_the_shortest_memory_that_shows_small_changes_is_taken(seed: int) -> None:
-    rec = record(seed, disturbed=3.0)
-    shown = {memory: found([rec], memory_s=memory).watched for memory in (0.05, 20.0)}
+    rec = record(seed, disturbed=0.5)
+    shown = {memory: found([rec], memory_s=memory).watched for memory in (0.05, 0.8)}
     few, many = (max(w.change for w in watched) for watched in shown.values())
     assert many < 0.2 < few
-    for memories in ((0.05, 20.0), (0.05, 20.0, 40.0)):
+    for memories in ((0.05, 0.8), (0.05, 0.8, 1.0)):
         chosen = found([rec], memories_s=memories)
-        assert chosen.memory_s == 20.0
-        assert chosen.watched == shown[20.0]
+        assert chosen.memory_s == 0.8
+        assert chosen.watched == shown[0.8]
+
+
+@pytest.mark.parametrize(("memories_s", "expected"), [((0.4, 0.8, 2.0), 1.2), ((5.0, 10.0), 5.0)])
+def test_no_memory_is_taken_with_which_the_record_is_too_short(
+    memories_s: tuple[float, ...], expected: float, seed: int
+) -> None:
+    """Forty seconds are 33 memories of 1.2 s; the usual memory is taken all the same."""
+    assert found([record(seed, disturbed=3.0)], memories_s=memories_s).memory_s == expected
 
 
 def test_outlook(seed: int) -> None:
