@@ -80,6 +80,10 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
 
     console = Console(highlight=False, soft_wrap=True)
     look_s = min(LOOK_S, seconds)
+    try:
+        (folder / RECORDS).mkdir(exist_ok=True)
+    except OSError as error:
+        raise RecordError(f"cannot write {folder / RECORDS}: {error.strerror}") from None
     console.print(
         f"Looking at {', '.join(bus.name for bus in config.bus)} for {look_s:g} s ...", markup=False
     )
@@ -98,16 +102,21 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
 
 
 def _words(look: Look) -> Iterator[str]:
-    yield from (f"{words}." for words in look.buses)
+    yield from map(_sentence, look.buses)
     for axis in look.axes:
-        if axis.facts:
-            yield f"{axis.axis_id}: {axis.facts}."
-        yield from (f"{axis.axis_id}: {words}." for words in axis.problems)
-        yield from (f"{axis.axis_id}: {words}; proposed after the recording." for words in axis.proposals)
+        found = (
+            axis.facts,
+            *axis.problems,
+            *(f"{words}; proposed after the recording" for words in axis.proposals),
+        )
+        yield from (f"{axis.axis_id}: {_sentence(words)}" for words in found if words)
+
+
+def _sentence(words: str) -> str:
+    return words if words.endswith("?") else f"{words}."
 
 
 def _record(config: Config, folder: Path, seconds: float, console: Console) -> None:
-    folder.mkdir(exist_ok=True)
     path = folder / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.log"
     console.print(f"Recording {duration(seconds)} into {path}; Ctrl-C ends it early.", markup=False)
     errors, line_s = Console(stderr=True, highlight=False, soft_wrap=True), 0.0

@@ -213,6 +213,10 @@ def test_what_is_refused(folder: Path, config: Path) -> None:
     assert "no records, and none of half a minute in commissioned/records" in refused(*words)
     assert "0 minutes: half a minute (0.5) is the least" in refused(*words, "--minutes", 0)
     assert "leave out --minutes" in refused(*words, "healthy.log", "--minutes", 1)
+    (folder / "taken").mkdir()
+    (folder / "taken" / "records").touch()
+    taken = axiswatch(*words, "--minutes", 0.05, "--output", "taken")
+    assert (taken.exit_code, "cannot write taken/records: File exists" in taken.stderr) == (MISTAKE, True)
     silent = axiswatch(*words, "--minutes", 0.05)
     assert silent.exit_code == MISTAKE
     assert "bus can0 (virtual live-" in silent.stdout
