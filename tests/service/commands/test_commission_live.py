@@ -24,7 +24,7 @@ from tests.service.commands.test_commission import folder, table
 
 __all__ = ["folder"]  # a fixture
 
-LOOK_S = 0.6
+LOOK_S = 1.0
 
 
 @pytest.fixture(autouse=True)
