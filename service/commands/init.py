@@ -32,7 +32,9 @@ MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = {
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 
 
-ListenFor = Annotated[float, typer.Option("--seconds", min=1.0, metavar="N", help="With --bus: how long.")]
+ListenFor = Annotated[
+    float, typer.Option("--seconds", min=1.0, max=600.0, metavar="N", help="With --bus: how long.")
+]
 
 
 def init(

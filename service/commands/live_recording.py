@@ -15,16 +15,17 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from monitor_core.arrays import Floats
 from monitor_core.wording import duration
 from service.can.frames import FrameKey
 from service.can.log_files import FrameRecorder, span_s
 from service.can.user_errors import RecordError
+from service.commands.checked_axis import moves
 from service.commands.exit_codes import stopped_by_signals
 from service.commands.listen import LiveBus, live_buses, rounds
 from service.commands.progress import steps_bar
 from service.config import Config
 from service.ingest.bus_samples import Value
+from service.ingest.timestamp_jitter import Stamps
 
 if TYPE_CHECKING:
     from service.commands.live_look import Look
@@ -35,10 +36,6 @@ LEAST_S, MOST_S = 30.0, 86400.0
 """Of a record: the least that may identify an axis, and a day"""
 LOOK_S = 10.0
 _SHOW_S, _LINES_S = 1.0, 30.0
-_MOVES = 12.0
-"""Range of a motion over its usual step from which on it is no noise, for which that is six."""
-_RARE = 0.005
-"""Share of values at either end that may be outliers."""
 
 
 def recorded(folder: Path) -> list[Path]:
@@ -136,7 +133,8 @@ def _record(config: Config, folder: Path, seconds: float, console: Console) -> N
             f"no frame came within {heard.seconds:.0f} s: {_states(heard)}; nothing was recorded"
         )
     lost = "".join(f", {n} {reason} on {bus}" for bus, d in heard.lost.items() for reason, n in d.items())
-    console.print(f"{path}: {heard.seconds:.0f} s, {heard.frames} frames{lost}", markup=False)
+    down = "".join(f"; bus {bus} is {state}" for bus, state in heard.states.items() if state != "up")
+    console.print(f"{path}: {heard.seconds:.0f} s, {heard.frames} frames{lost}{down}", markup=False)
     if (long_s := span_s(path)) < LEAST_S:
         raise RecordError(
             f"{long_s:.0f} s are too short: {LEAST_S:g} s are the least that may identify an axis; {path} is kept and"
@@ -166,6 +164,8 @@ class Heard(NamedTuple):
     """Of the buses at the end, as the reader has them"""
     lost: Mapping[str, Mapping[str, int]]
     """Frames dropped, by bus and reason"""
+    stamps: Mapping[str, Stamps]
+    """Time stamps of each axis"""
 
     @property
     def frames(self) -> int:
@@ -206,7 +206,8 @@ def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: 
                 show(words, now - began, seconds)
         states = {bus.name: bus.reader.stats().state for bus in buses}
         lost = {bus.name: bus.lost for bus in buses}
-    found = Heard(min(seconds, time.monotonic() - began), traffic, states, lost)
+        stamps = {axis_id: axis.stamps for bus in buses for axis_id, axis in bus.ingest.axes.items()}
+    found = Heard(min(seconds, time.monotonic() - began), traffic, states, lost, stamps)
     if not found.frames:
         path.unlink(missing_ok=True)
     return found
@@ -236,14 +237,3 @@ class _Motions:
         found = sum(moves(np.array(values), self._quantities[a]) for a, values in self._values.items())
         self._values.clear()
         return found
-
-
-def moves(values: Floats, quantity: str) -> bool:
-    """Whether an angle or a speed (N,) is that of an axis that moves, and not only noise or the last digit."""
-    values = values[np.isfinite(values)]
-    steps = abs(np.diff(values))
-    if not steps.any():
-        return quantity == "speed" and bool(values.any())
-    usual = float(np.median(steps[steps > 0]))
-    low, middle, high = np.quantile(values, (_RARE, 0.5, 1 - _RARE))
-    return bool(high - low > _MOVES * usual or (quantity == "speed" and abs(middle) > _MOVES * usual))

@@ -13,9 +13,10 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.commands import live_recording
+from service.commands.checked_axis import moves
 from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.commands.live_look import Look, look_at
-from service.commands.live_recording import moves, recorded
+from service.commands.live_recording import recorded
 from service.config import load
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands import can_logs
