@@ -29,6 +29,10 @@ Signal = Literal["torque", "motion"]
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
 FASTEST = 2000.0
 """rad/s: 19 000 revolutions per minute, which no motor of a robot reaches."""
+_MOVES = 12.0
+"""Range of a motion over its usual step from which on it is no noise, for which that is six."""
+_RARE = 0.005
+"""Share of values at either end that may be outliers."""
 
 
 class Checked:
@@ -133,3 +137,14 @@ def fastest(records: Sequence[Record]) -> float:
             abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y)
         )
     return float(np.quantile(np.concatenate(speeds), 0.99))
+
+
+def moves(values: Floats, quantity: str) -> bool:
+    """Whether an angle or a speed (N,) is that of an axis that moves, and not only noise or the last digit."""
+    values = values[np.isfinite(values)]
+    steps = abs(np.diff(values))
+    if not steps.any():
+        return quantity == "speed" and bool(values.any())
+    usual = float(np.median(steps[steps > 0]))
+    low, middle, high = np.quantile(values, (_RARE, 0.5, 1 - _RARE))
+    return bool(high - low > _MOVES * usual or (quantity == "speed" and abs(middle) > _MOVES * usual))

@@ -29,7 +29,9 @@ RecordFile = Annotated[
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 
 
-ListenFor = Annotated[float, typer.Option("--seconds", min=1.0, metavar="N", help="With --bus: how long.")]
+ListenFor = Annotated[
+    float, typer.Option("--seconds", min=1.0, max=600.0, metavar="N", help="With --bus: how long.")
+]
 
 
 def init(

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from monitor_core.wording import listed
-from service.commands.live_recording import Heard, Show, moves, record_buses
+from service.commands.checked_axis import moves
+from service.commands.live_recording import Heard, Show, record_buses
 from service.config import Config, NamedAxis
+from service.ingest.timestamp_jitter import remarks
 
 if TYPE_CHECKING:
     from service.can.frames import FrameKey
@@ -82,6 +84,9 @@ def look_at(
         unusable = () if missing or found is not None else (_unusable(lost.get(axis.id, "")),)
         problems = missing or unusable or tuple(_unmoved(axis, found))
         faults, corrections = proposals.get(axis.id, ((), ()))
+        if found is not None:
+            stamps = remarks(axis.id, axis.config.sample_interval_s, heard.stamps[axis.id])
+            facts = "; ".join([facts, *(words.removeprefix(f"{axis.id}: ") for words in stamps)])
         axes.append(AxisLook(axis.id, facts, found is not None, problems or faults, corrections))
     return Look(tuple(_bus_problems(config, heard)), tuple(axes))
 

@@ -15,16 +15,17 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from monitor_core.arrays import Floats
 from monitor_core.wording import duration
 from service.can.frames import FrameKey
 from service.can.log_files import FrameRecorder, span_s
 from service.can.user_errors import RecordError
+from service.commands.checked_axis import moves
 from service.commands.exit_codes import stopped_by_signals
 from service.commands.listen import LiveBus, live_buses, rounds
 from service.commands.progress import steps_bar
 from service.config import Config
 from service.ingest.bus_samples import Value
+from service.ingest.timestamp_jitter import Stamps
 
 if TYPE_CHECKING:
     from service.commands.live_look import Look
@@ -35,10 +36,6 @@ LEAST_S, MOST_S = 30.0, 86400.0
 """Of a record: the least that may identify an axis, and a day"""
 LOOK_S = 10.0
 _SHOW_S, _LINES_S = 1.0, 30.0
-_MOVES = 12.0
-"""Range of a motion over its usual step from which on it is no noise, for which that is six."""
-_RARE = 0.005
-"""Share of values at either end that may be outliers."""
 
 
 def recorded(folder: Path) -> list[Path]:
@@ -80,6 +77,10 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
 
     console = Console(highlight=False, soft_wrap=True)
     look_s = min(LOOK_S, seconds)
+    try:
+        (folder / RECORDS).mkdir(exist_ok=True)
+    except OSError as error:
+        raise RecordError(f"cannot write {folder / RECORDS}: {error.strerror}") from None
     console.print(
         f"Looking at {', '.join(bus.name for bus in config.bus)} for {look_s:g} s ...", markup=False
     )
@@ -98,16 +99,21 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
 
 
 def _words(look: Look) -> Iterator[str]:
-    yield from (f"{words}." for words in look.buses)
+    yield from map(_sentence, look.buses)
     for axis in look.axes:
-        if axis.facts:
-            yield f"{axis.axis_id}: {axis.facts}."
-        yield from (f"{axis.axis_id}: {words}." for words in axis.problems)
-        yield from (f"{axis.axis_id}: {words}; proposed after the recording." for words in axis.proposals)
+        found = (
+            axis.facts,
+            *axis.problems,
+            *(f"{words}; proposed after the recording" for words in axis.proposals),
+        )
+        yield from (f"{axis.axis_id}: {_sentence(words)}" for words in found if words)
+
+
+def _sentence(words: str) -> str:
+    return words if words.endswith("?") else f"{words}."
 
 
 def _record(config: Config, folder: Path, seconds: float, console: Console) -> None:
-    folder.mkdir(exist_ok=True)
     path = folder / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.log"
     console.print(f"Recording {duration(seconds)} into {path}; Ctrl-C ends it early.", markup=False)
     errors, line_s = Console(stderr=True, highlight=False, soft_wrap=True), 0.0
@@ -127,7 +133,8 @@ def _record(config: Config, folder: Path, seconds: float, console: Console) -> N
             f"no frame came within {heard.seconds:.0f} s: {_states(heard)}; nothing was recorded"
         )
     lost = "".join(f", {n} {reason} on {bus}" for bus, d in heard.lost.items() for reason, n in d.items())
-    console.print(f"{path}: {heard.seconds:.0f} s, {heard.frames} frames{lost}", markup=False)
+    down = "".join(f"; bus {bus} is {state}" for bus, state in heard.states.items() if state != "up")
+    console.print(f"{path}: {heard.seconds:.0f} s, {heard.frames} frames{lost}{down}", markup=False)
     if (long_s := span_s(path)) < LEAST_S:
         raise RecordError(
             f"{long_s:.0f} s are too short: {LEAST_S:g} s are the least that may identify an axis; {path} is kept and"
@@ -157,6 +164,8 @@ class Heard(NamedTuple):
     """Of the buses at the end, as the reader has them"""
     lost: Mapping[str, Mapping[str, int]]
     """Frames dropped, by bus and reason"""
+    stamps: Mapping[str, Stamps]
+    """Time stamps of each axis"""
 
     @property
     def frames(self) -> int:
@@ -197,7 +206,8 @@ def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: 
                 show(words, now - began, seconds)
         states = {bus.name: bus.reader.stats().state for bus in buses}
         lost = {bus.name: bus.lost for bus in buses}
-    found = Heard(min(seconds, time.monotonic() - began), traffic, states, lost)
+        stamps = {axis_id: axis.stamps for bus in buses for axis_id, axis in bus.ingest.axes.items()}
+    found = Heard(min(seconds, time.monotonic() - began), traffic, states, lost, stamps)
     if not found.frames:
         path.unlink(missing_ok=True)
     return found
@@ -227,14 +237,3 @@ class _Motions:
         found = sum(moves(np.array(values), self._quantities[a]) for a, values in self._values.items())
         self._values.clear()
         return found
-
-
-def moves(values: Floats, quantity: str) -> bool:
-    """Whether an angle or a speed (N,) is that of an axis that moves, and not only noise or the last digit."""
-    values = values[np.isfinite(values)]
-    steps = abs(np.diff(values))
-    if not steps.any():
-        return quantity == "speed" and bool(values.any())
-    usual = float(np.median(steps[steps > 0]))
-    low, middle, high = np.quantile(values, (_RARE, 0.5, 1 - _RARE))
-    return bool(high - low > _MOVES * usual or (quantity == "speed" and abs(middle) > _MOVES * usual))

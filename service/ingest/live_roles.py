@@ -33,16 +33,16 @@ _FEWEST = 50
 """Values of a signal that can be looked at."""
 _GAP, _GAP_S = 10.0, 0.1
 """Times the median interval, and s: longer intervals are gaps."""
-_SCATTER_S = 0.1
-"""Of times of receipt"""
+_SCATTER_S = 0.1  # of times of receipt
 _BUNCHED = 0.05
 """Of the frames, that come within half an interval after another one"""
 _ALIKE = 1.3
 """Intervals of signals that are compared differ by less than this factor."""
-_BITS = 8
-"""A number of fewer bits is a state."""
+_BITS = 8  # a number of fewer bits is a state
 _CYCLE = 0.02
 """Relative: a measured interval this close to the cycle in the DBC is that."""
+_ACCURATE = 0.003
+"""Relative: of an interval that is measured in some seconds."""
 _COUNTS_ON = 0.9
 """Of the frames, in which a sample counter goes up by 1."""
 _TURNS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
@@ -66,7 +66,7 @@ class Series(NamedTuple):
     @property
     def is_bunched(self) -> bool:
         """Whether many values come close after another one."""
-        return bool(np.mean(np.diff(self.t) < 0.5 * self.interval_s) > _BUNCHED)
+        return int(np.count_nonzero(np.diff(self.t) < 0.5 * self.interval_s)) > _BUNCHED * self.t.size
 
     @property
     def even_s(self) -> Floats:
@@ -195,8 +195,9 @@ def _pairs(
 ) -> list[AxisColumns]:
     values = {}
     for name, series in group.items():
-        role = by_name.get(name)
-        period = role.wrap_period if role is not None and role.wrap_period else wrap_of(series.values)
+        role, period = by_name.get(name), None
+        if role is None or role.quantity == "angle":
+            period = (role and role.wrap_period) or wrap_of(series.values)
         values[name] = series.values if period is None else np.unwrap(series.values, period=period)
     return axes_by_values(values, next(iter(group.values())).t, named)
 
@@ -223,19 +224,26 @@ def _timed(axis: DbcAxis, message: Message, series: Mapping[str, Series]) -> Dbc
     own = [series[f"{role.message}.{role.signal}"] for role in (axis.torque, axis.motion)]
     measured_s, counter = max(s.interval_s for s in own), None
     for signal in filter(counts, message.signals):
-        counted_s = _counted_s(signal, series[f"{message.name}.{signal.name}"])
+        counted_s = _counted_s(signal, series.get(f"{message.name}.{signal.name}"))
         if counted_s is not None:
             measured_s, counter = counted_s, (message.name, signal.name)
             break
     cycle_s = (message.cycle_time or 0) / 1000
-    near = abs(measured_s - cycle_s) < _CYCLE * cycle_s
-    interval_s = cycle_s if near else float(f"{measured_s:.3g}")
+    interval_s = cycle_s if abs(measured_s - cycle_s) < _CYCLE * cycle_s else _rounded(measured_s)
     bunched = any(s.is_bunched for s in own)
     return axis._replace(interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched)
 
 
-def _counted_s(signal: Signal, series: Series) -> float | None:
-    """Seconds for each count of a sample counter; None: it does not count the frames."""
+def _rounded(interval_s: float) -> float:
+    """A measured interval, as round as its accuracy allows."""
+    few = float(f"{interval_s:.2g}")
+    return few if abs(few - interval_s) < _ACCURATE * interval_s else float(f"{interval_s:.4g}")
+
+
+def _counted_s(signal: Signal, series: Series | None) -> float | None:
+    """Seconds for each count of a sample counter; None: it does not count the frames, or did not come."""
+    if series is None:
+        return None
     steps = np.diff(series.values) % 2.0**signal.length
     if not steps.size or np.mean(steps == 1) < _COUNTS_ON:
         return None

@@ -167,12 +167,12 @@ def test_a_robot_is_commissioned_on_its_bus(
     rows = table(tmp_path / "rows.csv", seed, 60.0, sign=-1)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: replace(FEW_COPIES, within_s=20.0))
     monkeypatch.setattr(live_recording, "LEAST_S", 1.0)
-    monkeypatch.setattr(live_recording, "LOOK_S", 0.5)
+    monkeypatch.setattr(live_recording, "LOOK_S", 1.0)
     monkeypatch.chdir(tmp_path)
     (init, _), (command, _) = shown("axiswatch init"), shown("axiswatch commission")
     bus = load(robot_config, {}).bus[0]
     init[init.index("socketcan:can0")] = f"virtual:{bus.channel},preserve_timestamps=true"
-    command[command.index("10")] = "0.05"
+    command[command.index("10")] = "0.1"
     with moving(rows, robot_config):
         proposed = axiswatch(*init[1:], "--seconds", 1)
         assert "axis1: torque Joint1.Joint1_Torque_Act [Nm]" in proposed.stdout, proposed.output
@@ -186,7 +186,7 @@ def test_a_robot_is_commissioned_on_its_bus(
     assert axiswatch("check", "--config", "commissioned/axiswatch.toml").exit_code == 0
     kept = tmp_path / "commissioned" / "robot1.axis1.json"
     before = kept.stat().st_mtime_ns
-    again = axiswatch(*[word for word in command[1:] if word not in ("--minutes", "0.05")])
+    again = axiswatch(*[word for word in command[1:] if word not in ("--minutes", "0.1")])
     assert (again.exit_code, kept.stat().st_mtime_ns) == (0, before), "what was recorded is used again"
 
 

@@ -18,7 +18,7 @@ from service.config import load
 from service.ingest.encode import FrameEncoder
 from tests.service.commands import can_logs
 
-SPEED = 12.0
+SPEED = 6.0
 """So many seconds of the robot pass in a second where frames keep the times that they are sent with."""
 _EVERY_S = 0.02
 _CHANNELS = itertools.count()

@@ -11,7 +11,7 @@ from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
 from service.commands import commission
 from service.commands.exit_codes import MISTAKE, NOT_TESTED
-from service.commands.signal_proposals import exchanged
+from service.commands.signal_proposals import exchanged, review
 from service.config import load
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
@@ -204,6 +204,21 @@ def test_every_kind_of_can_log(suffix: str, folder: Path, seed: int) -> None:
     assert {axis: {c.key[1]: c.value for c in changes} for axis, changes in found.items()} == {
         f"cell.a{n}": {"message": f"Joint{n}", "signal": f"Joint{n}_Torque_Act"} for n in (1, 2)
     }
+
+
+def test_frames_in_bunches(folder: Path, seed: int) -> None:
+    """An adapter passes on the frames of 16 ms at once: the interval is right, the times are not."""
+    rows = table(folder / "rows.csv", seed, 20.0)
+    head, _, _ = rows.read_text(encoding="utf-8").partition("\n")
+    columns = np.loadtxt(rows, delimiter=",", skiprows=1)
+    since = columns[:, 0] - columns[0, 0]
+    columns[:, 0] += np.ceil(since / 0.016) * 0.016 - since + 1e-4 * (np.arange(since.size) % 4)
+    np.savetxt(rows, columns, fmt=["%.6f", "%.10g", "%.10g"], delimiter=",", header=head, comments="")
+    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
+    log = can_logs.log_of(rows, config, folder / "healthy.log")
+    found = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
+    assert [correction.change for correction in found.corrections] == ['time.clock = "cyclic"']
+    assert not found.faults
 
 
 def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:

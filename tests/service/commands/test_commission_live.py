@@ -13,9 +13,10 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.commands import live_recording
+from service.commands.checked_axis import moves
 from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.commands.live_look import Look, look_at
-from service.commands.live_recording import moves, recorded
+from service.commands.live_recording import recorded
 from service.config import load
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands import can_logs
@@ -24,7 +25,7 @@ from tests.service.commands.test_commission import folder, table
 
 __all__ = ["folder"]  # a fixture
 
-LOOK_S = 0.6
+LOOK_S = 1.0
 
 
 @pytest.fixture(autouse=True)
@@ -213,6 +214,10 @@ def test_what_is_refused(folder: Path, config: Path) -> None:
     assert "no records, and none of half a minute in commissioned/records" in refused(*words)
     assert "0 minutes: half a minute (0.5) is the least" in refused(*words, "--minutes", 0)
     assert "leave out --minutes" in refused(*words, "healthy.log", "--minutes", 1)
+    (folder / "taken").mkdir()
+    (folder / "taken" / "records").touch()
+    taken = axiswatch(*words, "--minutes", 0.05, "--output", "taken")
+    assert (taken.exit_code, "cannot write taken/records: File exists" in taken.stderr) == (MISTAKE, True)
     silent = axiswatch(*words, "--minutes", 0.05)
     assert silent.exit_code == MISTAKE
     assert "bus can0 (virtual live-" in silent.stdout

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.can.frames import Frame
-from service.can.log_files import LOG_SUFFIXES, CanLog, FrameRecorder
+from service.can.log_files import LOG_SUFFIXES, CanLog, FrameRecorder, span_s
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
@@ -154,6 +154,22 @@ def test_a_damaged_line_of_a_candump_log(tmp_path: Path, line: str) -> None:
     assert (
         fault(tmp_path / "a.log") == f", line 301: not understood: {line!r} (300 frames were read before it)"
     )
+
+
+def test_a_torn_last_line_is_left_out(tmp_path: Path) -> None:
+    """Its writer was killed, or the disk was full."""
+    path, sent = tmp_path / "a.log", traffic(0, 300)
+    write(path, sent)
+    seconds = span_s(path)
+    assert seconds == pytest.approx((sent[-1].t_us - sent[0].t_us) * 1e-6, abs=1e-6)
+    with path.open("a", encoding="utf-8") as file:
+        file.write("(1760000099.12")
+    log = CanLog(path)
+    assert [frame for _, frame in all_frames(log)] == sent
+    assert log.dropped["not_a_frame"] == 1
+    assert span_s(path) == seconds
+    path.write_text("(1760000000.5", encoding="utf-8")
+    assert span_s(path) == 0
 
 
 @pytest.mark.parametrize("suffix", LOG_SUFFIXES)
