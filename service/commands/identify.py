@@ -148,7 +148,8 @@ def identify(
     values = None if refused else as_toml(result)
     files.write(values, as_html(result), partial(as_json, result), partial(print_text, result))
     if refused:
-        print(f"axiswatch: no nominal values: {result.rejection}", file=sys.stderr)
+        way = "; --force writes them all the same" if result.is_poor else ""
+        print(f"axiswatch: no nominal values: {result.rejection}{way}", file=sys.stderr)
         raise typer.Exit(MISTAKE)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from service.config.schema import BusConfig
-from service.ingest.column_roles import AxisColumns, TableRoles
+from service.ingest.column_roles import AxisRoles, TableRoles
 from service.ingest.dbc_roles import DbcAxis, SignalRole
 from service.ingest.unit_names import Quantity, unit_in
 
@@ -75,7 +75,7 @@ def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
 # --- An axis in a table -----------------------------------------------------------------------------------------------
 
 
-def _column_lines(found: TableRoles, axis: AxisColumns, interval_s: float | None) -> Iterator[str]:
+def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) -> Iterator[str]:
     if interval_s is None:
         yield "sample_interval_s = 0.001  # not known: correct it"
     else:

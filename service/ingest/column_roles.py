@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.identification import Record, rigid_fit
 
 _TABLE = """
@@ -27,16 +27,26 @@ wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
 """What a word in a column's name says that it is; wanted: what the controller asks for, which is no measurement."""
 _MOST_ROWS = 20_000
-_SLOPE = 0.95
-"""Correlation of a speed with the slope of its angle."""
+_SLOPE, _SAME = 0.95, 0.99
+"""Correlation of a speed with the slope of its angle, and with another speed of the same axis."""
+_IN_STEP = 0.5
+"""Of the torque that must be explained beyond that by a torque elsewhere, to take one that is out of step."""
+_ABOUT, _ROUGHER = 0.1, 3.0
+"""Torques that fit as well but for this part, and are smoother by this factor, are wanted ones."""
 _MOVES = 1e-9
+_ABSURD = 1e30
+"""No quantity of a robot is as large, whatever its unit."""
+_MOST = (0.01, 0.99)
+"""Quantiles between which 98 % of a column lies"""
+_FAR = 100.0
+"""Values farther than this from the middle, in units of the range of 98 % of them, are faults of the file."""
 _TURNED = 0.2
 """Of the torque that must be explained beyond that by a torque of the right sign, to take one of the wrong sign."""
 SURE, LIKELY = 0.6, 0.2
 """Part of the torque that a rigid mass explains, from which on a pair is sure, or likely."""
 
 
-class AxisColumns(NamedTuple):
+class AxisRoles(NamedTuple):
     """The columns of one axis; ``explained``: part of the torque that the motion explains as a rigid mass."""
 
     name: str
@@ -48,10 +58,14 @@ class AxisColumns(NamedTuple):
     """The torque is a current: its factor is the torque constant"""
     turned: bool
     """The torque has the wrong sign"""
+    rivals: tuple[str, ...] = ()
+    """Other columns without a name that may be the torque as well"""
 
     @property
     def sureness(self) -> str:
         """In a word."""
+        if self.rivals:
+            return f"likely; or torque {', '.join(self.rivals)}"
         return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
 
 
@@ -61,7 +75,7 @@ class TableRoles(NamedTuple):
     time: str | None
     unit_s: float
     interval_s: float | None
-    axes: tuple[AxisColumns, ...]
+    axes: tuple[AxisRoles, ...]
     unused: tuple[str, ...]
 
 
@@ -78,15 +92,38 @@ def role_of(name: str) -> str:
 
 
 def roles(columns: Mapping[str, Floats]) -> TableRoles:
-    """The roles of columns (N,) by name; what is not finite is passed over."""
-    values = {name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2}
+    """The roles of columns (N,) by name; what is not finite, and rows with an absurd value, are passed over."""
+    values = _sound({name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2})
     time, unit_s = _time(values)
     interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s if time is not None else None
     moving = {name: v for name, v in values.items() if name != time and changes(v)}
     t = None if time is None else np.asarray(values[time] * unit_s, np.float64)
-    axes = tuple(axes_by_values(moving, t, {name: Named(role_of(name), _number(name)) for name in moving}))
+    places = {name: place for place, name in enumerate(columns)}
+    named = {name: Named(role_of(name), _number(name), places[name]) for name in moving}
+    axes = tuple(axes_by_values(moving, t, named))
     used = {time, *(axis.torque for axis in axes), *(axis.motion for axis in axes)}
     return TableRoles(time, unit_s, interval_s, axes, tuple(name for name in columns if name not in used))
+
+
+def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Columns (N,) without the rows in which one of them has a value that nothing can have: such a row is torn."""
+    torn = np.zeros(min(map(len, columns.values()), default=0), bool)
+    for v in columns.values():
+        torn |= _absurd(v[: len(torn)])
+    return {name: np.where(torn, np.nan, v[: len(torn)]) for name, v in columns.items()}
+
+
+def _absurd(v: Floats) -> Bools:
+    """Which values (N,) are too large for any quantity, or lie far outside of all others."""
+    absurd = np.asarray(abs(v) >= _ABSURD)
+    finite = v[np.isfinite(v) & ~absurd]
+    if not finite.size:
+        return absurd
+    low, high = np.quantile(finite, _MOST)
+    if low == high:
+        return absurd
+    with np.errstate(over="ignore"):
+        return absurd | (abs(v - np.median(finite)) > _FAR * (high - low))
 
 
 def changes(v: Floats) -> bool:
@@ -132,11 +169,13 @@ class Named(NamedTuple):
     """As ``role_of``"""
     number: str
     """Of its axis; empty: it has none"""
+    place: int | None = None
+    """Of the column in its table"""
 
 
 def axes_by_values(
     values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]
-) -> list[AxisColumns]:
+) -> list[AxisRoles]:
     """Which columns are torque and motion of which axis.
 
     Args:
@@ -152,21 +191,29 @@ def axes_by_values(
     # An axis that sends both: the angle gives the better estimates.
     numbers = {named[name].number for name in angles}
     motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
+    speeds: Mapping[str, str] = {}
     if not torques or not motions:
-        motions = motions or _angles(values, unnamed, t) or unnamed
-        slopes = [n for n in unnamed if any(_is_slope(values[m], values[n], t) for m in motions if m != n)]
+        speeds = _speeds(values, unnamed, t)
+        motions = motions or list(speeds) or unnamed
+        slopes = {
+            n
+            for n in unnamed
+            if n in speeds.values() or any(_same_speed(values[s], values[n]) for s in speeds.values())
+        }
         torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
+    step = _step(speeds, named)
     pairs = sorted(
         (_pair(values, u, y, named, t) for u in torques for y in motions if u != y),
-        key=lambda pair: _weight(pair, named),
+        key=lambda pair: _weight(pair, named, step),
         reverse=True,
     )
-    taken, found = set[str](), list[AxisColumns]()
+    taken, found = set[str](), list[AxisRoles]()
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
             continue
-        taken |= {pair.torque, pair.motion}
-        found.append(pair)
+        best = _measured(pair, pairs, values, named, step)
+        taken |= {best.torque, best.motion, *best.rivals}
+        found.append(best)
     order = list(values)
     found.sort(key=lambda pair: order.index(pair.motion))
     if len({pair.name for pair in found}) < len(found):
@@ -174,27 +221,94 @@ def axes_by_values(
     return found
 
 
-def _weight(pair: AxisColumns, named: Mapping[str, Named]) -> tuple[bool, float]:
+def _weight(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
     """Pairs with the same number come first, then those that explain each other; of equals the first in the table."""
     alike = named[pair.torque].number == named[pair.motion].number
-    return alike, round(pair.explained - _TURNED * pair.turned, 1)
+    beside = _IN_STEP * _in_step(pair, named, step)
+    return alike, round(pair.explained + beside - _TURNED * pair.turned, 1)
 
 
-def _angles(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> list[str]:
-    """Columns of which another one is the slope."""
-    return [a for a in names if any(_is_slope(values[a], values[s], t) for s in names if s != a)]
+# --- Columns without names: their places, and what is measured --------------------------------------------------------
 
 
-def _is_slope(angle: Floats, speed: Floats, t: Floats | None) -> bool:
-    slope = np.gradient(angle, 1.0 if t is None else t)
-    if not (changes(slope) and np.isfinite(slope).all() and np.isfinite(speed).all()):
-        return False
-    return float(np.corrcoef(slope, speed)[0, 1]) > _SLOPE
+def _step(speeds: Mapping[str, str], named: Mapping[str, Named]) -> int | None:
+    """How many columns one quantity of all axes takes: from each angle to its speed; None: there is no such number."""
+    places = [(named[angle].place, named[speed].place) for angle, speed in speeds.items()]
+    steps = {b - a for a, b in places if a is not None and b is not None}
+    step = steps.pop() if len(steps) == 1 else 0
+    return step if step > 1 else None
+
+
+def _in_step(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> bool:
+    """Whether the torque is whole steps behind its angle."""
+    torque, motion = named[pair.torque].place, named[pair.motion].place
+    return bool(step and torque is not None and motion is not None and (torque - motion) % step == 0)
+
+
+def _measured(
+    pair: AxisRoles,
+    pairs: Sequence[AxisRoles],
+    values: Mapping[str, Floats],
+    named: Mapping[str, Named],
+    step: int | None,
+) -> AxisRoles:
+    """Of the torques in step with a motion that fit it about as well, the roughest: what is wanted is smooth."""
+    if not _in_step(pair, named, step):
+        return pair
+    alike = [
+        other
+        for other in pairs
+        if other.motion == pair.motion
+        and _in_step(other, named, step)
+        and other.explained > pair.explained - _ABOUT
+        and other.turned == pair.turned
+    ]
+    best = max(alike, key=lambda other: _roughness(values[other.torque]))
+    rough = _roughness(values[best.torque])
+    rivals = [other.torque for other in alike if _roughness(values[other.torque]) * _ROUGHER > rough]
+    return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
+
+
+def _roughness(v: Floats) -> float:
+    """Of a column (N,): the usual change of its slope from row to row, as part of the range of 98 % of it."""
+    finite = v[np.isfinite(v)]
+    low, high = np.quantile(finite, _MOST)
+    return float(np.median(abs(np.diff(finite, 2))) / (high - low)) if high > low else 0.0
+
+
+def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:
+    """Columns of which another one is the slope, with that one."""
+    found = dict[str, str]()
+    for angle in names:
+        alike = {name: _likeness(_slope(values[angle], t), values[name]) for name in names if name != angle}
+        best = max(alike, key=alike.__getitem__, default=None)
+        if best is not None and alike[best] > _SLOPE:
+            found[angle] = best
+    return found
+
+
+def _slope(angle: Floats, t: Floats | None) -> Floats:
+    return np.asarray(np.gradient(angle, 1.0 if t is None else t))
+
+
+def _same_speed(speed: Floats, other: Floats) -> bool:
+    """Whether a column is a speed once more, as wanted for instance; a torque of friction is less like it."""
+    return _likeness(speed, other) > _SAME
+
+
+def _likeness(a: Floats, b: Floats) -> float:
+    """Correlation; zero where one is constant."""
+    both = np.isfinite(a) & np.isfinite(b)
+    if not both.any():
+        return 0.0
+    # A few faulty rows must not hide it: what is beyond the range of 98 % counts as its end.
+    u, v = (np.clip(x[both], *np.quantile(x[both], _MOST)) for x in (a, b))
+    return float(np.corrcoef(u, v)[0, 1]) if changes(u) and changes(v) else 0.0
 
 
 def _pair(
     values: Mapping[str, Floats], torque: str, motion: str, named: Mapping[str, Named], t: Floats | None
-) -> AxisColumns:
+) -> AxisRoles:
     output: Literal["angle", "speed"] = "speed" if named[motion].role == "speed" else "angle"
     u, y = values[torque], values[motion]
     good = np.isfinite(u) & np.isfinite(y)
@@ -204,9 +318,9 @@ def _pair(
     signs = []
     for sign in (1.0, -1.0):
         fit = rigid_fit(Record(times[good], sign * u[good], y[good], output, torque))
-        signs.append(fit.explained if fit is not None and fit.inertia > 0 else 0.0)
+        signs.append(fit.explained if fit is not None and fit.inertia > 0 and fit.explained > 0 else 0.0)
     number = named[torque].number or named[motion].number
-    return AxisColumns(
+    return AxisRoles(
         f"axis{number}" if number else "axis",
         torque,
         motion,

@@ -17,7 +17,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import wrap_of
 from service.can.dbc import DbcError, Decoder, Message, Signal, read_dbc
 from service.can.frames import Frame, FrameKey
-from service.ingest.column_roles import AxisColumns, Named, axes_by_values, changes, role_of
+from service.ingest.column_roles import AxisRoles, Named, axes_by_values, changes, role_of
 from service.ingest.dbc_roles import (
     DbcAxis,
     SignalRole,
@@ -192,7 +192,7 @@ def _nearest(series: Series, t: Floats) -> Floats:
 
 def _pairs(
     group: Mapping[str, Series], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]
-) -> list[AxisColumns]:
+) -> list[AxisRoles]:
     values = {}
     for name, series in group.items():
         role, period = by_name.get(name), None

@@ -87,8 +87,7 @@ class IdentificationReport:
                 " interval only: shift the torque against the motion where they are recorded"
             )
         if result.rejection is Rejection.POOR:
-            words = f"the drive does not explain the motion: {verdict_words(result.verdict)}"
-            return f"{words}; --force writes them all the same"
+            return f"the drive does not explain the motion: {verdict_words(result.verdict)}"
         return ""
 
     @property

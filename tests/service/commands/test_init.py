@@ -46,6 +46,28 @@ def test_values_alone(record: Path) -> None:
     assert a.sample_interval_s == pytest.approx(0.005)
 
 
+@pytest.mark.parametrize("faulty_rows", [0, 30])
+def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: int) -> None:
+    """Angles, speeds, measured and wanted torques, each of all axes: the measured torque in step with its angle.
+
+    The axes make the same motion, so that each torque explains each of them.
+    """
+    rng = np.random.default_rng(seed)
+    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    angle, torque = rows[:, 2], rows[:, 1]
+    noise = 0.05 * np.ptp(torque) * rng.standard_normal((len(torque), 2))
+    wanted = np.convolve(torque, np.ones(5) / 5, "same")
+    blocks = [angle, -2 * angle, np.gradient(angle, 0.005), -2 * np.gradient(angle, 0.005)]
+    blocks += [torque + noise[:, 0], -3 * torque + noise[:, 1], wanted, -3 * wanted]
+    table = np.column_stack([rows[:, 0] - rows[0, 0], *blocks])
+    for row in rng.choice(np.arange(1, len(table) - 1), faulty_rows, replace=False):
+        table[row, 1:] = rng.choice([0.0, 253.0, 1e293, -7e18], 8)
+    np.savetxt(record, table, "%.12g", ",")
+    assert "not used: 3, 4, 7, 8" in shown("init", record)
+    found = [(a.config.torque.column, a.config.motion.column) for a in load(Path("axis.toml")).axes]
+    assert found == [("5", "1"), ("6", "2")]
+
+
 def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
     lines = record.read_text(encoding="utf-8").splitlines()
     lines[0] = "t,tau_1,q_1,tau_ref_2,q_cmd_2"

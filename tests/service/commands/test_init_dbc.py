@@ -65,7 +65,11 @@ def test_shipped_files(name: str, count: int) -> None:
     assert output.count(": sure") == count
     written = Path("axis.toml").read_text(encoding="utf-8")
     assert len(written.splitlines()) <= 60
-    assert [written.count(key) for key in ("sample_interval_s = ", "model = ", "[[robot.axis]]")] == [1, 1, count]
+    assert [written.count(key) for key in ("sample_interval_s = ", "model = ", "[[robot.axis]]")] == [
+        1,
+        1,
+        count,
+    ]
 
 
 def test_a_real_one(records_dir: Path) -> None:
