@@ -104,7 +104,9 @@ def _regular(records: Sequence[Record], interval_s: float) -> tuple[list[Record]
     if scatter < _EVEN:
         return cut, ()
     words = "For the black box and the spectra the record was resampled: its samples are not evenly spaced."
-    return [resample(record, interval_s) for record in cut], (words,)
+    # Where times are in whole milliseconds, the usual interval may be longer than the mean one of the drive.
+    coarsest_s = max(interval_s, *(grid_interval(record) for record in cut))
+    return [resample(record, coarsest_s) for record in cut], (words,)
 
 
 def _tried(

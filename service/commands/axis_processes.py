@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -40,7 +41,7 @@ def outcomes(
     workers = min(len(orders), os.cpu_count() or 1)
     if workers == 1:
         for order in orders:
-            yield commission_axis(order, reviews[order.axis_id], _steps(order.axis_id, show))
+            yield _commissioned(order, reviews[order.axis_id], show)
         return
     context = get_context("spawn")  # not forked: this process has threads
     steps: SimpleQueue[Step] = context.SimpleQueue()
@@ -95,4 +96,16 @@ def _connect(steps: SimpleQueue[Step]) -> None:
 
 
 def _commission(order: Order, review: Review) -> Outcome:
-    return commission_axis(order, review, _steps(order.axis_id, _queues[0].put))
+    return _commissioned(order, review, _queues[0].put)
+
+
+def _commissioned(order: Order, review: Review, show: Callable[[Step], None]) -> Outcome:
+    """What becomes of an axis; a fault of the program is printed, and ends the way of this axis alone."""
+    from service.reports.commissioning_report import Outcome
+
+    try:
+        return commission_axis(order, review, _steps(order.axis_id, show))
+    except Exception as error:
+        traceback.print_exc()
+        reason = f"a fault of the program ({type(error).__name__}: {error}), please report it"
+        return Outcome(order.axis_id, refusal=f"not commissioned: {reason}", fault=True)

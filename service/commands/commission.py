@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from service.commands.calibrate import Budget, seconds_of
-from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
+from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
 from service.commands.live_recording import RECORDS, check_minutes, record_live, recorded
 from service.commands.options import ConfigPath, configuration
 from service.commands.output_files import replace_text
@@ -96,6 +96,8 @@ def commission(
         if step:
             console.print(step, markup=False)
     console.print(words, markup=False)
+    if any(outcome.fault for outcome in outcomes):
+        raise typer.Exit(FAULT)
     if not any(outcome.found for outcome in outcomes):
         raise typer.Exit(MISTAKE)
     if any(outcome.refusal for outcome in outcomes):

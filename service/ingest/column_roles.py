@@ -123,7 +123,7 @@ def _absurd(v: Floats) -> Bools:
     if low == high:
         return absurd
     with np.errstate(over="ignore"):
-        return absurd | (abs(v - np.median(finite)) > _FAR * (high - low))
+        return np.asarray(absurd | (abs(v - np.median(finite)) > _FAR * (high - low)))
 
 
 def changes(v: Floats) -> bool:

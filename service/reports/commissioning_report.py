@@ -40,6 +40,8 @@ class Outcome:
     """What the records do not show"""
     excite: tuple[str, ...] = ()
     """Options of `excite` for a motion that would"""
+    fault: bool = False
+    """A fault of the program, not one of the records, is why"""
 
     @property
     def finds(self) -> dict[str, float]:

@@ -217,3 +217,14 @@ def test_a_prediction_that_runs_away_says_nothing_aloud(seed: int) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fit(replace(problem, nominal={**VALUES, "J": 0.01, "fv": -0.02}), [rec])
+
+
+def test_times_in_whole_milliseconds_have_frequency_responses(seed: int) -> None:
+    """Of samples 10.6 ms apart, most intervals are 11 ms then: longer than that of the drive."""
+    rec = record(seed)
+    rounded = np.round(0.0106 * np.arange(len(rec)), 3)
+    assert np.median(np.diff(rounded)) > 0.0106
+    estimate = found([rec]).estimate
+    bode = bode_of(replace(estimate, interval_s=0.0106), None, [replace(rec, t=rounded)])
+    assert bode.black_box is not None
+    assert bode.measured is not None

@@ -6,13 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
-from service.commands import commission
-from service.commands.exit_codes import MISTAKE, NOT_TESTED
+from service.commands import axis_processes, commission
+from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
+from service.commands.main import app
 from service.commands.signal_proposals import exchanged, review
 from service.config import load
+from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
 
@@ -133,6 +136,23 @@ def test_an_axis_that_stands_still_does_not_hinder_the_other(folder: Path, seed:
     assert "Not complete: cell.a2" in result.output
     assert [axis.id for axis in load(folder / "made" / "axiswatch.toml").axes] == ["cell.a1"]
     assert "1 of 2 axes ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_fault_of_the_program_is_shown_and_reported(
+    folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> Outcome:
+        raise RuntimeError("of nobody's making")
+
+    monkeypatch.setattr(axis_processes, "commission_axis", fails)
+    record = table(folder / "healthy.csv", seed, 4.0)
+    config = configured(folder / "robot.toml", AXIS.format(n=1, interval=H))
+    result = CliRunner().invoke(app, ["commission", str(record), "--config", str(config), "--output", "made"])
+    assert result.exit_code == FAULT
+    assert "Traceback" in result.stderr
+    words = "cell.a1: not commissioned: a fault of the program (RuntimeError: of nobody's making)"
+    assert words in result.output
+    assert "0 of 1 axis ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
 
 
 def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
