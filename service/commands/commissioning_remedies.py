@@ -10,7 +10,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import COSINE, SINE, split_name
-from monitor_core.identification import Obstacle, Record
+from monitor_core.identification import Effect, Obstacle, Record
 from service.commands.checked_axis import fastest
 from service.config.commissioned import Correction, monitoring, with_drive
 from service.reports.commissioning_report import Outcome
@@ -77,7 +77,8 @@ def retry(
     """
     watched = watched_in(report)
     if report.rejection or not watched:
-        other = _other_drive(axis.config, tried)
+        bears_weight = Effect.POSE in report.result.verdict.missing and axis.config.output == "angle"
+        other = _other_drive(axis.config, bears_weight, tried)
         if other is None:
             return None
         name, drive = other
@@ -93,16 +94,23 @@ def retry(
     return Retry(monitoring(text, axis.id, watched), ())
 
 
-def _other_drive(axis: AxisConfig, tried: Collection[str]) -> tuple[str, _Drive] | None:
-    """One mass for several, or three for one, if the samples are fast; with a weight as before."""
+def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -> tuple[str, _Drive] | None:
+    """The same with a weight, if the torque shows one; else one mass for several, or three for one at fast samples."""
     before = axis.model.drive.removesuffix(_WEIGHT)
     weight = _WEIGHT if axis.model.drive.endswith(_WEIGHT) else ""
-    if before in _SEVERAL_MASSES:
+    if bears_weight and not weight and before in (_ONE_MASS[0], *_SEVERAL_MASSES):
+        weight = _WEIGHT
+        name, drive = before, _ONE_MASS[1] if before == _ONE_MASS[0] else _THREE_MASS[1]
+    elif before in _SEVERAL_MASSES:
         name, drive = _ONE_MASS
     elif before == _ONE_MASS[0] and axis.sample_interval_s <= _FAST_S:
         name, drive = _THREE_MASS
     else:
         return None
+    if weight:
+        drive = drive._replace(
+            values={"r": 1.0, **drive.values}
+        )  # where the weight is, the angle of the arm tells
     return None if name + weight in tried else (name + weight, drive)
 
 

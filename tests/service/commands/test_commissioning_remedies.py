@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification import Obstacle, Watched
+from monitor_core.identification import Effect, Obstacle, Watched
 from service.commands.commissioning_remedies import memory_change, retry
 from service.commands.signal_proposals import configured
 from service.reports.commissioning_report import Outcome, as_html, overview
@@ -28,12 +28,17 @@ model = { drive = "three-mass", monitor = ["kT", "1/Ja", "fm"], nominal = { kT =
 NAME = "cell.a1"
 
 
-def report(*watched: Watched, rejection: str | None = None, follows: tuple[str, ...] = ()) -> Any:
+def report(
+    *watched: Watched,
+    rejection: str | None = None,
+    follows: tuple[str, ...] = (),
+    missing: tuple[Effect, ...] = (),
+) -> Any:
     """What is looked at of an identification."""
     options = SimpleNamespace(scheduled=[SimpleNamespace(parameter=name) for name in follows])
-    return SimpleNamespace(
-        rejection=rejection, result=SimpleNamespace(watched=watched, options=options, memory_s=5.0)
-    )
+    verdict = SimpleNamespace(missing=missing)
+    result = SimpleNamespace(watched=watched, options=options, memory_s=5.0, verdict=verdict)
+    return SimpleNamespace(rejection=rejection, result=result)
 
 
 KT, FM = Watched("kT", 0.1, None), Watched("fm", 0.2, None)
@@ -63,6 +68,23 @@ def test_one_mass_that_is_not_identified_becomes_three_at_fast_samples(tmp_path:
     assert (model.drive, dict(model.nominal)) == ("three-mass", {"kT": 2, "r": 1})
     slow = text.replace("0.005", "0.02")
     assert retry(report(rejection="poor"), slow, configured(slow, NAME, tmp_path)[1]) is None
+
+
+@pytest.mark.parametrize("drive", ["one-mass", "two-mass", "three-mass"])
+def test_where_the_torque_shows_a_weight_the_drive_gets_one(drive: str, tmp_path: Path) -> None:
+    """Of an angle; a speed does not tell where the weight is."""
+    text = TEXT.replace("three-mass", drive).replace("kT = 1, r = 0.01, Jg = 3.0", "kT = 2")
+    text = text.replace('"1/Ja"', '"fc"')
+    found = report(rejection="poor", missing=(Effect.POSE,))
+    again = retry(found, text, configured(text, NAME, tmp_path)[1])
+    assert again is not None
+    _, axis = configured(again.text, NAME, tmp_path)
+    assert axis.config.model.drive == f"{drive}-weight"
+    assert axis.config.model.nominal["kT"] == 2
+    without_angle = text.replace("angle =", "speed =")
+    other = retry(found, without_angle, configured(without_angle, NAME, tmp_path)[1])
+    assert other is not None
+    assert "weight" not in other.words
 
 
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
