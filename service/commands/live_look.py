@@ -215,8 +215,8 @@ def _lossy(found: Loaded | None) -> Iterator[str]:
     share = lost / (lost + found.source.samples)
     if share > _LOSSY:
         yield (
-            f"{percent(share)} of its samples never came, which spoils an identification: are frames lost on the way, or is"
-            " what sends them too busy?"
+            f"{percent(share)} of its samples never came, which spoils an identification: are frames lost on the way,"
+            " or is what sends them too busy?"
         )
 
 
