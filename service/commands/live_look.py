@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from monitor_core.wording import listed
+from monitor_core.wording import listed, percent
 from service.commands.checked_axis import moves
 from service.commands.live_recording import Heard, Show, record_buses
 from service.config import Config, NamedAxis
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 LOOK = "look.log"
 """Name of the record of the look"""
 _UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s"}
+_LOSSY = 0.02
+"""Of the samples, that are missing"""
 _NAMED = 5
 """Identifiers of frames that are listed."""
 _STILL = "let the robot work, or run a motion that `axiswatch excite` plans"
@@ -82,12 +84,12 @@ def look_at(
         found = loaded.get(axis.id)
         facts = "" if found is None else _facts(axis, inputs, found)
         unusable = () if missing or found is not None else (_unusable(lost.get(axis.id, "")),)
-        problems = missing or unusable or tuple(_unmoved(axis, found))
         faults, corrections = proposals.get(axis.id, ((), ()))
+        problems = missing or unusable or (*(tuple(_unmoved(axis, found)) or faults), *_lossy(found))
         if found is not None:
             stamps = remarks(axis.id, axis.config.sample_interval_s, heard.stamps[axis.id])
             facts = "; ".join([facts, *(words.removeprefix(f"{axis.id}: ") for words in stamps)])
-        axes.append(AxisLook(axis.id, facts, found is not None, problems or faults, corrections))
+        axes.append(AxisLook(axis.id, facts, found is not None, problems, corrections))
     return Look(tuple(_bus_problems(config, heard)), tuple(axes))
 
 
@@ -202,6 +204,19 @@ def _unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
         yield (
             f"the torque is {record.u[0]:.4g} all the time, while the axis moves: {torque} is stuck, or another signal"
             " is the torque"
+        )
+
+
+def _lossy(found: Loaded | None) -> Iterator[str]:
+    """Frames that are lost on their way to this machine, or never sent."""
+    if found is None:
+        return
+    lost = found.source.dropped.get("missing", 0)
+    share = lost / (lost + found.source.samples)
+    if share > _LOSSY:
+        yield (
+            f"{percent(share)} of its samples never came, which spoils an identification: are frames lost on the way,"
+            " or is what sends them too busy?"
         )
 
 

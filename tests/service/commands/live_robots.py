@@ -43,7 +43,7 @@ def moving(table: Path, config: Path, change: Callable[[Floats], object] = lambd
     Args:
         table: time, torque and angle of each axis.
         config: of its buses, with at most as many axes; those that it lacks are silent.
-        change: of the rows (N, 1 + 2 axes), before they are sent.
+        change: of the rows (N, 1 + 2 axes), before they are sent; those with NaN are not.
     """
     rows = np.loadtxt(table, delimiter=",", skiprows=1)
     change(rows)
@@ -73,7 +73,9 @@ def _send(rows: Floats, config: Path, stop: threading.Event) -> None:
                 due += SPEED * (now - before) / interval_s
             before = now
             for k in range(sent, min(round(due), len(rows))):
+                sent = k + 1
+                if np.isnan(rows[k]).any():
+                    continue
                 values = {a.id: (rows[k, 1 + 2 * n], rows[k, 2 + 2 * n]) for n, a in enumerate(read.axes)}
                 for frame in encoder.encode(values, k):
                     send(bus, frame.key, frame.data, began + k * interval_s)
-                sent = k + 1

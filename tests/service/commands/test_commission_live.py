@@ -154,6 +154,17 @@ def test_an_axis_that_is_not_right(
     assert problem in second.problems[0]
 
 
+def test_frames_that_are_lost(folder: Path, config: Path, two_axes: Path) -> None:
+    def every_tenth(rows: Floats) -> None:
+        rows[5::10] = np.nan
+
+    for axis in looked_at(folder, config, two_axes, every_tenth).axes:
+        assert axis.has_signals
+        share, _, words = axis.problems[0].partition(" % of its")
+        assert words.startswith(" samples never came")
+        assert float(share) == pytest.approx(10, abs=1)
+
+
 def test_a_silent_axis(folder: Path, config: Path, two_axes: Path) -> None:
     """The robot has one axis, the configuration two."""
     text = config.read_text(encoding="utf-8")

@@ -15,8 +15,10 @@ from monitor_core.modeling import SimulatedAxis
 from service.commands.commissioning_remedies import motion_for
 from service.commands.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
+from service.config.commissioned import Found, commissioned
 from service.reports.commissioning_report import Outcome, motion_step
 from service.reports.formats import Provenance
+from service.reports.identification_files import as_toml
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch, shown
 from tests.service.identification.conftest import write_robot
@@ -118,10 +120,15 @@ def test_the_motion_that_commissioning_names_can_be_planned(folder: Path, seed: 
     record = followed(folder, "slow.csv", seed, SLOW)
     request = Request(free=("Jm", "Ja", "fm", "fc"), start="values")
     task = prepare(config, config.axes[0], [record], [], request)
-    motion = motion_for(task.run(Provenance.now()), [item.record for item in task.estimation])
+    report = task.run(Provenance.now())
+    motion = motion_for(report, [item.record for item in task.estimation])
     assert motion is not None
     outcome = Outcome("demo.axis1", lost=motion.lost, excite=motion.options)
-    (folder / "robot.toml").rename(folder / "demo.axis1.toml")  # as commissioning leaves it
+    # As commissioning leaves an axis of which nothing can be watched yet.
+    (folder / "nominal.toml").write_text(as_toml(report), encoding="utf-8")
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    own = commissioned(text, {"demo.axis1": Found("nominal.toml", None, motion.lost)})
+    (folder / "demo.axis1.toml").write_text(own, encoding="utf-8")
     command = re.search("`axiswatch (.+)` plans", motion_step(outcome, Path("axiswatch.toml")))
     assert command
     text = shown(*shlex.split(command[1]))
