@@ -211,7 +211,7 @@ def by_ratio(checked: Checked) -> Iterator[Correction]:
         return
     assert checked.shown is not None
     found = _fitting_ratio(checked, checked.shown[0])
-    if found is not None:
+    if found is not None and not 1 / _RATIO_OFF < found / checked.ratio < _RATIO_OFF:
         reason = (
             f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal:"
             f" with the nominal inertias of motor and arm that is a gear of 1/{1 / found:.3g}; its data sheet says"
@@ -232,6 +232,8 @@ def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
 
 
 _TRIED = (0.01, 0.1)
+_RATIO_OFF = 1.5
+"""A smaller error of the ratio is not told from one of the nominal inertias."""
 
 
 # --- By how fast a motor can turn -------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,10 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.commands.signal_proposals import exchanged, review
+from service.config import load
+from service.config.drive_sources import shipped
+from service.simulation.healthy_table import table_lines
+from tests.demo_text import demo_text
 from tests.service.commands.test_commission import AXIS, VALUES, H, table
 
 ROBOT = "[[robot]]\nname = 'cell'\n"
@@ -102,3 +107,33 @@ def test_axes_with_the_torque_of_each_other(swap: bool, tmp_path: Path, seed: in
     found = exchanged(ROBOT + known(1) + known(2), {f"cell.a{n}": [record] for n in (1, 2)}, tmp_path)
     right = {"cell.a1": "A2_Trq", "cell.a2": "A1_Trq"} if swap else {}
     assert {axis: corrections[0].value for axis, corrections in found.items()} == right
+
+
+@pytest.mark.parametrize(
+    ("times", "proposed"), [(0.5, True), (0.9, False), (1.0, False), (1.15, False), (2.0, True)]
+)
+def test_a_wrong_gear_ratio_is_told_from_nominal_inertias_that_are_about_right(
+    times: float, proposed: bool, tmp_path: Path, seed: int
+) -> None:
+    record = table(tmp_path / "healthy.csv", seed, 20.0)
+    right = VALUES["r"]
+    text = ROBOT + known().replace(f"r = {right}", f"r = {times * right}")
+    found = review(text, "cell.a1", [str(record)], tmp_path).corrections
+    assert [c.key for c in found] == [("model", "nominal", "r")] * proposed
+    for correction in found:
+        assert correction.value == pytest.approx(right, rel=0.2)
+
+
+def test_axes_of_the_demo_with_their_true_values_are_left_alone(tmp_path: Path, seed: int) -> None:
+    robot = load(shipped("demo.toml"), {})
+    record = tmp_path / "healthy.csv"
+    record.write_text("".join(table_lines(robot, 40.0, seed, lambda *_: None)), encoding="utf-8")
+    text = demo_text(3)
+    for n in (1, 2, 3):
+        for signal in ("Torque", "Angle"):
+            place = f'message = "Axis{n}State"\nsignal = "{signal}"'
+            text = text.replace(place, f'column = "axis{n}_{signal.lower()}"')
+    text = re.sub(r"counter_message = .*\ncounter_signal = .*", 'column = "t"', text)
+    text = re.sub(r"(?s)\[\[bus\]\].*?(?=\[\[robot)", "", text).replace('bus = "can0"\n', "")
+    for n in (1, 2, 3):
+        assert review(text, f"demo.axis{n}", [str(record)], tmp_path)[:3] == ((), (), ())
