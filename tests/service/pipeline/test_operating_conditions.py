@@ -14,6 +14,7 @@ from service.config import Config, load
 from service.ingest.records import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import Fault
+from tests.demo_text import demo_text
 from tests.service.pipeline.robots import DEMO, START_US, cut, live, moments, replayed
 
 LENGTH_S = 40.0
@@ -69,9 +70,7 @@ def robot(folder: Path) -> Path:
 
     By the CUSUM alone: a multi-model detector that follows takes most of the time.
     """
-    text = DEMO.read_text(encoding="utf-8").replace(
-        "[robot.axis.detector]", f"[robot.axis.detector]\n{ALONE}"
-    )
+    text = demo_text(2).replace("[robot.axis.detector]", f"[robot.axis.detector]\n{ALONE}")
     head, *axes = text.split("[[robot.axis]]\n")
     first, second = (axis.replace("virtual", "socketcan") for axis in axes[:2])
     first = first.replace("[robot.axis.model]\n", f"{CONDITIONS}\n[robot.axis.model]\n", 1)
