@@ -191,7 +191,7 @@ def test_a_silent_bus_and_the_dbc_of_another_robot(folder: Path, config: Path, t
 
 
 @pytest.mark.vcan
-def test_on_a_real_device(folder: Path, two_axes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_a_real_device(folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first torque has the wrong sign, its angle is in degrees; the second axis stands; frames come in bunches."""
     monkeypatch.setattr(live_recording, "LOOK_S", 5.0)
 
@@ -202,7 +202,7 @@ def test_on_a_real_device(folder: Path, two_axes: Path, monkeypatch: pytest.Monk
 
     config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2), 2, "vcan0")
     words = ("commission", "--config", config, "--output", "made")
-    with moving(two_axes, config, change):
+    with moving(table(folder / "rows.csv", seed, 60.0, axes=2), config, change):
         result = axiswatch(*words, "--minutes", 0.1)
     looked, _, after = result.stdout.partition("Recording 6 s into made/records/")
     for part in (looked, after):

@@ -69,7 +69,9 @@ def test_signs_wraps_intervals_and_what_never_came(folder: Path, rows: Path) -> 
 
 
 @pytest.mark.vcan
-def test_on_a_real_device(folder: Path, rows: Path) -> None:
+def test_on_a_real_device(folder: Path, seed: int) -> None:
+    """The robot moves for a minute: the command may be slow to begin."""
+    rows = table(folder / "rows.csv", seed, 60.0, axes=2)
     config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "deg", MORE), 2, "vcan0")
     with moving(rows, config, wrong):
         text = shown("init", "robot.dbc", "--bus", "socketcan:vcan0", "--seconds", 6)
