@@ -31,9 +31,8 @@ from service.ingest.unit_names import Quantity
 
 _FEWEST = 50
 """Values of a signal that can be looked at."""
-_GAP, _GAP_S = 10.0, 0.1
-"""Times the median interval, and s: longer intervals are gaps."""
-_SCATTER_S = 0.1  # of times of receipt
+_SCATTER_S, _CATCH_UP_S = 0.1, 1.0
+"""Of times of receipt: what is left after the time in which late frames have come"""
 _BUNCHED = 0.05
 """Of the frames, that come within half an interval after another one"""
 _ALIKE = 1.3
@@ -58,10 +57,9 @@ class Series(NamedTuple):
 
     @property
     def interval_s(self) -> float:
-        """The mean without gaps: times of receipt scatter, and late frames come in bunches."""
-        steps = np.diff(self.t)
-        gap_s = max(_GAP * float(np.median(steps)), _GAP_S) if steps.size else 0.0
-        return float(np.mean(steps[steps <= gap_s])) if steps.size else 0.0
+        """The usual mean of a fifth of the series: frames that are late, lost or in bunches move it little."""
+        span = max(1, self.t.size // 5)
+        return float(np.median(self.t[span:] - self.t[:-span])) / span if self.t.size > 1 else 0.0
 
     @property
     def is_bunched(self) -> bool:
@@ -72,7 +70,10 @@ class Series(NamedTuple):
     def even_s(self) -> Floats:
         """Times (N,) without the scatter of receipt, s: evenly spaced, unless values were lost."""
         even = np.asarray(self.t[0] + self.interval_s * np.arange(self.t.size), np.float64)
-        return even if abs(even - self.t).max() < _SCATTER_S else self.t
+        # Frames that are late come soon after one another; after a loss all that follow are behind.
+        starts = np.arange(0, self.t.size, max(1, round(_CATCH_UP_S / self.interval_s)))
+        behind = np.minimum.reduceat(self.t - even, starts)
+        return even if np.ptp(behind) < _SCATTER_S else self.t
 
 
 class BusRoles(NamedTuple):
