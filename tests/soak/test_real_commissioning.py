@@ -27,7 +27,7 @@ ONE = ("robot1.axis",)
         ("ur10e/ur-20_01_22-joint_1.csv", ONE, [OK]),
         ("ur10e/ur-20_01_22-joint_2.csv", ONE, [OK]),
         ("ur10e/ur-20_02_19_14harm50sec.csv", ALL, [OK, NOT_TESTED]),
-        # Too short to be calibrated: ten and eighteen seconds.
+        # Too short for most: ten and twelve seconds.
         ("irb/robot_arm.mat", ONE, [NOT_TESTED]),
         ("ur10e/ur-19_09_27-11_32_02.csv", ALL, [MISTAKE, NOT_TESTED]),
     ],
