@@ -68,6 +68,22 @@ def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: i
     assert found == [("5", "1"), ("6", "2")]
 
 
+def test_two_torques_that_may_be_measured_are_both_named(record: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    angle, torque = rows[:, 2], rows[:, 1]
+    rough = [torque + 0.05 * np.ptp(torque) * rng.standard_normal(len(torque)) for _ in range(2)]
+    # Of two axes, the second of which stands: what is of one quantity takes two columns.
+    columns = [rows[:, 0] - rows[0, 0]]
+    for quantity in (angle, np.gradient(angle, 0.005), *rough):
+        columns += [quantity, np.zeros(len(angle))]
+    np.savetxt(record, np.column_stack(columns), "%.12g", ",")
+    text = shown("init", record)
+    assert (
+        "torque 5, angle 1: likely; or torque 7" in text or "torque 7, angle 1: likely; or torque 5" in text
+    )
+
+
 def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
     lines = record.read_text(encoding="utf-8").splitlines()
     lines[0] = "t,tau_1,q_1,tau_ref_2,q_cmd_2"
