@@ -202,7 +202,8 @@ class Worker:
         """Process one block; returns whether frames may still wait."""
         busy = not self._waits() and self._block()
         self.snapshot = self._snapshot()
-        self._checkpointer.save_if_due()
+        if not self._pipeline.monitors.deferred_samples:  # else the detectors would be older than the estimates
+            self._checkpointer.save_if_due()
         return busy
 
     def _waits(self) -> bool:

@@ -186,6 +186,23 @@ def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: Be
     assert [entry["samples"] for entry in logs if "was not ready" in entry["event"]] == [4800]
 
 
+def test_no_checkpoint_is_saved_while_the_detectors_are_behind_the_estimates(
+    tmp_path: Path, frames: Sequence[Frame]
+) -> None:
+    watched = demo(tmp_path, 2, checkpoint_interval_s=1e-6)
+    bench = Bench(tmp_path, watched, Waiting(frames))
+    bench.compiled.estimates.set_result(None)
+    bench.worker.start()
+    wait_for(lambda: bench.core.monitors.deferred_samples == 4800)
+    shown = bench.worker.snapshot
+    wait_for(lambda: bench.worker.snapshot is not shown)
+    assert bench.worker.snapshot.checkpoint_us is None
+    bench.compiled.multimodel.set_result(None)
+    wait_for(lambda: bench.worker.snapshot.checkpoint_us is not None)
+    bench.worker.stop()
+    bench.close()
+
+
 def test_a_fault_of_the_worker_is_told(bench: Bench) -> None:
     bench.compiled.estimates.set_exception(RuntimeError("no compiler"))
     bench.worker.start()
