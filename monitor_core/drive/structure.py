@@ -224,20 +224,33 @@ class Drive:
         Raises:
             ValueError: ``offset`` is no constant torque; the drive has a parameter ``load`` already.
         """
+        return self._with_torque(offset, Parameter(LOAD, "1", _LOAD))
+
+    def with_torque_of(self, offset: str, signal: str) -> Drive:
+        """The drive with one more input, a signal, which acts as the constant torque ``offset`` does.
+
+        Its parameter is the slope, "tau0 per cos(axis2)", in the unit of that torque per unit of the signal.
+
+        Raises:
+            ValueError: as ``with_load``.
+        """
+        unit = self.parameter(offset).unit
+        return self._with_torque(offset, Parameter(f"{offset} per {signal}", unit, "slope", positive=False))
+
+    def _with_torque(self, offset: str, factor: Parameter) -> Drive:
         if not self._is_constant_torque(offset):
             raise ValueError(f"the drive {self.name!r} has no constant torque {offset}")
         acts = [
             replace(
-                t, col=len(self.inputs), powers=tuple((LOAD if n == offset else n, e) for n, e in t.powers)
+                t,
+                col=len(self.inputs),
+                powers=tuple((factor.name if n == offset else n, e) for n, e in t.powers),
             )
             for t in self.terms
             if offset in dict(t.powers)
         ]
         return replace(
-            self,
-            inputs=(*self.inputs, WEIGHT),
-            parameters=self._and(Parameter(LOAD, "1", _LOAD)),
-            terms=(*self.terms, *acts),
+            self, inputs=(*self.inputs, WEIGHT), parameters=self._and(factor), terms=(*self.terms, *acts)
         )
 
     def with_mean_speed(self) -> Drive:

@@ -17,7 +17,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import array_function, entry, outlined
 from monitor_core.kernel.friction import SMALLEST, tanh
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT
 
 FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
 """Where the angle or speed comes from that an input depends on: the measured output (the predicted one where that is
@@ -203,7 +203,8 @@ def _moves(M: MotionInputs, measured: Ints) -> bool:
         complete &= measured[k] != 0
     for c in range(M.kind.size):
         known = M.source[c] == FROM_RECORD and complete and M.kind[c] != COULOMB
-        if M.kind[c] != TORQUE and M.kind[c] != ONE and not known:
+        given = M.kind[c] == TORQUE or M.kind[c] == ONE or M.kind[c] == WEIGHT
+        if not given and not known:
             return True
     return _varies(M.dscale)
 
@@ -215,6 +216,7 @@ def predict_record(
     u: Floats,
     y: Floats,
     measured: Ints,
+    weights: Floats,
     motion: MotionInputs,
     X: Floats,
     dX: Floats,
@@ -231,7 +233,7 @@ def predict_record(
 
     ``step`` (N,) is the index of the held X (G, n, n + m') and dX (G, n + m', n q) that lead to the next sample,
     ``level`` (N,) the index of the outputs C (L, n), dC (L, n, q).  Where X has one input more than there are kinds,
-    m' = m + 1, that is the torque of the sample before.
+    m' = m + 1, that is the torque of the sample before.  ``weights`` (N, s) are the inputs of that kind, in order.
 
     Returns whether all values are finite; if not, the rest of the record is left out.
     """
@@ -265,12 +267,15 @@ def predict_record(
                 psi[k, i] = 0.0
         if X.shape[2] > n + m:
             w[n + m] = u[max(k - 1, 0)]
-        friction = -1
+        friction, weight = -1, 0
         for c in range(m):
             if kind[c] == TORQUE:
                 w[n + c] = u[k]
             elif kind[c] == ONE:
                 w[n + c] = 1.0
+            elif kind[c] == WEIGHT:
+                w[n + c] = weights[k, weight]
+                weight += 1
             elif kind[c] == COULOMB:
                 friction = c
             else:

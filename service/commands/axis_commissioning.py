@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -81,6 +82,7 @@ def commission_axis(
 
 def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     from service.commands.identification_task import Request, drawing_of, prepare
+    from service.commands.link_load import link_load
     from service.reports.identification_files import as_toml
     from service.reports.identification_html import as_html
     from service.reports.identification_report import outlook_words, verdict_line
@@ -88,17 +90,23 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     progress("identify", "reading the records", 0.0)
     again: Retry | None = None
     tried: list[str] = []
+    schedule: tuple[str, ...] = ()
     try:
         while True:
             config, axis = configured(text, order.axis_id, order.folder)
-            task = prepare(config, axis, order.records, [], Request(memories_s=memories_of(axis.config)))
+            request = Request(schedule=schedule, memories_s=memories_of(axis.config))
+            task = prepare(config, axis, order.records, [], request)
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
             report = task.run(provenance, _within("identify", progress))
-            again = retry(report, text, axis, tried)
+            load = partial(link_load, text, axis.id, order.records, order.folder)
+            again = None if schedule and report.rejection else retry(report, text, axis, tried, load)
             tried.append(axis.config.model.drive)
             if again is None or (again.changes and not order.shorten):
                 break
-            text = again.text
+            text, schedule = again.text, schedule or again.schedule
+            if again.schedule:
+                followed = f"{', '.join(again.schedule)}: the torque shows the weight of links at these angles."
+                outcome = replace(outcome, notes=(*outcome.notes, followed))
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _mistakes() as error:
         return replace(outcome, refusal=f"not identified: {error}")

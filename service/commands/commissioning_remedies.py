@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive import COSINE, SINE, split_name
+from monitor_core.drive import COSINE, SINE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Record
 from service.commands.checked_axis import fastest
-from service.config.commissioned import Correction, monitoring, with_drive
+from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_report import shaped_for
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationError, CalibrationOptions
+    from service.commands.link_load import LinkLoad
     from service.config import NamedAxis
     from service.config.schema import AxisConfig
     from service.reports.identification_report import IdentificationReport
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
+_LIBRARY = ("one-mass", *_SEVERAL_MASSES)
+OFFSET = "tau0"
+"""The torque offset of these drives"""
 _WEIGHT = "-weight"
 
 
@@ -52,11 +56,13 @@ class Retry(NamedTuple):
     text: str
     """Of the configuration"""
     changes: tuple[Correction, ...]
+    schedule: tuple[str, ...] = ()
+    """What follows signals, as `identify --schedule` has it"""
 
     @property
     def words(self) -> str:
-        """The changes."""
-        return ", ".join(change.change for change in self.changes)
+        """The changes, and what follows signals."""
+        return ", ".join((*(change.change for change in self.changes), *self.schedule))
 
 
 def watched_in(report: IdentificationReport) -> tuple[str, ...]:
@@ -65,7 +71,11 @@ def watched_in(report: IdentificationReport) -> tuple[str, ...]:
 
 
 def retry(
-    report: IdentificationReport, text: str, axis: NamedAxis, tried: Collection[str] = ()
+    report: IdentificationReport,
+    text: str,
+    axis: NamedAxis,
+    tried: Collection[str] = (),
+    links: Callable[[], LinkLoad | None] = lambda: None,
 ) -> Retry | None:
     """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
 
@@ -74,9 +84,12 @@ def retry(
         text: of the configuration that it was made with.
         axis: of that configuration.
         tried: the drives of identifications before.
+        links: what the weight of links follows; None: the torque shows none.
     """
     watched = watched_in(report)
     if report.rejection or not watched:
+        if not tried and axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY and (weight := links()):
+            return _with_links(text, axis, weight)
         bears_weight = Effect.POSE in report.result.verdict.missing and axis.config.output == "angle"
         other = _other_drive(axis.config, bears_weight, tried)
         if other is None:
@@ -88,10 +101,25 @@ def retry(
         )
         return Retry(with_drive(text, axis.id, name, drive.monitor, drive.values), (change,))
     bases = {split_name(name)[0] for name in watched}
-    if all(split_name(term.parameter)[0] in bases for term in report.result.options.scheduled):
+    scheduled, torques = report.result.options.scheduled, report.result.estimate.drive.constant_torques()
+    # What a weight takes is an input, if it is not monitored.
+    followed = [term for term in scheduled if not (term.parameter in torques and Term.read(term.term).turns)]
+    if all(split_name(term.parameter)[0] in bases for term in followed):
         return None
     # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
     return Retry(monitoring(text, axis.id, watched), ())
+
+
+def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
+    """One mass, whose torque offset follows the pose of the arm."""
+    name, drive = _ONE_MASS
+    text = with_drive(text, axis.id, name, drive.monitor, drive.values)
+    changes = list(weight.signals)
+    if name != axis.config.model.drive:
+        changes.insert(0, Correction(("model", "drive"), name, "the torque shows the weight of links"))
+    return Retry(
+        corrected(text, axis.id, weight.signals), tuple(changes), (f"{OFFSET}: {', '.join(weight.terms)}",)
+    )
 
 
 def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -> tuple[str, _Drive] | None:

@@ -12,6 +12,7 @@ from tomlkit import TOMLDocument
 
 from service.config.base_table import SUFFIX
 from service.config.robot_defaults import DEFAULTS
+from service.config.signal_tables import SIGNAL, detach, signal_table
 
 _IN_NOMINAL_FILE = {
     "model": ("nominal", "friction_speed_scale"),
@@ -33,7 +34,10 @@ def pages_of(axis_id: str) -> tuple[str, str]:
 
 
 class Correction(NamedTuple):
-    """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why."""
+    """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why.
+
+    ("signal", "axis2", "axis") is that key of its auxiliary signal of the name axis2, which need not be there before.
+    """
 
     key: tuple[str, ...]
     value: float | str | bool
@@ -71,10 +75,12 @@ def relocated(text: str, source: Path, target: Path) -> str:
 def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str:
     """The text of a configuration with other values of an axis, "robot.axis"."""
     document = tomlkit.parse(text)
-    axis = next(axis for name, axis in _axes(document) if name == axis_id)
+    robot, axis = next((r, axis) for r in document["robot"] for axis in r["axis"] if _id(r, axis) == axis_id)
     for correction in corrections:
         *tables, key = correction.key
         table = axis
+        if tables[:1] == [SIGNAL]:
+            table, tables = signal_table(robot, axis, tables[1]), tables[2:]
         for name in tables:
             table = _table(table, name)
         value = correction.value
@@ -122,11 +128,12 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
                 _give_to_axes(robot, table, key)
         shared = robot.get(DEFAULTS, {}).get("model", {}).get("monitor")
         for axis in robot["axis"]:
-            if (name := f"{robot['name']}.{axis['name']}") in found:
+            if (name := _id(robot, axis)) in found:
                 _set(axis, found[name], shared)
     for robot in document["robot"]:
+        detach(robot, [str(axis["name"]) for axis in robot["axis"] if _id(robot, axis) not in found])
         for number, axis in reversed(list(enumerate(robot["axis"]))):
-            if f"{robot['name']}.{axis['name']}" not in found:
+            if _id(robot, axis) not in found:
                 del robot["axis"][number]
     for number, robot in reversed(list(enumerate(document["robot"]))):
         if not robot["axis"]:
@@ -137,7 +144,11 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
 def _axes(document: TOMLDocument) -> Iterator[tuple[str, Any]]:
     for robot in document["robot"]:
         for axis in robot["axis"]:
-            yield f"{robot['name']}.{axis['name']}", axis
+            yield _id(robot, axis), axis
+
+
+def _id(robot: Any, axis: Any) -> str:
+    return f"{robot['name']}.{axis['name']}"
 
 
 def _table(parent: Any, name: str) -> Any:

@@ -139,8 +139,6 @@ def load(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _weight(axis: AxisConfig) -> tuple[Schedule, ...]:
-    if LOAD not in axis.model.monitor:
-        return ()
     usable_drive(axis)
     return weight_of(axis)
 

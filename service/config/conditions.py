@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 
-from monitor_core.drive import FUNCTIONS, HEAT, LOAD, Conditions, Follow, Gate, Term, ThermalModel
+from monitor_core.drive import FUNCTIONS, HEAT, LOAD, Conditions, Follow, Gate, Term, ThermalModel, split_name
 from monitor_core.wording import did_you_mean
 from service.config.drive_sources import model_of_axis
 from service.config.nominal_file import ScheduleTable
@@ -40,9 +40,13 @@ def follow_of(schedule: Schedule) -> Follow:
 def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
     """The schedules that are the weight of arm and payload: all of one constant torque that turn with the pose.
 
-    Empty: the load is not monitored, or nothing says what the weight is.
+    It acts on the drive as an input, which a load in ``monitor`` multiplies.  Empty: nothing says what the weight is,
+    or that torque is monitored, and so follows the pose as any parameter does.
     """
-    return turning_torques(axis) if LOAD in axis.model.monitor else ()
+    turning = turning_torques(axis)
+    monitored = {split_name(name)[0] for name in axis.model.monitor}
+    as_input = LOAD in monitored or all(v.parameter not in monitored for v in turning)
+    return turning if as_input else ()
 
 
 def turning_torques(axis: AxisConfig) -> tuple[Schedule, ...]:

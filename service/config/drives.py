@@ -85,7 +85,7 @@ def has_own_delay(drive: Drive) -> bool:
 def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
     """The drive of an axis as it is monitored."""
     drive = drive_of(axis, output)
-    if watches_load(axis) and (offset := load_acts_as(axis, drive)):
+    if holds_weight(axis) and (offset := load_acts_as(axis, drive)):
         drive = drive.with_load(offset)
     return drive.with_delay() if watches_skew(axis) and not has_own_delay(drive) else drive
 
@@ -94,7 +94,7 @@ def watched_values(axis: AxisConfig) -> dict[str, float]:
     """The nominal values of the monitored drive, as ``given_values``."""
     own = {DELAY: nominal_skew(axis)} if watches_skew(axis) else {}
     given = given_values(axis)
-    return given | own | (nominal_load(axis, given) if watches_load(axis) else {})
+    return given | own | (nominal_load(axis, given) if holds_weight(axis) else {})
 
 
 def nominal_skew(axis: AxisConfig) -> float:
@@ -105,8 +105,17 @@ def nominal_skew(axis: AxisConfig) -> float:
 
 def watches_load(axis: AxisConfig) -> bool:
     """Whether the load is monitored, and is no parameter of the drawing."""
+    return LOAD in axis.model.monitor and not _draws_load(axis)
+
+
+def holds_weight(axis: AxisConfig) -> bool:
+    """Whether the weight of the arm is an input of the monitored drive, whatever it is compared with."""
+    return not _draws_load(axis) and (LOAD in axis.model.monitor or bool(weight_of(axis)))
+
+
+def _draws_load(axis: AxisConfig) -> bool:
     drive = model_of_axis(axis).drive
-    return LOAD in axis.model.monitor and all(p.name != LOAD for p in (*drive.parameters, *drive.drawn))
+    return any(p.name == LOAD for p in (*drive.parameters, *drive.drawn))
 
 
 def load_acts_as(axis: AxisConfig, drive: Drive) -> str:

@@ -202,7 +202,9 @@ class Worker:
         """Process one block; returns whether frames may still wait."""
         busy = not self._waits() and self._block()
         self.snapshot = self._snapshot()
-        if not self._pipeline.monitors.deferred_samples:  # else the detectors would be older than the estimates
+        if (
+            not self._pipeline.monitors.deferred_samples
+        ):  # else the detectors would be older than the estimates
             self._checkpointer.save_if_due()
         return busy
 

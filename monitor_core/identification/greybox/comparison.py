@@ -184,17 +184,20 @@ def monitored_information(
     """
     found = estimate.problem
     K = tuple(estimate.K.tolist()) if found.predictor == "innovations" else None
-    free = _free(found.varying, monitored)
-    varying = {name: signals for name, signals in found.varying.items() if name in free}
+    watched = _free(found.varying, monitored)
+    free = (
+        *watched,
+        *(name for name in found.varying if name not in watched),
+    )  # what follows signals still does
     problem = replace(
         found, drive=estimate.drive, nominal=estimate.values, free=free,
         K=K, disturbance=None, delay_s=estimate.delay_s, free_delay=DELAY in monitored,
-        bounds={}, varying=varying,
+        bounds={},
     )  # fmt: skip
     predictor = Predictor(problem, records, None)
     errors = predictor.errors(fit_starts(predictor))
-    end = len(free) + sum(map(len, varying.values()))  # number of parameters and slopes, before the delay
-    own, start = [*range(len(free)), *[end] * problem.free_delay], end + problem.free_delay
+    end = len(free) + sum(map(len, problem.varying.values()))  # parameters and slopes, before the delay
+    own, start = [*range(len(watched)), *[end] * problem.free_delay], end + problem.free_delay
     gradients, starts = [e.psi[:, own] for e in errors], [e.psi[:, start:] for e in errors]
     names = [predictor.layout.names[k] for k in own]
     sizes, eps = np.ones(len(own)), [e.eps for e in errors]

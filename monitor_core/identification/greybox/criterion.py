@@ -105,13 +105,14 @@ def settled(predictor: Predictor, xi: Floats) -> Problem:
             time_constant_s=point.values.get(DISTURBANCE_TIME, noise.time_constant_s),
         )
     names = {p.name for p in problem.drive.parameters}
-    slopes = layout.names[len(layout.free) : len(layout.free) + len(point.slopes)]
+    called = layout.names[len(layout.free) : len(layout.free) + len(point.slopes)]
+    slopes = dict(zip(called, point.slopes.tolist(), strict=True))
     return replace(
         problem,
         nominal={name: value for name, value in point.values.items() if name in names},
         delay_s=point.delay_s,
         disturbance=noise,
-        slopes=dict(zip(slopes, point.slopes.tolist(), strict=True)),
+        slopes=slopes | {name: point.values[name] for name in predictor.torque_slopes},
     )
 
 

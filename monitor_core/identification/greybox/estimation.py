@@ -69,7 +69,7 @@ def _estimate(fitted: Fitted) -> Estimate:
         names=layout.names,
         theta=theta,
         covariance=information.covariance[:p, :p],
-        values=point.values,
+        values={name: value for name, value in point.values.items() if name not in predictor.torque_slopes},
         delay_s=point.delay_s,
         K=gain.K * predictor.d,
         interval_s=predictor.interval_s,

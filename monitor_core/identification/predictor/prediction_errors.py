@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from monitor_core.kernel.fixed_predictor import (
     MotionInputs,
     predict_record,
 )
-from monitor_core.kernel.tables import COULOMB, TORQUE
+from monitor_core.kernel.tables import COULOMB, TORQUE, WEIGHT
 from monitor_core.samples import forward_fill
 
 
@@ -52,22 +52,32 @@ class Predictor:
 
     def __init__(self, problem: Problem, records: Sequence[Record], disturbance: Disturbance | None) -> None:
         _check(problem, records)
+        torques = [
+            (name, signal)
+            for name, signals in problem.varying.items()
+            if name in problem.drive.constant_torques()
+            for signal in signals
+        ]
+        inner = _with_inputs_for(problem, torques)
         self.problem, self.disturbance = problem, disturbance
         slow = disturbance is not None and disturbance.slow > 0
         self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
+        acting = inner.drive.with_disturbance() if slow else inner.drive
+        self.torque_slopes = tuple(_slope(*torque) for torque in torques)
+        """Names of the slopes of constant torques that follow signals: factors of further inputs"""
         median_s = float(np.median(np.concatenate([r.intervals for r in records])))
         self.interval_s = problem.interval_s or round(median_s, 6)
-        self.layout = Layout(problem, self.drive, disturbance, self.interval_s)
+        self.layout = Layout(inner, acting, disturbance, self.interval_s)
         names = [signal for _, signal in self.layout.varying]
         late = whole_intervals(problem.delay_s, self.interval_s)
         self._whole_s = late * self.interval_s
-        self.series = [series(record, names, late) for record in records]
+        self.series = [series(record, names, late, [signal for _, signal in torques]) for record in records]
         start = self.layout.point(self.layout.start())
-        self.d = AxisModel(self.drive, start.values, ()).balance()
-        self._structure = Structure(self.drive, self.layout.free, self.d)
-        self._kinds = np.array(self.drive.inputs)
+        self.d = AxisModel(acting, start.values, ()).balance()
+        self._structure = Structure(acting, self.layout.free, self.d)
+        self._kinds = np.array(acting.inputs)
         self._torque = self._kinds == TORQUE
-        self._source = np.array([self._source_of(kind) for kind in self.drive.inputs])
+        self._source = np.array([self._source_of(kind) for kind in acting.inputs])
         self._last: tuple[Floats, list[Errors]] = (np.empty(0), [])
         self._signal_mean = np.average(
             [s.signals[s.level].mean(axis=0) for s in self.series], axis=0, weights=[len(r) for r in records]
@@ -184,14 +194,14 @@ class Predictor:
         dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
         eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
         good = predict_record(
-            s.step, s.level, s.u, s.y, s.measured, motion, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
+            s.step, s.level, s.u, s.y, s.measured, s.weights, motion, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
         )  # fmt: skip
         return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
 
     def _acts(self, levels: Sequence[Linear]) -> NDArray[np.bool_]:
         """Which inputs (m,) act at all: friction and gravity may be held at zero."""
         acts = [system.B.any(axis=0) | system.dB.any(axis=(0, 2)) for system in levels]
-        return np.asarray(np.logical_or.reduce([self._torque, *acts]))
+        return np.asarray(np.logical_or.reduce([self._torque, self._kinds == WEIGHT, *acts]))
 
     def _start(self, xi: Floats, i: int, system: Linear) -> tuple[Floats, Floats]:
         columns, shared = self.columns(i), self.layout.shared
@@ -273,6 +283,24 @@ class Predictor:
         return scale, _widened(dscale, q)
 
 
+def _with_inputs_for(problem: Problem, torques: Sequence[tuple[str, str]]) -> Problem:
+    """The problem with constant torques that follow signals as inputs of the drive: exact, and linear in the slopes."""
+    if not torques:
+        return problem
+    drive, nominal = problem.drive, dict(problem.nominal)
+    for name, signal in torques:
+        drive = drive.with_torque_of(name, signal)
+        nominal[_slope(name, signal)] = problem.slopes.get(_slope(name, signal), 0.0)
+    followed = {name for name, _ in torques}
+    varying = {name: signals for name, signals in problem.varying.items() if name not in followed}
+    slopes = tuple(_slope(*torque) for torque in torques)
+    return replace(problem, drive=drive, nominal=nominal, free=(*problem.free, *slopes), varying=varying)
+
+
+def _slope(name: str, signal: str) -> str:
+    return f"{name} per {signal}"
+
+
 def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
     """The system with these inputs only."""
     return system._replace(
@@ -317,6 +345,7 @@ class Series:
     level: Ints  # (N,) which of the levels applies
     pairs: Ints  # (G, 2) interval in us, level
     signals: Floats  # (L, s) the signals' values at each level
+    weights: Floats  # (N, w) values of the signals that are torques
 
     @property
     def first(self) -> float:
@@ -333,15 +362,17 @@ class Series:
         return np.concatenate(of_levels)[np.argsort(np.concatenate(places))]
 
 
-def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
+def series(record: Record, signals: Sequence[str], late: int = 0, torques: Sequence[str] = ()) -> Series:
     """Prepare a record, with its torque ``late`` samples later.  Times are rounded to microseconds, as in the monitor.
+
+    Parameters follow ``signals``, level by level; ``torques`` are inputs at each sample.
 
     Raises:
         ValueError: it lacks a signal, or nothing of it was measured; intervals too different for a shift.
     """
     if not record.measured.any():
         raise ValueError(f"{record.name or 'record'}: no output was measured")
-    if missing := [name for name in signals if name not in record.signals]:
+    if missing := [name for name in (*signals, *torques) if name not in record.signals]:
         raise ValueError(f"{record.name or 'record'}: no signal {missing[0]!r}")
     values, level = _levels([record.signals[name] for name in signals], len(record))
     intervals = np.diff(np.rint(record.t * 1e6).astype(np.int64))
@@ -354,23 +385,29 @@ def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
             f"{record.name or 'record'}: the torque is late by more than one interval, and those differ"
         )
     u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
-    return Series(record, u, y, measured, np.append(step, 0), level, pairs, values)
+    weights = _filled([record.signals[name] for name in torques], len(record))
+    return Series(record, u, y, measured, np.append(step, 0), level, pairs, values, weights)
 
 
 def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:
     """Mean values (L, s) and their index (N,); a missing value is replaced by the one before."""
     if not signals:
         return np.zeros((1, 0)), np.zeros(N, dtype=np.int64)
-    columns = np.stack(signals, axis=1)
-    measured = np.isfinite(columns)
-    if not measured.any(axis=0).all():
-        raise ValueError("a signal that the parameters depend on was never measured")
-    filled = forward_fill(columns, columns[measured.argmax(axis=0), np.arange(len(signals))])
+    filled = _filled(signals, N)
     parts = np.stack([_part(column) for column in filled.T], axis=1)
     level = np.unique(parts, axis=0, return_inverse=True)[1].reshape(-1)
     count = np.bincount(level)
     sums = [np.bincount(level, weights=column) for column in filled.T]
     return np.stack(sums, axis=1) / count[:, None], level
+
+
+def _filled(signals: Sequence[Floats], N: int) -> Floats:
+    """Signals side by side (N, s); a missing value is replaced by the one before, the first ones by the first."""
+    columns = np.stack(signals, axis=1) if signals else np.zeros((N, 0))
+    measured = np.isfinite(columns)
+    if not measured.any(axis=0).all():
+        raise ValueError("a signal that the parameters depend on was never measured")
+    return forward_fill(columns, columns[measured.argmax(axis=0), np.arange(len(signals))])
 
 
 def _part(column: Floats) -> Ints:

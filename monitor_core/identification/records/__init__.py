@@ -4,6 +4,7 @@ A finding that refuses says that no fit to this record can be trusted; one that 
 at.  Thresholds are set so that a healthy record gives no finding: each constant says why it is what it is.
 """
 
+from monitor_core.identification.records.arm_links import LinkWeights, link_weights
 from monitor_core.identification.records.motion_checks import (
     is_about_nominal,
     known_of,
@@ -22,7 +23,7 @@ from monitor_core.identification.records.value_patterns import (
 )
 
 __all__ = [
-    "UNITS", "Bools", "Finding", "Known", "Record", "Severity", "Span", "TurningWeight", "between", "held_for",
-    "is_about_nominal", "known_of", "rigid_fit", "shown_inertia", "speed_scales", "stuck_spans",
-    "suspicions", "turning_weight", "whole_numbers", "wrap_of",
+    "UNITS", "Bools", "Finding", "Known", "LinkWeights", "Record", "Severity", "Span", "TurningWeight", "between",
+    "held_for", "is_about_nominal", "known_of", "link_weights", "rigid_fit", "shown_inertia", "speed_scales",
+    "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
 ]  # fmt: skip

@@ -43,13 +43,13 @@ _GAP = 10.0
 
 
 class Part(NamedTuple):
-    """A piece of a record on a regular grid: torque around each sample, motion and signal (N,), interval in s."""
+    """A piece of a record on a regular grid: torque around each sample, motion and signals (N,), interval in s."""
 
     u: Floats
     y: Floats
     h: float
     quantity: Output
-    signal: Floats
+    signals: Mapping[str, Floats]
 
 
 class Rigid(NamedTuple):
@@ -125,11 +125,11 @@ def unexplained(
 
 def speed_scales(records: Sequence[Record]) -> tuple[float, ...]:
     """Speed scales of Coulomb friction that come into question, rad/s at the sensor, the steepest first."""
-    speed = _rms_speed(records)
+    speed = rms_speed(records)
     return tuple(float(f"{part * speed:.2g}") for part in _SCALES)
 
 
-def _rms_speed(records: Sequence[Record]) -> float:
+def rms_speed(records: Sequence[Record]) -> float:
     """Root mean square of the motor's speed, rad/s, without its noise: from windows of some samples."""
     means = [
         _slope(part.y, _AROUND, part.h) if part.quantity == "angle" else part.y
@@ -183,14 +183,15 @@ def _part(segment: Record) -> Part:
     y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
     u = mean_torque(segment, t)
     # Mean of the torques before and after each sample.
-    signal = segment.signals.get(SIGNAL, np.zeros(len(segment)))
-    return Part(
-        np.convolve(u, (0.5, 0.5))[: len(u)],
-        y,
-        float(t[1] - t[0]),
-        segment.quantity,
-        np.interp(t, segment.t, signal),
-    )
+    around = np.convolve(u, (0.5, 0.5))[: len(u)]
+    signals = {name: _on_grid(t, segment.t, values) for name, values in segment.signals.items()}
+    return Part(around, y, float(t[1] - t[0]), segment.quantity, signals)
+
+
+def _on_grid(grid: Floats, t: Floats, values: Floats) -> Floats:
+    """Values at other times, straight between those that are known; NaN: none is."""
+    known = np.isfinite(values)
+    return np.interp(grid, t[known], values[known]) if known.any() else np.full(len(grid), np.nan)
 
 
 def windowed_equations(
@@ -198,13 +199,11 @@ def windowed_equations(
 ) -> tuple[Floats, Floats]:
     """Columns (M, 1 + terms), that of J first; the windowed torque (M,)."""
     g, g1, g2 = window_of(window, part.h)
+    y = part.y
 
     def over(weight: Floats, values: Floats) -> Floats:
-        # A convolution reverses its second factor.
-        out: Floats = part.h * oaconvolve(values, weight[::-1], mode="valid")[:: window // WINDOWS]
-        return out
+        return integrals(part, weight, values)
 
-    y = part.y
     if part.quantity == "speed":
         speed, inertia, viscous, angle = y, -over(g1, y), over(g, y), np.cumsum(y) * part.h
     else:
@@ -213,10 +212,18 @@ def windowed_equations(
     columns = [
         viscous
         if term == "viscous"
-        else over(g, part.signal if term == "signal" else _torque(term, speed, angle, speed_scale))
+        else over(g, part.signals[SIGNAL] if term == "signal" else _torque(term, speed, angle, speed_scale))
         for term in terms
     ]
     return np.column_stack([inertia, *columns]), over(g, part.u)
+
+
+def integrals(part: Part, weight: Floats, values: Floats) -> Floats:
+    """Integrals (M,) of values (N,) of a part, weighted with a window, one after the other."""
+    # A convolution reverses its second factor.
+    window = len(weight) - 1
+    out: Floats = part.h * oaconvolve(values, weight[::-1], mode="valid")[:: window // WINDOWS]
+    return out
 
 
 def _torque(term: Term, speed: Floats, angle: Floats, speed_scale: float) -> Floats:

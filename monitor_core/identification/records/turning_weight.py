@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import oaconvolve
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.record import Record
@@ -18,6 +17,7 @@ from monitor_core.identification.records.rigid_body import (
     WINDOWS,
     Part,
     Term,
+    integrals,
     rigid_fits,
     speed_scales,
     window_of,
@@ -107,7 +107,7 @@ class _Balance:
 
     def _over(self, wave: np.ufunc, ratio: float) -> Floats:
         columns = [
-            part.h * oaconvolve(wave(ratio * angle), shape[::-1], mode="valid")[:: _WINDOW // WINDOWS]
+            integrals(part, shape, wave(ratio * angle))
             for part, angle, shape in zip(self._parts, self._angles, self._shapes, strict=True)
         ]
         return np.concatenate(columns)

@@ -1,0 +1,228 @@
+"""Which links of an arm load an axis: cosines and sines of sums of joint angles that its torque shows.
+
+The potential energy of a serial arm is a sum of products of cosines and sines of its joint angles, and so of cosines
+and sines of their sums and differences.  The weight that an axis holds is its derivative by the angle of that axis:
+terms without that angle drop out.  How the joints are counted, from where, and in which direction, does not matter:
+each sum comes with both signs of the other angles, and each with cosine and sine.
+
+    J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = q_own +- q_j +- q_k
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.rigid_body import (
+    USUAL,
+    Part,
+    integrals,
+    rms_speed,
+    speed_scales,
+    window_of,
+    windowed_equations,
+    windowed_parts,
+)
+
+_MOST_SAMPLES = 30_000
+"""Weights change slowly: longer records are thinned to about so many samples."""
+_OF_PERIOD, _FEWEST = 0.1, 24
+"""Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
+_LEAST_WINDOWS = 20
+"""In all records: fewer do not tell this many terms from one another."""
+_MOST_OTHERS = 2
+"""Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
+_MOST_SUMS = 4
+_LESS = 0.6
+"""Of the squared errors on what was not fitted: another sum leaves at most so much of them."""
+_SIMPLER = 0.9
+"""A sum of more angles leaves at most so much of what the best one of fewer leaves."""
+_NEEDED = 1.02
+"""Without a single cosine or sine that is needed, the squared errors are at least so many times as large."""
+_EXPLAINS = 0.5
+"""Part of the torque that is explained where it was not fitted, or the weights are none."""
+
+Sum = tuple[tuple[int, str], ...]
+"""A sum of angles, by the names of their signals, each with its sign"""
+
+
+class LinkWeights(NamedTuple):
+    """What loads an axis."""
+
+    terms: tuple[str, ...]
+    """"cos(axis2 + axis3)", .."""
+    explained: float
+    """part of the torque that is explained in each half of the records, with values of the other half"""
+    before: float
+    """the same without these terms"""
+
+
+def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> LinkWeights | None:
+    """The weights that the torque of an axis shows; None: none that explains it.
+
+    Args:
+        records: of the axis, with the angles of the arm's axes as signals [rad].
+        own: name of the signal that is the angle of the axis itself.
+        angles: names of all of them, own too, from the base to the hand.
+    """
+    parts = [
+        _thinned(part)
+        for part in windowed_parts(records)
+        if all(np.isfinite(part.signals[name]).all() for name in angles)
+    ]
+    speed = rms_speed(records)
+    if not parts or not speed > 0:
+        return None
+    turn = float(
+        np.sqrt(
+            np.mean(np.concatenate([part.signals[own] - part.signals[own].mean() for part in parts]) ** 2)
+        )
+    )
+    window = max(_FEWEST, round(_OF_PERIOD * 2 * np.pi * turn / speed / parts[0].h))
+    parts = [part for part in parts if len(part.u) > window]
+    if sum(len(part.u) for part in parts) < _LEAST_WINDOWS * window:
+        return None
+    balance = _Balance(parts, window, speed_scales(records)[1])
+    chosen = _waves(*_chosen(balance, own, angles))
+    if not chosen:
+        return None
+    needed, left = chosen, balance.left(chosen)
+    for wave in chosen:
+        fewer = [w for w in needed if w != wave]
+        if fewer and balance.left(fewer) < _NEEDED * left:
+            needed = fewer
+    explained, before = balance.explained(needed), balance.explained(())
+    if explained < _EXPLAINS:
+        return None
+    return LinkWeights(tuple(map(str, needed)), explained, before)
+
+
+class _Wave(NamedTuple):
+    """A cosine or a sine of a sum of angles."""
+
+    function: str
+    angles: Sum
+
+    def __str__(self) -> str:
+        (_, first), *more = self.angles
+        inner = first + "".join(f" {'-' if sign < 0 else '+'} {name}" for sign, name in more)
+        return f"{self.function}({inner})"
+
+    def of_part(self, part: Part) -> Floats:
+        """Its values (N,)."""
+        total = sum((sign * part.signals[name] for sign, name in self.angles), np.zeros(len(part.u)))
+        return np.asarray(np.cos(total) if self.function == "cos" else np.sin(total))
+
+
+def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
+    """Sums of angles, one after the other, as long as the next one explains what was not fitted.
+
+    Two links may hide each other, so a second one is looked for where the first alone explains little.  A sum that was
+    chosen while another one was missing is exchanged for what is better beside that one.
+    """
+    chosen = list[Sum]()
+    left = balance.left(())
+    while len(chosen) < _MOST_SUMS:
+        best, least = _best(balance, own, angles, chosen)
+        if not least < _LESS * left:
+            beside = [(_best(balance, own, angles, [*chosen, first]), first) for first in _near(own, angles)]
+            (best, least), first = min(beside, key=lambda pair: pair[0][1])
+            if first in chosen or not least < _LESS**2 * left:
+                break
+            chosen = [*chosen, first]
+        chosen, left = [*chosen, best], least
+        for place in range(len(chosen) - 1):
+            others = [*chosen[:place], *chosen[place + 1 :]]
+            best, least = _best(balance, own, angles, others)
+            if least < _SIMPLER * left:
+                chosen, left = [*others, best], least
+    return chosen
+
+
+def _near(own: str, angles: Sequence[str]) -> list[Sum]:
+    """The sums of at most two angles."""
+    return [*_sums(own, angles, 0), *_sums(own, angles, 1)]
+
+
+def _best(balance: _Balance, own: str, angles: Sequence[str], chosen: Sequence[Sum]) -> tuple[Sum, float]:
+    """The sum that explains most beside others, and what is left; of fewer angles, unless more explain clearly more."""
+    best: Sum = ()
+    least = np.inf
+    for count in range(_MOST_OTHERS + 1):
+        tried = [angles_in for angles_in in _sums(own, angles, count) if angles_in not in chosen]
+        with_it = [balance.left([*_waves(*chosen), *_waves(angles_in)]) for angles_in in tried]
+        if with_it and min(with_it) < _SIMPLER * least:
+            least, best = min(with_it), tried[int(np.argmin(with_it))]
+    return best, least
+
+
+def _waves(*sums: Sum) -> list[_Wave]:
+    return [_Wave(function, angles) for angles in sums for function in ("cos", "sin")]
+
+
+def _sums(own: str, angles: Sequence[str], count: int) -> Iterator[Sum]:
+    """The own angle with so many others, the first one with a plus, the others with either sign."""
+    others = [name for name in angles if name != own]
+    for names in combinations(others, count):
+        used = [name for name in angles if name == own or name in names]
+        for signs in product((1, -1), repeat=count):
+            yield tuple(zip((1, *signs), used, strict=True))
+
+
+def _thinned(part: Part) -> Part:
+    """Means over blocks of samples, if there are too many."""
+    block = -(-len(part.u) // _MOST_SAMPLES)
+    if block == 1:
+        return part
+    count = len(part.u) // block
+
+    def means(values: Floats) -> Floats:
+        return np.asarray(values[: count * block].reshape(count, block).mean(axis=1))
+
+    signals = {name: means(values) for name, values in part.signals.items()}
+    return Part(means(part.u), means(part.y), part.h * block, part.quantity, signals)
+
+
+class _Balance:
+    """The torque balance of one mass, with waves beside it: fitted to each half, and tried on the other."""
+
+    def __init__(self, parts: Sequence[Part], window: int, scale: float) -> None:
+        self._parts, self._window = parts, window
+        equations = [windowed_equations(part, window, scale, USUAL) for part in parts]
+        self._rows = np.concatenate([rows for rows, _ in equations])
+        self._torque = np.concatenate([torque for _, torque in equations])
+        self._columns: dict[_Wave, Floats] = {}
+        self._half = len(self._torque) // 2
+
+    def left(self, waves: Sequence[_Wave]) -> float:
+        """Sum of squared errors in each half with values of the other one."""
+        rows = np.column_stack([self._rows, *(self._column(wave) for wave in waves)])
+        size = np.sqrt((rows**2).sum(axis=0))
+        rows = rows / np.where(size > 0, size, 1.0)
+        total, halves = 0.0, (slice(self._half), slice(self._half, None))
+        for fitted, other in (halves, halves[::-1]):
+            found, *_ = np.linalg.lstsq(rows[fitted], self._torque[fitted], rcond=1e-8)
+            missed = self._torque[other] - rows[other] @ found
+            total += float(missed @ missed)
+        return total
+
+    def explained(self, waves: Sequence[_Wave]) -> float:
+        """Part of the torque about its mean."""
+        spread = float(((self._torque - self._torque.mean()) ** 2).sum())
+        return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
+
+    def _column(self, wave: _Wave) -> Floats:
+        if wave not in self._columns:
+            shapes = [window_of(self._window, part.h)[0] for part in self._parts]
+            self._columns[wave] = np.concatenate(
+                [
+                    integrals(part, shape, wave.of_part(part))
+                    for part, shape in zip(self._parts, shapes, strict=True)
+                ]
+            )
+        return self._columns[wave]

@@ -1,0 +1,103 @@
+"""What commissioning tries where the links of an arm load an axis: a torque offset that follows the angles of axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive import Term
+from monitor_core.identification import link_weights
+from service.commands.signal_proposals import configured
+from service.config.commissioned import Correction, corrected
+from service.config.drives import given_values
+from service.config.signal_tables import SIGNAL
+
+if TYPE_CHECKING:
+    from service.config import Config, NamedAxis
+
+_MOST_TURN = 4 * np.pi
+"""Range of the angle of an arm's axis [rad]; one that moves farther is that of a motor before its gearbox."""
+
+
+class LinkLoad(NamedTuple):
+    """What another identification is made with."""
+
+    signals: tuple[Correction, ...]
+    """The angles of axes, as signals of this one"""
+    terms: tuple[str, ...]
+    """What the torque offset follows: "cos(axis2 + axis3)", .."""
+
+
+def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
+    """The angles that the weight on an axis follows; None: it shows no weight, or only that which turns with itself.
+
+    Args:
+        text: of the configuration, valid in ``folder``.
+        axis_id: "robot.axis".
+        records: files of the axis, each with or without a range.
+        folder: where files may be written.
+
+    Raises:
+        RecordError, DbcError, IngestError: a record cannot be read.
+    """
+    from service.ingest.identification_records import load
+
+    config, axis = configured(text, axis_id, folder)
+    arm = {other.config.name: _signal(axis, other) for other in _arm(config, axis)}
+    if axis.config.name not in arm or len(arm) < 2:
+        return None
+    every = [change for changes in arm.values() for change in changes]
+    config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
+    loaded = [load(record, config, axis_id).record for record in records]
+    angles = [
+        name
+        for name, (signal, *_) in arm.items()
+        if all(_turns_as_an_arm(record.signals.get(signal.key[1])) for record in loaded)
+    ]
+    if axis.config.name not in angles:
+        return None
+    names = {name: arm[name][0].key[1] for name in angles}
+    found = link_weights(loaded, names[axis.config.name], list(names.values()))
+    if found is None:
+        return None
+    used = {signal for term in found.terms for signal in Term.read(term).signals}
+    if used == {names[axis.config.name]}:
+        return None
+    signals = [c for changes in arm.values() for c in changes if c.key[1] in used]
+    return LinkLoad(tuple(signals), found.terms)
+
+
+def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
+    """The axes of the same robot whose angles may be signals of this one, itself too."""
+    for other in config.axes:
+        angle = other.config.angle
+        known = angle is not None and angle.wrap_period is None and other.config.output == "angle"
+        if known and other.robot == axis.robot and other.config.bus == axis.config.bus:
+            yield other
+
+
+def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
+    """The angle of an arm's axis as a signal, of the name that the configuration has for it, or that of the axis."""
+    names = {s.axis: s.name for s in axis.config.signal}
+    taken = other.config.name in names.values()
+    name = names.get(other.config.name, f"{other.config.name}-angle" if taken else other.config.name)
+    reason = f"the torque shows the weight of links, which follows the angle of {other.config.name}"
+    ratio = given_values(other.config).get("r", 1.0)
+    found = [Correction((SIGNAL, name, "axis"), other.config.name, reason)]
+    if ratio != 1.0:
+        found.append(
+            Correction(
+                (SIGNAL, name, "factor"), ratio, "the gear ratio: the angle of the arm, not of the motor"
+            )
+        )
+    return tuple(found)
+
+
+def _turns_as_an_arm(angle: Floats | None) -> bool:
+    """Whether a signal is known, and may be the angle of an arm."""
+    known = np.zeros(0) if angle is None else angle[np.isfinite(angle)]
+    return bool(known.size) and float(np.ptp(known)) < _MOST_TURN

@@ -1,0 +1,100 @@
+"""Which links load an axis: the sums of joint angles are found whatever their signs, and none where none is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from monitor_core.identification import Record, link_weights
+
+ANGLES = ("q1", "q2", "q3", "q4")
+RATE_HZ, SECONDS = 100, 60.0
+Torque = Callable[[Mapping[str, Floats]], Floats]
+
+
+def moved(rng: np.random.Generator, t: Floats) -> Floats:
+    """A smooth motion over a radian or two, of many frequencies below 0.6 Hz."""
+    f, phase = rng.uniform(0.05, 0.6, 6), rng.uniform(0, 2 * np.pi, 6)
+    wave = np.sin(2 * np.pi * np.outer(t, f) + phase) / f
+    return np.asarray(rng.uniform(-1, 1) + 0.9 * (wave / np.abs(wave).sum(axis=1).max()).sum(axis=1))
+
+
+def recorded(
+    torque: Torque,
+    rng: np.random.Generator,
+    own: str = "q2",
+    still: tuple[str, ...] = (),
+    seconds: float = SECONDS,
+) -> Record:
+    """An axis of 2 kg m^2 with friction, that torque and noise of a tenth of it, while all others move or stand."""
+    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    q = {name: np.full(len(t), rng.uniform(-1, 1)) if name in still else moved(rng, t) for name in ANGLES}
+    speed = np.gradient(q[own], t)
+    u = 2.0 * np.gradient(speed, t) + 1.5 * speed + 1.0 * np.tanh(speed / 0.05) + torque(q)
+    return Record(t, u + rng.normal(0, 0.1 * u.std(), len(t)), q[own], "angle", signals=q)
+
+
+@pytest.mark.parametrize(
+    ("own", "torque", "terms"),
+    [
+        ("q2", lambda q: 8 * np.cos(q["q2"]) + 4 * np.cos(q["q2"] + q["q3"]), {"cos(q2)", "cos(q2 + q3)"}),
+        ("q2", lambda q: 8 * np.cos(q["q2"]) + 4 * np.cos(q["q2"] - q["q3"]), {"cos(q2)", "cos(q2 - q3)"}),
+        ("q3", lambda q: 5 * np.cos(q["q2"] + q["q3"] - 0.8), {"cos(q2 + q3)", "sin(q2 + q3)"}),
+        ("q4", lambda q: 3 * np.sin(q["q2"] + q["q3"] + q["q4"]), {"sin(q2 + q3 + q4)"}),
+        # The forearm is counted from the ground: its own angle alone.
+        ("q3", lambda q: 5 * np.cos(q["q3"]), {"cos(q3)"}),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("number", range(3))
+def test_the_links_are_found(own: str, torque: Torque, terms: set[str], number: int, seed: int) -> None:
+    found = link_weights([recorded(torque, np.random.default_rng(seed + number), own)], own, ANGLES)
+    assert found is not None
+    assert set(found.terms) == terms
+    assert found.explained > max(0.8, found.before)
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_without_a_weight_nothing_is_found(number: int, seed: int) -> None:
+    rng = np.random.default_rng(seed + number)
+    assert link_weights([recorded(lambda q: 0 * q["q2"], rng)], "q2", ANGLES) is None
+
+
+def test_a_torque_of_something_else_is_no_weight(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    drift = 5 * np.cumsum(rng.normal(0, 0.02, round(SECONDS * RATE_HZ)))
+    assert link_weights([recorded(lambda q: drift + 0 * q["q2"], rng)], "q2", ANGLES) is None
+
+
+def test_of_axes_that_stand_still_nothing_can_be_told(seed: int) -> None:
+    """The weight of all links turns with the one axis that moves: the simplest sum says all."""
+
+    def weight(q: Mapping[str, Floats]) -> Floats:
+        return np.asarray(8 * np.cos(q["q2"]) + 4 * np.cos(q["q2"] + q["q3"]))
+
+    found = link_weights(
+        [recorded(weight, np.random.default_rng(seed), still=("q1", "q3", "q4"))], "q2", ANGLES
+    )
+    assert found is not None
+    assert set(found.terms) <= {"cos(q2)", "sin(q2)"}
+
+
+def test_long_records_and_several_are_used_together(seed: int) -> None:
+    def weight(q: Mapping[str, Floats]) -> Floats:
+        return np.asarray(8 * np.cos(q["q2"]) + 4 * np.cos(q["q2"] + q["q3"]))
+
+    rng = np.random.default_rng(seed)
+    records = [recorded(weight, rng, seconds=400.0), recorded(weight, rng)]
+    found = link_weights(records, "q2", ANGLES)
+    assert found is not None
+    assert set(found.terms) == {"cos(q2)", "cos(q2 + q3)"}
+
+
+def test_signals_that_never_came_tell_nothing(seed: int) -> None:
+    record = recorded(lambda q: 8 * np.cos(q["q2"]), np.random.default_rng(seed))
+    lost = Record(
+        record.t, record.u, record.y, "angle", signals={**record.signals, "q3": np.full(len(record), np.nan)}
+    )
+    assert link_weights([lost], "q2", ANGLES) is None

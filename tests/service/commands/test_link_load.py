@@ -1,0 +1,128 @@
+"""An arm of two axes that hold each other's links, commissioned from one table: nobody says what follows what."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration import CalibrationOptions
+from service.commands import commission
+from service.commands.link_load import link_load
+from service.config import NamedAxis, load
+from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
+from tests.service.command_line import axiswatch
+
+QUICK = CalibrationOptions(600.0, None, (0.3,), 2, copies=200_000, bank_copies=20_000)
+
+
+class Cell(NamedTuple):
+    """The arm after its commissioning."""
+
+    arm: Arm
+    folder: Path
+
+    @property
+    def config(self) -> Path:
+        return self.folder / "commissioned" / "axiswatch.toml"
+
+
+def write(path: Path, samples: ArmSamples, side: float = R) -> Path:
+    """A table of joint torques and angles; ``side`` 1: of those of the motors."""
+    columns = [samples.t_us * 1e-6]
+    names = ["time"]
+    for axis, name in enumerate(AXES):
+        columns += [samples.u[:, axis] / side, samples.y[:, axis] * side]
+        names += [f"{name}_torque", f"{name}_angle"]
+    np.savetxt(path, np.column_stack(columns), fmt="%.9g", delimiter=",", header=",".join(names), comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
+    folder = tmp_path_factory.mktemp("arm")
+    arm = Arm(ArmTruth(), np.random.default_rng(seed))
+    record = write(folder / "healthy.csv", arm.take(150.0))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(commission, "options_for", lambda _budget_s: QUICK)
+        init = axiswatch("init", record, "-o", folder / "axis.toml")
+        assert init.exit_code == 0, init.output
+        done = axiswatch(
+            "commission",
+            record,
+            "--config",
+            folder / "axis.toml",
+            "--yes",
+            "--output",
+            folder / "commissioned",
+        )
+    assert done.exit_code == 0, done.output
+    return Cell(arm, folder)
+
+
+def test_each_axis_follows_the_links_that_it_holds(cell: Cell) -> None:
+    shoulder, elbow = load(cell.config, {}).axes
+    assert follows(shoulder) >= {"cos(axis1)", "cos(axis1 + axis2)"}
+    assert follows(elbow) >= {"cos(axis1 + axis2)"}
+    for axis in (shoulder, elbow):
+        assert {s.axis for s in axis.config.signal} == {"axis1", "axis2"}
+        assert "kT" in axis.config.model.monitor
+        assert "tau0" not in axis.config.model.monitor
+    report = (cell.config.parent / "report.html").read_text(encoding="utf-8")
+    assert "the torque shows the weight of links at these angles" in report
+
+
+def follows(axis: NamedAxis) -> set[str]:
+    """What the torque offset of an axis follows, by its nominal values."""
+    found = axis.config.model.nominal_file
+    assert found is not None
+    return {v.signal for v in found.schedule if v.parameter == "tau0"}
+
+
+def test_a_weak_motor_is_named_and_the_healthy_arm_is_quiet(cell: Cell) -> None:
+    healthy = write(cell.folder / "second.csv", cell.arm.take(60.0))
+    faulty = write(cell.folder / "faulty.csv", cell.arm.take(60.0, {"shoulder kT": 0.75}))
+    assert alarms(cell, healthy) == {}
+    found = alarms(cell, faulty)
+    assert set(found) == {"robot1.axis1"}
+    assert found["robot1.axis1"] == [("kT", "down")]
+
+
+def alarms(cell: Cell, record: Path) -> dict[str, list[tuple[str, str]]]:
+    done = axiswatch("replay", record, "--config", cell.config, "--json", "-")
+    assert done.exit_code == 0, done.output
+    axes = json.loads(done.stdout)["axes"]
+    return {a["id"]: [(e["parameter"], e["direction"]) for e in a["alarms"]] for a in axes if a["alarms"]}
+
+
+AXIS = """
+[[robot.axis]]
+name = "{name}"
+torque = {{ column = "{name}_torque" }}
+angle = {{ column = "{name}_angle" }}
+"""
+MOTORS = """
+[[robot]]
+name = "arm"
+[robot.defaults]
+sample_interval_s = 0.005
+time = { column = "time" }
+model = { drive = "one-mass-weight", monitor = ["kT"], nominal = { kT = 1, r = 0.01 } }
+"""
+
+
+def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(cell: Cell, tmp_path: Path) -> None:
+    record = write(tmp_path / "motors.csv", cell.arm.take(60.0), 1.0)
+    text = MOTORS + "".join(AXIS.format(name=name) for name in AXES)
+    found = link_load(text, "arm.elbow", [str(record)], tmp_path)
+    assert found is not None
+    assert "cos(shoulder + elbow)" in found.terms
+    keys = {c.key: c.value for c in found.signals}
+    assert keys == {
+        ("signal", name, key): value for name in AXES for key, value in (("axis", name), ("factor", R))
+    }
+    without = text.replace(", r = 0.01", ", r = 1")  # hundreds of radians are no angle of an arm
+    assert link_load(without, "arm.elbow", [str(record)], tmp_path) is None
