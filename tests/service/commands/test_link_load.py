@@ -14,6 +14,7 @@ from service.commands import commission
 from service.commands.link_load import link_load
 from service.config import NamedAxis, load
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
+from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
 
 QUICK = CalibrationOptions(600.0, None, (0.3,), 2, copies=200_000, bank_copies=20_000)
@@ -45,11 +46,13 @@ def write(path: Path, samples: ArmSamples, side: float = R) -> Path:
 def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
     folder = tmp_path_factory.mktemp("arm")
     arm = Arm(ArmTruth(), np.random.default_rng(seed))
-    record = write(folder / "healthy.csv", arm.take(150.0))
+    record = write(folder / "healthy.csv", arm.take(90.0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(commission, "options_for", lambda _budget_s: QUICK)
         init = axiswatch("init", record, "-o", folder / "axis.toml")
         assert init.exit_code == 0, init.output
+        # To look for it is most of the work, and tested elsewhere.
+        edit(folder / "axis.toml", ("kT = 1 }", "kT = 1 }, friction_speed_scale = 0.01"))
         done = axiswatch(
             "commission",
             record,
