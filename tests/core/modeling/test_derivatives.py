@@ -25,7 +25,7 @@ from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Entries, StateSpace, drive_of
 from tests.core.modeling.random_drives import RandomDrive, drives
-from tests.core.oracle.system import derivatives
+from tests.core.oracle.system import Matrices, derivatives
 
 Array = NDArray[np.float64]
 MATRICES = ("A", "B", "C")
@@ -163,8 +163,7 @@ def check(ss: StateSpace, values: Mapping[str, float], source: random.Random) ->
     model = chosen(ss, values, source)
     theta = near(model, source)
     kernel, exact = of_kernel(model, theta), of_sympy(ss, model, theta)
-    for which in MATRICES:
-        stepped = derivatives(model, which, theta)
+    for which, stepped in zip(MATRICES, derivatives(Matrices(model), theta), strict=True):
         for got, (want, size), step in zip(kernel[which], exact[which], stepped, strict=True):
             assert (abs(got - want) <= TOLERANCE * size).all()
             assert (abs(step - want) <= TOLERANCE * size).all()
