@@ -30,7 +30,7 @@ from tests.core.oracle.system import Matrices, derivatives
 Array = NDArray[np.float64]
 MATRICES = ("A", "B", "C")
 TOLERANCE = 1e-12
-LAWS = settings(deadline=None, max_examples=25)
+LAWS = settings(deadline=None, max_examples=12)
 
 RIGID: list[dict[str, object]] = [
     {"type": "torque", "name": "torque", "at": "shaft", "kT": "kT"},
