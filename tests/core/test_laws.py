@@ -195,12 +195,12 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
 def test_a_trace_is_the_same_without_the_events(seed: int) -> None:
     case = CASES[0]
     rec = as_columns(record(seed, case, 400, true={**case.values, "kT": 1.3}))
-    told, quiet = (AxisBatch([case.model], [case.settings(alpha1=0.5, alpha2=0.5)]) for _ in range(2))
-    events, expected = told.run_traced(*rec)
+    traced, quiet = (AxisBatch([case.model], [case.settings(alpha1=0.5, alpha2=0.5)]) for _ in range(2))
+    events, expected = traced.run_traced(*rec)
     assert events
     for found, field in zip(quiet.trace(*rec), expected, strict=True):
         np.testing.assert_array_equal(found, field)
-    for mine, other in zip(quiet.column(0), told.column(0), strict=True):
+    for mine, other in zip(quiet.column(0), traced.column(0), strict=True):
         np.testing.assert_array_equal(mine, other)
 
 
