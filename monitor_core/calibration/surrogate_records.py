@@ -23,7 +23,7 @@ from monitor_core.samples import SampleBlock, forward_fill
 from monitor_core.settings import Settings
 
 SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
-"""That are simulated, for the tests' sums, and at least for what copies are off by."""
+"""That are simulated, for the tests' sums, and of them at most for what copies are off by."""
 LANES = 64
 CHUNK = 4000
 BLOCK = 1.0
@@ -79,7 +79,8 @@ def simulate_excursions(
     # sigma comes from the first memories; short records are run once more for it.
     least = 1 if total > 4 * _KNOWN * settings.memory else 2
     turns = max(least, round(samples / total / LANES))
-    error, watch = _bootstrap_error(copies, sources, rng), _PeakCounter(model, settings, k)
+    error = _bootstrap_error(copies, sources, rng, min(OWN_SAMPLES, samples))
+    watch = _PeakCounter(model, settings, k)
     progress(1 / (turns + 1))
     for turn in range(turns):
         for source in sources:
@@ -90,11 +91,13 @@ def simulate_excursions(
     return watch.found(error)
 
 
-def _bootstrap_error(copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator) -> Floats:
+def _bootstrap_error(
+    copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator, samples: int
+) -> Floats:
     """Error covariance (2 p, 2 p) of the copies, scaled from copies with few of the innovations to all of them."""
     few = [bootstrap_blocks(copies.settings, source, FEW, rng) for source in sources]
     parts: list[PartSums] = []
-    turns = math.ceil(OWN_SAMPLES / LANES / sum(len(source.u) for source in sources))
+    turns = math.ceil(samples / LANES / sum(len(source.u) for source in sources))
     for _ in range(turns):
         for source, blocks in zip(sources, few, strict=True):
             for d, _ in copies.run(source, blocks):
@@ -193,7 +196,7 @@ class _Copies:
         for t_us, u, y, weight in bootstrap_copies(model, settings, source, blocks.take):
             times = np.repeat(t_us[:, np.newaxis], LANES, axis=1)
             held = None if weight is None else np.repeat(weight[:, np.newaxis], LANES, axis=1)
-            _, trace = self._bank.run_traced(times, u, y, weight=held)
+            trace = self._bank.trace(times, u, y, weight=held)
             first = max(0, round(SETTLED * settings.memory) - since)
             since += len(u)
             rows = slice(first + q - 1, None, q)

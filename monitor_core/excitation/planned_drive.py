@@ -71,7 +71,7 @@ class Plant:
         """Whether no input depends on the motion."""
         return not self._has(OF_MOTION)
 
-    @property
+    @cached_property
     def bears_weight(self) -> bool:
         """Whether gravity acts on it."""
         return self._has((COSINE, SINE))

@@ -15,7 +15,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive
-from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, ONE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, ONE, SINE, TORQUE
 from monitor_core.modeling.standard_drives import three_mass
 
 
@@ -79,7 +79,13 @@ class SimulatedAxis:
         self._A, self._B, C = model.matrices()
         self._C = C[0]
         self._speed = C[0] if self._drive.output == "speed" else C[0] @ self._A
-        self._ratio = self._drive.matrix("ratio", model.nominal)[:, 0]
+        kinds, ratio = self._drive.inputs, self._drive.matrix("ratio", model.nominal)[:, 0].tolist()
+        self._constant = np.array([float(kind == ONE) for kind in kinds])
+        self._of_torque = [i for i, kind in enumerate(kinds) if kind == TORQUE]
+        self._friction, self._weight = (
+            [(i, kind, ratio[i]) for i, kind in enumerate(kinds) if kind in wanted]
+            for wanted in ((COULOMB,), (COSINE, SINE))
+        )
         self._parts = self._substeps if _depends_on_motion(self._drive, self._B).any() else 1
         self._held: dict[float, tuple[Floats, Floats]] = {}
 
@@ -95,20 +101,18 @@ class SimulatedAxis:
 
     def inputs(self, torque: float) -> Floats:
         """All inputs of the drive now (m,), with that torque [N m]."""
-        speed, angle = self.speed / self._speed_scale, self.angle
-        flanges = zip(self._drive.inputs, self._ratio, strict=True)
-        return np.array([_input(kind, torque, ratio * speed, ratio * angle) for kind, ratio in flanges])
-
-
-def _input(kind: int, torque: float, speed: float, angle: float) -> float:
-    """Value of an input of that kind at a flange with this motion; the speed in units of that of Coulomb friction."""
-    if kind == TORQUE:
-        return torque
-    if kind == COULOMB:
-        return math.tanh(speed)
-    if kind == ONE:
-        return 1.0
-    return math.cos(angle) if kind == COSINE else math.sin(angle)
+        u = self._constant.copy()
+        for i in self._of_torque:
+            u[i] = torque
+        if self._friction:
+            speed = self.speed / self._speed_scale  # in units of that of Coulomb friction
+            for i, _, ratio in self._friction:
+                u[i] = math.tanh(ratio * speed)
+        if self._weight:
+            angle = self.angle
+            for i, kind, ratio in self._weight:
+                u[i] = math.cos(ratio * angle) if kind == COSINE else math.sin(ratio * angle)
+        return u
 
 
 BLOCK = 64

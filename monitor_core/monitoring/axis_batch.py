@@ -121,6 +121,15 @@ class AxisBatch:
         trace = self._trace(len(t_us))
         return self._run(self._samples(t_us, u, y, count, shift, gate, weight), trace), trace
 
+    def trace(
+        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
+        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
+    ) -> Trace:  # fmt: skip
+        """As ``run_traced`` without the events, which take as long to tell as many axes take to run."""
+        trace = self._trace(len(t_us))
+        self._advance(self._samples(t_us, u, y, count, shift, gate, weight), trace)
+        return trace
+
     def _samples(
         self, t_us: Ints, u: Floats, y: Floats, count: Ints | None,
         shift: Floats | None, gate: Bools | None, weight: Floats | None,
@@ -146,6 +155,9 @@ class AxisBatch:
         return BatchSamples(t, u, y, n, moved, opened, held)
 
     def _run(self, samples: BatchSamples, trace: Trace) -> list[tuple[int, BatchEvent]]:
+        return sorted(self._named(*self._advance(samples, trace)), key=lambda pair: pair[0])
+
+    def _advance(self, samples: BatchSamples, trace: Trace) -> tuple[Events, EvidenceColumns]:
         events, noted, reset = (
             self._events(len(samples.t)),
             self._noted(len(samples.t)),
@@ -155,7 +167,7 @@ class AxisBatch:
             _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
             samples, reset, events, noted, trace,
         )  # fmt: skip
-        return sorted(self._named(events, noted), key=lambda pair: pair[0])
+        return events, noted
 
     def compile_update(self) -> None:
         """Compile the second half of a sample only, for another process, which then compiles the whole sooner."""

@@ -202,9 +202,8 @@ class Worker:
         """Process one block; returns whether frames may still wait."""
         busy = not self._waits() and self._block()
         self.snapshot = self._snapshot()
-        if (
-            not self._pipeline.monitors.deferred_samples
-        ):  # else the detectors would be older than the estimates
+        # While samples wait for the detectors, these would be older than the estimates.
+        if not self._pipeline.monitors.deferred_samples:
             self._checkpointer.save_if_due()
         return busy
 

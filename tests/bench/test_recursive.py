@@ -126,7 +126,7 @@ class Ours:
         u, y = (field[:axes].T for field in self.rec)
         t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis] * round(H * 1e6), axes, axis=1)
         bank = AxisBatch([self.model] * axes, [self.settings] * axes)
-        _, trace = bank.run_traced(t, np.ascontiguousarray(u), np.ascontiguousarray(y))
+        trace = bank.trace(t, np.ascontiguousarray(u), np.ascontiguousarray(y))
         theta = np.log(trace.theta / self.model.theta0[:, np.newaxis])
         P = self.settings.lam0 * trace.P[FROM:FAULT_AT].mean(axis=(0, 2)) / self.model.scale**2
         return np.moveaxis(theta, -1, 0), P

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.cusum.cusum_evidence import BatchEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
@@ -44,14 +43,14 @@ def steady_p(model: AxisModel, settings: Settings, seeds: Sequence[int]) -> tupl
 
 def steady_p_of(model: AxisModel, settings: Settings, records: Experiment) -> tuple[float, ...]:
     """The same, of these records."""
-    bank, _, _ = side_by_side(model, replace(settings, P0=()), records)
+    bank, _ = side_by_side(model, replace(settings, P0=()), records)
     assert not bank.state.seed_left.any()
     return tuple(float(v) for v in bank.state.P_nom.mean(axis=1))
 
 
 def side_by_side(
     model: AxisModel, settings: Settings, rec: Experiment, shift: Floats | None = None, start: float = 1.0
-) -> tuple[AxisBatch, list[tuple[int, BatchEvent]], Trace]:
+) -> tuple[AxisBatch, Trace]:
     """A bank of equal axes on records (N, W) of the same times, all with the same ``shift`` (N, p).
 
     They are monitored from theta = ``start`` times nominal.
@@ -61,14 +60,14 @@ def side_by_side(
     bank.state.theta[:] *= start
     moved = None if shift is None else np.repeat(shift[..., np.newaxis], W, axis=2)
     times = np.repeat(rec.t_us[:, np.newaxis], W, axis=1)
-    return bank, *bank.run_traced(times, rec.u, rec.y, shift=moved)
+    return bank, bank.trace(times, rec.u, rec.y, shift=moved)
 
 
 def homecoming(output: Output, seeds: Sequence[int], seed: int) -> Floats:
     """Figure 5: mean of the last 500 of 2000 estimates over nominal, (p, seeds); the start is 20 % above."""
     model = reference_model(output)
     records = experiments(seeds, output=output)
-    _, _, trace = side_by_side(model, settings_of(output, seed), records, start=1.2)
+    _, trace = side_by_side(model, settings_of(output, seed), records, start=1.2)
     return np.asarray(trace.theta[-500:].mean(axis=0) / model.theta0[:, np.newaxis])
 
 
@@ -93,7 +92,7 @@ def outcome(seeds: Sequence[int], parameter: str | None, settings: Settings, fac
     fault = {parameter: factor} if parameter else None
     which = model.monitored.index(parameter) if parameter else -1
     parts = [seeds[k : k + AT_ONCE] for k in range(0, len(seeds), AT_ONCE)]
-    traces = (side_by_side(model, settings, experiments(part, fault))[2] for part in parts)
+    traces = (side_by_side(model, settings, experiments(part, fault))[1] for part in parts)
     rows = [per_seed(trace, model, settings, which) for trace in traces]
     all_seeds = Seeds(*(np.concatenate(column, axis=-1) for column in zip(*rows, strict=True)))
     first, delay = all_seeds.first, all_seeds.delay_s

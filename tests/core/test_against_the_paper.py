@@ -42,16 +42,14 @@ class Situation(NamedTuple):
 
 
 def of_case(case: Case, seed: int) -> Situation:
-    """The transcription is slow: drives beside the paper's get fewer samples."""
-    samples = 1000 if case.name in ("paper", "angle-paper") else 600
-    rec = record(seed, case, samples, jitter=0.3, gaps=3)
+    rec = record(seed, case, 500, jitter=0.3, gaps=3)
     return Situation(case, case.settings(alpha1=0.5, alpha2=0.5), rec)
 
 
 def alarms(seed: int, widen: float = 0.0, own: tuple[Threshold, ...] = ()) -> Situation:
     case = BY_NAME["paper"]
     settings = replace(case.settings(alpha1=0.5, alpha2=2.0, covariance_reset=widen), thresholds=own)
-    rec = record(seed, case, 2000, true={**case.values, "kT": 1.1, "fm": 0.03})
+    rec = record(seed, case, 1200, true={**case.values, "kT": 1.1, "fm": 0.03})
     return Situation(case, settings, rec, lambda paper: len({a[:2] for a in paper.log.alarms}) >= 2)
 
 
@@ -65,7 +63,7 @@ def run_on(seed: int) -> Situation:
 def search_for_P0(name: str, seed: int) -> Situation:
     case = BY_NAME[name]
     settings = case.settings(P0=(), lam=0.98)
-    return Situation(case, settings, record(seed, case, 900), lambda paper: len(paper.diagonals) == 500)
+    return Situation(case, settings, record(seed, case, 700), lambda paper: len(paper.diagonals) == 500)
 
 
 def lost_samples(seed: int) -> Situation:
@@ -78,7 +76,7 @@ def lost_samples(seed: int) -> Situation:
 def pause(name: str, seed: int) -> Situation:
     """Supervised: two inversions and an eigendecomposition there, neither in the kernel."""
     case, rng = BY_NAME[name]._replace(within=0.3), np.random.default_rng(seed)
-    rec = moved(case.model.drive.output, lively_then_still(rng, 300, 1000, 300), rng)
+    rec = moved(case.model.drive.output, lively_then_still(rng, 300, 700, 300), rng)
     settings = case.settings(lam=0.98, alpha1=0.5, alpha2=0.5, information_floor=0.05, min_excitation=0.05)
 
     def happened(paper: Paper) -> bool:  # an offset shows at rest, too

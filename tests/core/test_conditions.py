@@ -137,7 +137,7 @@ def shift_of(rec: Experiment) -> Floats:
 
 
 def watched(rec: Experiment, settings: Settings, parameter: str, shift: Floats | None) -> Seeds:
-    _, _, trace = side_by_side(MODEL, settings, rec, shift)
+    _, trace = side_by_side(MODEL, settings, rec, shift)
     return per_seed(trace, MODEL, settings, MODEL.monitored.index(parameter))
 
 

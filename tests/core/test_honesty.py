@@ -64,7 +64,7 @@ def honesty(
     rec = Experiment(np.arange(N, dtype=np.int64) * round(INTERVAL_S * 1e6), u, y)
     # psi at the true parameters: of the same predictor with theta pinned (test_against_the_paper checks that psi).
     pinned = replace(settings, P0=tuple(1e-30 * model.scale**2), lam=1 - 1e-9, settle_s=0.0)
-    trace, at_truth = (side_by_side(model, s, rec)[2] for s in (settings, pinned))
+    trace, at_truth = (side_by_side(model, s, rec)[1] for s in (settings, pinned))
     deviation = trace.theta[late] - model.theta0[:, np.newaxis]
     reported = settings.lam0 * trace.P[late] / (1 + settings.lam)
     least = settings.lam0 * window_variance(at_truth.psi[1:], settings.lam, np.arange(N)[late] - 1)

@@ -16,11 +16,11 @@ from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitoring import AlarmChange, AxisMonitor, Fleet
+from monitor_core.monitoring import AlarmChange, AxisBatch, AxisMonitor, Fleet
 from monitor_core.monitoring import axis_batch as bank_module
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from tests.core.cases import CASES, Case, record
+from tests.core.cases import CASES, Case, as_columns, record
 from tests.core.laws import (
     SAMPLES,
     WAYS,
@@ -190,6 +190,18 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
         alone = AxisMonitor(monitor.model, monitor.settings)
         assert changes == [change for block in blocks for change in alone.update(block)]
         assert state(monitor) == state(alone)
+
+
+def test_a_trace_is_the_same_without_the_events(seed: int) -> None:
+    case = CASES[0]
+    rec = as_columns(record(seed, case, 400, true={**case.values, "kT": 1.3}))
+    traced, quiet = (AxisBatch([case.model], [case.settings(alpha1=0.5, alpha2=0.5)]) for _ in range(2))
+    events, expected = traced.run_traced(*rec)
+    assert events
+    for found, field in zip(quiet.trace(*rec), expected, strict=True):
+        np.testing.assert_array_equal(found, field)
+    for mine, other in zip(quiet.column(0), traced.column(0), strict=True):
+        np.testing.assert_array_equal(mine, other)
 
 
 def test_axes_of_equal_drive_and_parameters_share_a_bank() -> None:

@@ -55,7 +55,7 @@ def strike(values: Floats, sizes: tuple[float, float], rng: np.random.Generator)
 
 def spread(settings: Settings, samples: Experiment) -> tuple[AxisBatch, Floats]:
     """The bank at its end, and of each axis the root mean square of theta's relative deviations (p, AXES)."""
-    bank, _, trace = side_by_side(MODEL, settings, samples)
+    bank, trace = side_by_side(MODEL, settings, samples)
     late = trace.theta[600::200] / MODEL.theta0[:, None] - 1
     return bank, np.asarray(np.sqrt((late**2).mean(axis=0)))
 
@@ -129,7 +129,7 @@ def test_a_lasting_change_is_no_outlier(settings: Settings, seed: int) -> None:
     quiet = replace(settings, lam=0.98, settle_s=1.0, K=tuple(K), lam0=lam0)
     noise = 10 * NOISE["speed"] * np.random.default_rng(seed).standard_normal(clean.y.shape)
     noise[: len(noise) // 4] = 0.0
-    bank, _, trace = side_by_side(MODEL, quiet, clean._replace(y=clean.y + noise))
+    bank, trace = side_by_side(MODEL, quiet, clean._replace(y=clean.y + noise))
     assert counted(bank) <= AXES * (3 + 0.02 * len(noise))
     assert bank.state.lam0_running.mean() == pytest.approx(np.nanmean(trace.eps[-1000:] ** 2), rel=0.25)
     assert bank.state.lam0_running.mean() > 20 * lam0
@@ -169,7 +169,7 @@ def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:
     record = experiments(range(seed, seed + AXES), {"kT": 2.0})
     first = []
     for s in (settings, replace(settings, outlier_limit=0.0)):
-        bank, _, trace = side_by_side(MODEL, s, record)
+        bank, trace = side_by_side(MODEL, s, record)
         crossed = trace.g[FAULT_AT:, 0, 0] > bank.thresholds[0]
         assert crossed.any(axis=0).all()
         first.append(np.median(crossed.argmax(axis=0)))

@@ -51,7 +51,7 @@ def deviations(drive: Drive, u: Floats, y: Floats) -> Floats:
     """Mean of the estimates over nominal, minus 1, in percent (p,)."""
     model = AxisModel(drive, REFERENCE_VALUES, MONITORED)
     settings = Settings.paper(H, settle_s=2.7, P0=tuple((0.05 * model.scale) ** 2))
-    _, _, trace = side_by_side(model, settings, Experiment(T_US, u, y))
+    _, trace = side_by_side(model, settings, Experiment(T_US, u, y))
     return np.asarray(100 * (trace.theta[1500:].mean(axis=(0, 2)) / model.theta0 - 1))
 
 
@@ -139,7 +139,9 @@ def watched(monitored: tuple[str, ...], u: Floats, y: Floats) -> tuple[AxisBatch
         H, K=tuple(K), lam0=lam0, settle_s=2.0, information_floor=0.05, min_excitation=0.05
     )
     settings = replace(settings, P0=steady_p(model, settings, range(20)))
-    bank, events, _ = side_by_side(model, settings, Experiment(T_US, u, y))
+    axes = u.shape[1]
+    bank = AxisBatch([model] * axes, [settings] * axes)
+    events = bank.run(np.repeat(T_US[:, np.newaxis], axes, axis=1), u, y)
     return bank, [(a, e) for a, e in events if isinstance(e, Crossing)]
 
 

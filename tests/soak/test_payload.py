@@ -33,7 +33,7 @@ pytestmark = pytest.mark.soak
 
 PLANTS = int(os.environ.get("AXISWATCH_PLANTS", 20))
 IDENTIFY_S, CALIBRATE_S, HEALTHY_S, WATCH_S = 180.0, 2100.0, 1800.0, 300.0
-BUDGET = CalibrationOptions(3.15576e7, 60.0, (0.2,), 1, copies=2_000_000, bank_copies=20_000)
+BUDGET = CalibrationOptions(3.15576e7, 60.0, (0.2,), 1, copies=4_000_000, bank_copies=20_000)
 LEAST = 0.95
 """Share of the payloads that is named right, by one alarm of each axis that shows it."""
 

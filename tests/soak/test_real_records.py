@@ -122,7 +122,7 @@ def commissioned(case: Case, own: str, other: str, folder: Path) -> Watched:
     report = prepare(config, config.axes[0], [own], [], Request()).run(PROVENANCE)
     (folder / "nominal.toml").write_text(as_toml(report), encoding="utf-8")
     config = configured(case, folder, 'nominal_file = "nominal.toml"')
-    options = CalibrationOptions(case.budget_s, None, (0.2,), 5, copies=1_000_000, bank_copies=50_000)
+    options = CalibrationOptions(case.budget_s, None, (0.2,), 5, copies=4_000_000, bank_copies=50_000)
     found = calibrate_axis(config, config.axes[0], [own], options, PROVENANCE).result
     (block,), _ = read([other], config, config.axes[0], found.model)
     return Watched(found.model, found.settings, block, report.result.verdict.per_cent)

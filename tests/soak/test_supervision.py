@@ -95,7 +95,7 @@ def delays(settings: Settings, fault: dict[str, float], seed: int, day: Axis | N
         y, x = simulate_linear(three_mass("speed"), values, acting, H, x)
         start = (day.samples if day else 0) + (0 if values is REFERENCE_VALUES else lively)
         t = (start + np.arange(samples, dtype=np.int64))[:, np.newaxis] * round(H * 1e6)
-        _, trace = bank.run_traced(np.repeat(t, AXES, axis=1), u, y + rng.standard_normal(u.shape))
+        trace = bank.trace(np.repeat(t, AXES, axis=1), u, y + rng.standard_normal(u.shape))
         over = trace.g[:, :, MODEL.monitored.index(next(iter(fault)))].max(axis=1) > crossed[0]
         found = np.where(over.any(axis=0), over.argmax(axis=0), samples)
     return np.asarray(found * H)

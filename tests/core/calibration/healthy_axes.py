@@ -100,7 +100,7 @@ def count(
     bank.run(chunk.t_us, chunk.u, chunk.y)
     while seen < samples:
         chunk = axes.take(CHUNK)
-        _, trace = bank.run_traced(chunk.t_us, chunk.u, chunk.y)
+        trace = bank.trace(chunk.t_us, chunk.u, chunk.y)
         d = (trace.theta - plant.model.theta0[:, np.newaxis]) / scale[:, np.newaxis]
         s = np.sqrt(plant.settings.lam0 * trace.P) / scale[:, np.newaxis]
         _cusum(d, s, own, g, alarms)

@@ -21,6 +21,7 @@ from tests.core.oracle.system import (
     STEP,
     Array,
     Interval,
+    Matrices,
     derivatives,
     held_over,
     inputs,
@@ -45,6 +46,7 @@ class Paper:
 
     def __init__(self, model: AxisModel, s: Settings, P_start: Array | None = None) -> None:
         self.model, self.s = model, s
+        self.matrices = Matrices(model)
         n, p, m = len(model.drive.states), len(model.theta0), len(model.drive.inputs)
         self.theta, self.limits = model.theta0.copy(), stable_limits(model, s.gain(n), s.interval_s)
         self.P = np.diag(s.P0) if P_start is None else P_start.copy()
@@ -104,7 +106,7 @@ class Paper:
 
         def inputs_at(theta: NDArray[Any], x: NDArray[Any], delay: Any) -> NDArray[Any]:
             during = Interval(h, delay, self.torque_before)
-            return with_friction(self.model, self.s, theta, self.u, self.y, x, during)
+            return with_friction(self.matrices, self.s, theta, self.u, self.y, x, during)
 
         late = self.model.monitored.index(DELAY) if DELAY in self.model.monitored else -1
         for i, z in enumerate(self.z):
@@ -124,8 +126,8 @@ class Paper:
         delay = self.theta[monitored.index(DELAY)] if DELAY in monitored else self.s.delay_s
         late, mean = min(max(delay, 0.0), h), self.model.drive.mean_state
         self.lam = self.s.lam ** (h / self.s.interval_s)
-        self.A, self.B, C = self.model.matrices(self.theta)
-        self.dA, self.dB, dC = (derivatives(self.model, which, self.theta) for which in "ABC")
+        self.A, self.B, C = self.matrices.at(self.theta)
+        self.dA, self.dB, dC = derivatives(self.matrices, self.theta)
         self._rub(h, delay)
         self._propagate(late, self.torque_before)
         if DELAY in monitored:

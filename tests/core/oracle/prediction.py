@@ -7,15 +7,15 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
-from tests.core.oracle.system import LOST, Array, Interval, held_over, inputs, with_friction
+from tests.core.oracle.system import LOST, Array, Interval, Matrices, held_over, inputs, with_friction
 
 
 def prediction(
     model: AxisModel, s: Settings, theta: NDArray[np.generic], t_us: NDArray[np.int64], u: Array, y: Array
 ) -> NDArray[np.generic]:
     """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
-    values = model.values(theta)  # type: ignore[arg-type]
-    A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
+    matrices = Matrices(model)
+    A, B, C = matrices.at(theta)
     K, kinds = s.gain(len(A)), np.array(model.drive.inputs)
     delay = theta[model.monitored.index(DELAY)] if DELAY in model.monitored else s.delay_s
     mean = model.drive.mean_state
@@ -24,7 +24,7 @@ def prediction(
     for j in range(1, len(u)):
         h = (t_us[j] - t_us[j - 1]) * 1e-6
         held = inputs(model, u[j - 1], y[j - 1])
-        held = with_friction(model, s, theta, held, y[j - 1], x, Interval(h, delay, before))
+        held = with_friction(matrices, s, theta, held, y[j - 1], x, Interval(h, delay, before))
         late, ahead = (min(delay, h, key=np.real), 0.0) if np.real(delay) > 0 else (0.0, delay)
         x = x + ahead * B @ np.where(kinds == TORQUE, before - u[j - 1], 0.0)
         lost = mean >= 0 and h > LOST * s.interval_s

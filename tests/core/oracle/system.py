@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +18,47 @@ LOST = 1.75  # intervals: then a mean speed is that over the last one
 STEP = 1e-30  # of the complex step; far below rounding, so that the derivative is exact
 
 
-def derivatives(model: AxisModel, which: str, theta: Array) -> list[Array]:
-    """d(matrix)/dtheta_i for each i, by the complex step."""
-    out = []
+class Matrices:
+    """A, B and C of a model.  The last few are kept: the derivatives and friction of an interval ask for the same."""
+
+    KEPT = 32
+
+    def __init__(self, model: AxisModel) -> None:
+        self.model = model
+        self._kept: dict[tuple[complex, ...], tuple[NDArray[Any], NDArray[Any], NDArray[Any]]] = {}
+
+    def at(self, theta: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """A, B and C at theta, which may be complex; not to be written to."""
+        key = tuple(theta.tolist())
+        if key not in self._kept:
+            if len(self._kept) >= self.KEPT:
+                self._kept.clear()
+            self._kept[key] = self.model.matrices(theta)
+        return self._kept[key]
+
+    @cached_property
+    def to_speed(self) -> Array:
+        """The row of the speed at the sensor, y or y' = C A x (the inputs have no direct effect on it), at nominal."""
+        A, _, C = self.model.matrices()
+        return np.asarray(C[0] if self.model.drive.output == "speed" else (C @ A)[0])
+
+    @cached_property
+    def rubs(self) -> NDArray[np.bool_]:
+        """Which inputs are friction."""
+        return np.array([kind == COULOMB for kind in self.model.drive.inputs])
+
+    @cached_property
+    def ratios_of_friction(self) -> Array:
+        return np.asarray(self.model.drive.matrix("ratio", self.model.nominal)[self.rubs, 0])
+
+
+def derivatives(matrices: Matrices, theta: Array) -> tuple[list[Array], list[Array], list[Array]]:
+    """dA, dB and dC/dtheta_i for each i, by the complex step."""
+    out: tuple[list[Array], list[Array], list[Array]] = ([], [], [])
     for i in range(len(theta)):
         h = STEP * max(1.0, abs(theta[i]))
-        shifted = theta + 1j * h * np.eye(len(theta))[i]
-        matrix = model.drive.matrix(which, model.values(shifted))  # type: ignore[arg-type]
-        out.append(np.imag(matrix) / h)
+        for found, matrix in zip(out, matrices.at(theta + 1j * h * np.eye(len(theta))[i]), strict=True):
+            found.append(np.imag(matrix) / h)
     return out
 
 
@@ -63,7 +97,7 @@ def inputs(model: AxisModel, u: float, y: float, weight: float = 0.0) -> NDArray
 
 
 def with_friction(
-    model: AxisModel,
+    matrices: Matrices,
     s: Settings,
     theta: NDArray[Any],
     held: NDArray[Any],
@@ -72,27 +106,20 @@ def with_friction(
     during: Interval,
 ) -> NDArray[Any]:
     """The inputs with Coulomb friction of the speed at the middle of the interval; theta and x may be complex."""
-    kinds = np.array(model.drive.inputs)
-    rubs, drives = kinds == COULOMB, kinds == TORQUE
+    rubs, drives = matrices.rubs, np.array(matrices.model.drive.inputs) == TORQUE
     if not rubs.any():
         return held
-    A, B = (model.drive.matrix(which, model.values(theta)) for which in "AB")  # type: ignore[arg-type]
-    by = model.drive.matrix("ratio", model.nominal)[rubs, 0] / s.speed_scale
-    to_speed, h, delay = sensor_speed(model), during.h, during.delay
+    A, B, _ = matrices.at(theta)
+    by = matrices.ratios_of_friction / s.speed_scale
+    to_speed, h, delay = matrices.to_speed, during.h, during.delay
     late = delay if np.real(delay) < h else h
     # Part of the torque before in the mean speed of the interval; a torque that came early has moved x by as much.
     old = 1 - (1 - late / h) ** 2 if np.real(late) > 0 else 2 * late / h
     pushed = held + np.where(drives, old * (during.torque_before - held), 0.0)
-    start = y if model.drive.output == "speed" else to_speed @ x
+    start = y if matrices.model.drive.output == "speed" else to_speed @ x
     w = start + h / 2 * to_speed @ (A @ x + B @ pushed)
     b = h / 2 * to_speed @ B[:, rubs]
     first = np.tanh(by * w / (1 - b @ by))
     out = np.array(held, dtype=np.result_type(held, w))
     out[rubs] = np.tanh(by * (w + b @ first))
     return out
-
-
-def sensor_speed(model: AxisModel) -> Array:
-    """The row of the speed at the sensor, y or y' = C A x (the inputs have no direct effect on it), at nominal."""
-    A, _, C = model.matrices()
-    return np.asarray(C[0] if model.drive.output == "speed" else (C @ A)[0])

@@ -92,6 +92,7 @@ def test_crystals_that_differ_are_followed_and_intervals_hardly_change(
     assert -5000 < min(off) <= max(off) < 5000
 
 
+@settings(max_examples=50)
 @given(
     ppm=st.floats(-100, 100),
     jitter_us=st.integers(0, 20_000),

@@ -166,6 +166,6 @@ def test_after_an_alarm_a_wider_P_converges_faster(seed: int) -> None:
     away = []
     for widen in (0.0, 10.0):
         bank = AxisBatch([MODEL] * 32, [replace(base, covariance_reset=widen)] * 32)
-        _, trace = bank.run_traced(np.repeat(t[:, None], 32, axis=1), u, y)
+        trace = bank.trace(np.repeat(t[:, None], 32, axis=1), u, y)
         away.append(np.median(np.abs(trace.theta[FAULT_AT + 600, 0] - 1.2)))
     assert away[1] < 0.6 * away[0]

@@ -52,7 +52,7 @@ def broken(draw: st.DrawFn) -> str:
     return "".join(tokens)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(text=broken())
 @example(text=TWO_MASS.replace("displayUnit =", "displayUnit"))
 @example(text=NESTED.replace("type Mass = Real", "type Mass = c"))
