@@ -105,7 +105,9 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 break
             text, schedule = again.text, schedule or again.schedule
             if again.schedule:
-                followed = f"{', '.join(again.schedule)}: the torque shows the weight of links at these angles."
+                followed = (
+                    f"{', '.join(again.schedule)}: the torque shows the weight of links at these angles."
+                )
                 outcome = replace(outcome, notes=(*outcome.notes, followed))
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _mistakes() as error:
