@@ -86,7 +86,7 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
     taken = other.config.name in names.values()
     name = names.get(other.config.name, f"{other.config.name}-angle" if taken else other.config.name)
     reason = f"the torque shows the weight of links, which follows the angle of {other.config.name}"
-    ratio = given_values(other.config).get("r", 1.0)
+    ratio = 1.0 if other.config.name in names else given_values(other.config).get("r", 1.0)
     found = [Correction((SIGNAL, name, "axis"), other.config.name, reason)]
     if ratio != 1.0:
         found.append(

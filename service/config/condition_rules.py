@@ -11,7 +11,7 @@ from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
 from service.config.conditions import Schedule, follow_of, signal_names, term_of, varying_of, weight_of
-from service.config.drives import not_identified, watches_load
+from service.config.drives import holds_weight, not_identified, watches_load
 from service.config.model_rules import decided_model, usable_drive
 from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, RobotConfig
@@ -124,6 +124,9 @@ def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
 def load(axis: AxisConfig) -> Iterator[Finding]:
     """A load is compared with a weight that follows the pose; its nominal value is 1."""
     usable_drive(axis)
+    if f"1/{LOAD}" in axis.model.monitor and holds_weight(axis):
+        place = ("model", "monitor", axis.model.monitor.index(f"1/{LOAD}"))
+        yield Finding(place, f'the load is monitored as it is: write "{LOAD}"')
     if not watches_load(axis):
         return
     if LOAD in axis.model.nominal:

@@ -45,7 +45,7 @@ def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
     """
     turning = turning_torques(axis)
     monitored = {split_name(name)[0] for name in axis.model.monitor}
-    as_input = LOAD in monitored or all(v.parameter not in monitored for v in turning)
+    as_input = LOAD in axis.model.monitor or all(v.parameter not in monitored for v in turning)
     return turning if as_input else ()
 
 

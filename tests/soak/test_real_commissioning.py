@@ -21,19 +21,19 @@ ONE = ("robot1.axis",)
 
 
 @pytest.mark.parametrize(
-    ("record", "axes", "codes"),
+    ("record", "axes", "codes", "watched"),
     [
-        ("emps/DATA_EMPS.mat", ONE, [OK]),
-        ("ur10e/ur-20_01_22-joint_1.csv", ONE, [OK]),
-        ("ur10e/ur-20_01_22-joint_2.csv", ONE, [OK]),
-        ("ur10e/ur-20_02_19_14harm50sec.csv", ALL, [OK, NOT_TESTED]),
+        ("emps/DATA_EMPS.mat", ONE, [OK], 1),
+        ("ur10e/ur-20_01_22-joint_1.csv", ONE, [OK], 1),
+        ("ur10e/ur-20_01_22-joint_2.csv", ONE, [OK], 1),
+        ("ur10e/ur-20_02_19_14harm50sec.csv", ALL, [OK, NOT_TESTED], 5),
         # Too short for most: ten and twelve seconds.
-        ("irb/robot_arm.mat", ONE, [NOT_TESTED]),
-        ("ur10e/ur-19_09_27-11_32_02.csv", ALL, [MISTAKE, NOT_TESTED]),
+        ("irb/robot_arm.mat", ONE, [NOT_TESTED], 0),
+        ("ur10e/ur-19_09_27-11_32_02.csv", ALL, [MISTAKE, NOT_TESTED], 2),
     ],
 )
 def test_from_a_file_to_a_verdict(
-    record: str, axes: Sequence[str], codes: Sequence[int], records_dir: Path, tmp_path: Path
+    record: str, axes: Sequence[str], codes: Sequence[int], watched: int, records_dir: Path, tmp_path: Path
 ) -> None:
     config, made = tmp_path / "axis.toml", tmp_path / "commissioned"
     begun = time.monotonic()
@@ -47,4 +47,5 @@ def test_from_a_file_to_a_verdict(
         print(f"   {verdict}")
     assert done.returncode in codes, done.stderr
     assert sorted(verdict.partition(": ")[0] for verdict in verdicts) == sorted(axes)
+    assert sum(": Can be watched: " in verdict for verdict in verdicts) >= watched
     assert (made / "report.html").exists()

@@ -66,7 +66,7 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     """The weights that the torque of an axis shows; None: none that explains it.
 
     Args:
-        records: of the axis, with the angles of the arm's axes as signals [rad].
+        records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
         own: name of the signal that is the angle of the axis itself.
         angles: names of all of them, own too, from the base to the hand.
     """
@@ -75,15 +75,7 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
         for part in windowed_parts(records)
         if all(np.isfinite(part.signals[name]).all() for name in angles)
     ]
-    speed = rms_speed(records)
-    if not parts or not speed > 0:
-        return None
-    turn = float(
-        np.sqrt(
-            np.mean(np.concatenate([part.signals[own] - part.signals[own].mean() for part in parts]) ** 2)
-        )
-    )
-    window = max(_FEWEST, round(_OF_PERIOD * 2 * np.pi * turn / speed / parts[0].h))
+    window = _window(records, parts)
     parts = [part for part in parts if len(part.u) > window]
     if sum(len(part.u) for part in parts) < _LEAST_WINDOWS * window:
         return None
@@ -100,6 +92,16 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     if explained < _EXPLAINS:
         return None
     return LinkWeights(tuple(map(str, needed)), explained, before)
+
+
+def _window(records: Sequence[Record], parts: Sequence[Part]) -> int:
+    """Length of the window of the torque balance, in samples."""
+    speed = rms_speed(records)
+    if not parts or not speed > 0:
+        return _FEWEST
+    turned = np.concatenate([part.y - part.y.mean() for part in parts])
+    period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
+    return max(_FEWEST, round(_OF_PERIOD * period_s / parts[0].h))
 
 
 class _Wave(NamedTuple):

@@ -11,7 +11,9 @@ import pytest
 
 from monitor_core.identification import Effect, Obstacle, Watched
 from service.commands.commissioning_remedies import memory_change, retry
+from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
+from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome, as_html, overview
 from service.reports.formats import Provenance
 
@@ -35,9 +37,15 @@ def report(
     missing: tuple[Effect, ...] = (),
 ) -> Any:
     """What is looked at of an identification."""
-    options = SimpleNamespace(scheduled=[SimpleNamespace(parameter=name) for name in follows])
-    verdict = SimpleNamespace(missing=missing)
-    result = SimpleNamespace(watched=watched, options=options, memory_s=5.0, verdict=verdict)
+    scheduled = [SimpleNamespace(parameter=name, term="cos(axis2)") for name in follows]
+    estimate = SimpleNamespace(drive=SimpleNamespace(constant_torques=lambda: ("tau0",)))
+    result = SimpleNamespace(
+        watched=watched,
+        options=SimpleNamespace(scheduled=scheduled),
+        memory_s=5.0,
+        verdict=SimpleNamespace(missing=missing),
+        estimate=estimate,
+    )
     return SimpleNamespace(rejection=rejection, result=result)
 
 
@@ -95,6 +103,28 @@ def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
     assert not again.changes
     _, fewer = configured(again.text, NAME, tmp_path)
     assert fewer.config.model.monitor == ("kT",)
+
+
+def test_a_weight_follows_the_pose_without_being_monitored(tmp_path: Path) -> None:
+    _, axis = configured(TEXT, NAME, tmp_path)
+    assert retry(report(KT, NO_FM, follows=("tau0",)), TEXT, axis) is None
+
+
+def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
+    """With the angles of both axes as signals, and one mass."""
+    signals = tuple(Correction(("signal", name, "axis"), name, "a weight") for name in ("a1", "a2"))
+    load = LinkLoad(signals, ("cos(a1)", "cos(a1 + a2)"))
+    two = TEXT + TEXT[TEXT.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
+    found = report(rejection="poor")
+    again = retry(found, two, configured(two, NAME, tmp_path)[1], links=lambda: load)
+    assert again is not None
+    assert again.schedule == ("tau0: cos(a1), cos(a1 + a2)",)
+    assert again.words.startswith('model.drive = "one-mass", signal.a1.axis = "a1"')
+    _, axis = configured(again.text, NAME, tmp_path)
+    assert (axis.config.model.drive, [s.axis for s in axis.config.signal]) == ("one-mass", ["a1", "a2"])
+    assert axis.config.model.monitor == ("kT", "fc", "fm")
+    other = retry(found, two, configured(two, NAME, tmp_path)[1], ["one-mass"], links=lambda: load)
+    assert other is None or not other.schedule
 
 
 def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomlkit
 
 from monitor_core.arrays import Floats
 from monitor_core.modeling import SimulatedAxis
@@ -154,3 +155,27 @@ def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:
         ("[robot.axis.model.nominal]", f"{advice[1]}\ntau0 = 0.02\n\n[robot.axis.model.nominal]"),
     )
     assert "tau0 (changes from" in outlook(record, free="Jm,Ja,fm,fc,tau0")
+
+
+def test_what_fix_holds_is_told_apart(folder: Path, seed: int) -> None:
+    """A file whose record did not distinguish viscous from Coulomb friction, as other programs may write it."""
+    config = load(folder / "robot.toml", {})
+    record = followed(folder, "record.csv", seed, SEVERAL_SPEEDS)
+    request = Request(free=("Jm", "Ja", "fm", "fc"), start="values")
+    report = prepare(config, config.axes[0], [record], [], request).run(Provenance.now())
+    found = tomlkit.parse(as_toml(report))
+    names, matrix = found["correlation"]["names"], found["correlation"]["matrix"]
+    fm, fc = names.index("fm"), names.index("fc")
+    matrix[fm][fc] = matrix[fc][fm] = -0.99
+    found["standard_deviations"]["fm"] = 0.3 * found["values"]["fm"]
+    (folder / "nominal.toml").write_text(tomlkit.dumps(found), encoding="utf-8")
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    own = commissioned(text, {"demo.axis1": Found("nominal.toml", None, ["kT", "fm"])})
+    (folder / "own.toml").write_text(own, encoding="utf-8")
+
+    words = " ".join(shown("check", "--config", "own.toml").split())
+    advice = re.search(r"fm and fc cannot be distinguished .*`axiswatch (identify --fix fc)`", words)
+    assert advice, words
+    shown(*advice[1].split(), "--config", "own.toml", record, "-o", "again.toml")
+    edit(folder / "own.toml", ("nominal.toml", "again.toml"))
+    assert "cannot be distinguished" not in shown("check", "--config", "own.toml")
