@@ -178,25 +178,32 @@ def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> Checked
 
 
 def _unit_of_time(checked: Checked) -> Iterator[Correction]:
-    ratio = _interval_s(checked) / checked.axis.config.sample_interval_s
+    ratio = _interval_s(checked)[0] / checked.axis.config.sample_interval_s
     for factor, unit in _UNITS.items():
         if checked.axis.config.time.column is not None and 1 / _ABOUT < ratio / factor < _ABOUT:
             yield Correction(("time", "factor"), 1 / factor, f"the times look like {unit}")
 
 
 def _interval(checked: Checked) -> Iterator[Correction]:
-    configured_s, measured_s = checked.axis.config.sample_interval_s, _interval_s(checked)
-    if not math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL):
+    configured_s, (measured_s, off) = checked.axis.config.sample_interval_s, _interval_s(checked)
+    if not math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL + off):
         reason = f"the samples of the records are {measured_s:.6g} s apart, not {configured_s:g} s"
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 
 
-def _interval_s(checked: Checked) -> float:
-    """The median of the records; where frames come in bunches, of all that came, with or without becoming a sample."""
+def _interval_s(checked: Checked) -> tuple[float, float]:
+    """The median of the records, and by what part of it that may be off.
+
+    Where frames come in bunches it is that of all that came, with or without becoming a sample: the first and the last
+    may then have waited as long as the longest pause was.
+    """
     intervals = []
     for record, crowded in zip(checked.records, map(_crowded, checked.sources), strict=True):
-        every_s = record.duration_s / (len(record) - 1) / (1 + crowded)
-        intervals.append(every_s if crowded > _BUNCHED else record.mean_interval_s)
+        if crowded > _BUNCHED:
+            every_s = record.duration_s / (len(record) - 1) / (1 + crowded)
+            intervals.append((every_s, float(record.intervals.max()) / record.duration_s))
+        else:
+            intervals.append((record.mean_interval_s, 0.0))
     return sorted(intervals)[len(intervals) // 2]
 
 
