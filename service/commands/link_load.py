@@ -82,12 +82,12 @@ def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
 
 def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
     """The angle of an arm's axis as a signal, of the name that the configuration has for it, or that of the axis."""
-    names = {s.axis: s.name for s in axis.config.signal}
-    taken = other.config.name in names.values()
-    name = names.get(other.config.name, f"{other.config.name}-angle" if taken else other.config.name)
-    reason = f"the torque shows the weight of links, which follows the angle of {other.config.name}"
-    ratio = 1.0 if other.config.name in names else given_values(other.config).get("r", 1.0)
-    found = [Correction((SIGNAL, name, "axis"), other.config.name, reason)]
+    names, own = {s.axis: s.name for s in axis.config.signal}, other.config.name
+    name = own if any(c.isalpha() for c in own) else f"axis{own}"  # a number is no signal
+    name = names.get(own, f"{name}-angle" if name in names.values() else name)
+    reason = f"the torque shows the weight of links, which follows the angle of {own}"
+    ratio = 1.0 if own in names else given_values(other.config).get("r", 1.0)
+    found = [Correction((SIGNAL, name, "axis"), own, reason)]
     if ratio != 1.0:
         found.append(
             Correction(

@@ -165,10 +165,14 @@ def situation(request: pytest.FixtureRequest, seed: int) -> tuple[Situation, Pap
     """A situation and the result of the transcription, which is slow and so runs once."""
     chosen = SITUATIONS[request.param](seed)
     model, settings = chosen.case.model, chosen.settings
-    start = None if settings.P0 else AxisBatch([model], [settings]).state.P[:, :, 0]
-    paper = Paper(model, settings, start)
+    paper = Paper(model, settings, P_start(model, settings))
     paper.run(*chosen.rec)
     return chosen, paper
+
+
+def P_start(model: AxisModel, settings: Settings) -> NDArray[np.float64] | None:
+    """Where the search for P(0) begins; None: P(0) is given."""
+    return None if settings.P0 else AxisBatch([model], [settings]).state.P[:, :, 0]
 
 
 def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[float]) -> float:
@@ -199,7 +203,7 @@ def by_rounding(model: AxisModel, paper: Paper, rec: Experiment) -> float:
     rng, most = np.random.default_rng(1), 0.0
     for _ in range(3):
         nearby = (np.nextafter(field, rng.choice([-np.inf, np.inf], field.shape)) for field in rec[1:])
-        log = Paper(model, paper.s).run(rec.t_us, *nearby)
+        log = Paper(model, paper.s, P_start(model, paper.s)).run(rec.t_us, *nearby)
         most = max(
             most, *(apart(np.array(a), b) for a, b in ((log.theta, paper.log.theta), (log.g, paper.log.g)))
         )

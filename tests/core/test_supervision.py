@@ -25,8 +25,8 @@ def settings() -> Settings:
 
 
 PAUSES = ("still", "constant speed", "a sine", "hardly moving")
-LIVELY, PAUSE, AGAIN, FAULT = 2000, 6000, 2600, 600
-"""Samples: lively, the pause (thirty memories), lively again with a fault after some."""
+LIVELY, PAUSE, AGAIN, FAULT = 2000, 12_000, 2600, 600
+"""Samples: lively, the pause, lively again with a fault after some."""
 AXES = 64
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate
 from monitor_core.drive.signal_terms import Term
+from monitor_core.kernel.tables import WEIGHT as WEIGHT_INPUT
 from service.config import AxisConfig, Config, ConfigErrors, conditions_of, load, needed
 from service.config.drives import axis_model, limits_of
 from tests.end_to_end.processes import demo_config, edit
@@ -21,6 +22,7 @@ from tests.service.config_texts import (
     RIGID,
     furnish,
     loaded,
+    weighed,
     with_conditions,
 )
 
@@ -92,6 +94,29 @@ def test_every_axis_is_checked_at_once(folder: Path) -> None:
     axis = HEAD[HEAD.index("[[robot.axis]]") :].replace('"a"', '"b"').replace("Axis1", "Axis2")
     found = problems_of(folder, FILE.replace('"f"', '"F"') + axis + DRAWN.replace('["f"]', '["g"]'))
     assert len(found) == 2
+
+
+@pytest.mark.parametrize("monitor", ['["kT", "fm"]', '["kT", "fm", "load"]'])
+def test_a_weight_is_an_input_of_the_drive(monitor: str, folder: Path) -> None:
+    """With the load among the monitored parameters, and without."""
+    text = weighed().replace('["kT", "fm", "load"]', monitor)
+    axis = loaded(folder, text).axes[0]
+    conditions = conditions_of(axis)
+    assert [str(follow.term) for follow in conditions.weight] == ["cos(angle2)"]
+    assert conditions.follows == ()
+    assert axis_model(axis.config).drive.inputs[-1] == WEIGHT_INPUT
+
+
+def test_a_monitored_torque_follows_the_pose_as_any_parameter(folder: Path) -> None:
+    text = (
+        weighed()
+        .replace('["kT", "fm", "load"]', '["kT", "fm", "tau0"]')
+        .replace("bounds = { kT = [0.5, 2.0] }", "scales = { tau0 = 1.0 }")
+    )
+    axis = loaded(folder, text).axes[0]
+    assert conditions_of(axis).weight == ()
+    assert [str(follow.term) for follow in conditions_of(axis).follows] == ["cos(angle2)"]
+    assert WEIGHT_INPUT not in axis_model(axis.config).drive.inputs
 
 
 # --- operating conditions, and what `axiswatch check` says of them ------------------------------------------

@@ -185,10 +185,8 @@ def monitored_information(
     found = estimate.problem
     K = tuple(estimate.K.tolist()) if found.predictor == "innovations" else None
     watched = _free(found.varying, monitored)
-    free = (
-        *watched,
-        *(name for name in found.varying if name not in watched),
-    )  # what follows signals still does
+    # What follows signals still does.
+    free = (*watched, *(name for name in found.varying if name not in watched))
     problem = replace(
         found, drive=estimate.drive, nominal=estimate.values, free=free,
         K=K, disturbance=None, delay_s=estimate.delay_s, free_delay=DELAY in monitored,

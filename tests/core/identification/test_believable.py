@@ -23,6 +23,8 @@ from monitor_core.identification.bode import bode_of
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
+from monitor_core.identification.outlook import outlook
+from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
 from monitor_core.identification.records import speed_scales
 from monitor_core.identification.verdict import Basis, Effect, Quality
 from monitor_core.modeling.simulated_axis import SimulatedAxis
@@ -80,7 +82,7 @@ def found(records: list[Record], *, gravity: bool = False, **options: object) ->
 
 
 @pytest.mark.parametrize("weight", [False, True])
-def test_an_axis_in_a_closed_loop_is_found_from_values_far_off(weight: bool, seed: int) -> None:
+def test_an_axis_in_a_closed_loop_is_ownfrom_values_far_off(weight: bool, seed: int) -> None:
     result = found([record(seed, weight=weight)], gravity=weight)
     true = {**VALUES, **(WEIGHT if weight else {})}
     e = result.estimate
@@ -193,6 +195,29 @@ def test_outlook(seed: int) -> None:
         IdentificationOptions(start="values", monitored=("fv", "fc")),
     )  # fmt: skip
     assert held.watched[0].obstacle is Obstacle.NO_SIZE
+
+
+def test_the_outlook_follows_a_weight_that_is_not_monitored(seed: int) -> None:
+    """The same as of the record without the weight; without it in mind, the errors would be those of a wrong drive."""
+    plain = record(seed)
+    pose = np.cos(1.3 * np.sin(plain.t / 3))
+    heavy = replace(plain, u=plain.u + 5.0 * pose, signals={"pose": pose})
+    drive, free = one_mass(), ("J", "fv", "fc", "tau0")
+    light = identify(
+        Problem(drive, VALUES, free, speed_scale=SCALE), [plain], (),
+        IdentificationOptions(start="values", monitored=("kT", "fv", "fc")),
+    )  # fmt: skip
+    scheduled = scheduled_terms({"tau0": ("pose",)}, [heavy])
+    problem = Problem(drive, VALUES, free, speed_scale=SCALE, varying={"tau0": ("pose",)})
+    held = outlook(
+        identify(
+            problem, [with_terms(heavy, scheduled)], (),
+            IdentificationOptions(start="values", monitored=("kT", "fv", "fc"), scheduled=scheduled),
+        ).estimate, ("fv", "fc"), [with_terms(heavy, scheduled)], 5.0,
+    )  # fmt: skip
+    for own, expected in zip(held, outlook(light.estimate, ("fv", "fc"), [plain], 5.0), strict=True):
+        assert own.obstacle is None
+        assert own.change == pytest.approx(expected.change, rel=0.1)
 
 
 def test_a_slow_motion_leaves_enough_for_the_black_box(seed: int) -> None:

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY
-from monitor_core.identification.greybox.criterion import fit_starts
+from monitor_core.identification.greybox.criterion import fit_starts, settled
 from monitor_core.identification.predictor.prediction_errors import MOST_LEVELS, Errors, Predictor, series
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records import Record
@@ -230,6 +231,29 @@ def test_parameters_that_follow_a_signal(seed: int) -> None:
     errors = all_errors(predictor, predictor.start())
     assert abs(errors).max() < 1e-10 * np.std(rec.y)
     check_gradients(Predictor(problem, [replace(rec, y=rec.y + 1)], None), 1e-6)
+
+
+@pytest.mark.parametrize("noise", [None, Disturbance(torque=0.1, output=1e-3)])
+def test_a_constant_torque_that_follows_a_signal_is_an_exact_input(
+    noise: Disturbance | None, seed: int
+) -> None:
+    """tau0 = tau00 + b s acts as a torque that is larger by b s, however s moves."""
+    rec = reference_record(seed, 600, noise=1e-3)
+    signal = np.sin(np.arange(600) / 37) + 0.2 * np.random.default_rng(seed).standard_normal(600)
+    b, drive = 0.3, three_mass("speed")
+    given = {**REFERENCE_VALUES, "tau0": 0.1}
+    kind: Literal["innovations", "output-error"] = "output-error" if noise is None else "innovations"
+    plain = Problem(drive, given, ("kT", "fm", "tau0"), kind, disturbance=noise)
+    problem = replace(plain, varying={"tau0": ("s",)}, slopes={"tau0 per s": b})
+    follows = Predictor(problem, [replace(rec, signals={"s": signal})], noise)
+    larger = Predictor(plain, [replace(rec, u=rec.u + b * signal)], noise)
+    errors = all_errors(follows, follows.start())
+    np.testing.assert_allclose(
+        errors, all_errors(larger, larger.start()), rtol=0, atol=1e-10 * float(np.std(rec.y))
+    )
+    assert follows.layout.names == ("kT", "fm", "tau0", "tau0 per s")
+    assert settled(follows, follows.start()).slopes == {"tau0 per s": b}
+    check_gradients(follows, 1e-6)
 
 
 def test_a_missing_sample_is_not_looked_at(seed: int) -> None:
