@@ -8,7 +8,9 @@ from __future__ import annotations
 import ast
 import re
 import subprocess
+from collections import Counter
 from collections.abc import Callable, Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -151,6 +153,40 @@ def test_imports_go_one_way() -> None:
     unlisted = {layer for edge in edges for layer in edge} - set(rank)
     assert unlisted == set()
     assert {(a, b) for a, b in edges if rank[a] < rank[b]} == set()
+
+
+def file_graph() -> dict[str, set[str]]:
+    """Of each module, those that it imports, wherever in the file that stands."""
+    paths = [path for folder in ("monitor_core", "service") for path in python_files(folder)]
+    names = {
+        path: relative(path)[: -len(".py")].replace("/", ".").removesuffix(".__init__") for path in paths
+    }
+    modules = set(names.values())
+    graph: dict[str, set[str]] = {}
+    for path, name in names.items():
+        found = graph.setdefault(name, set())
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                inner = {f"{node.module}.{alias.name}" for alias in node.names}
+                found |= inner & modules if inner & modules else {node.module or ""} & modules
+            elif isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names} & modules
+    return graph
+
+
+def test_no_files_import_each_other() -> None:
+    """Not even inside a function or for types only."""
+    tuple(TopologicalSorter(file_graph()).static_order())  # else a CycleError, with the circle
+
+
+def test_no_two_modules_have_one_name() -> None:
+    names = Counter(
+        path.stem
+        for folder in ("monitor_core", "service")
+        for path in python_files(folder)
+        if path.stem not in ("__init__", "__main__")
+    )
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 HEAVY = {"monitor_core.modeling.modelica": "loads pymoca"}

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from monitor_core.wording import listed, percent
+from service.commands.bus_recording import Heard, Show, record_buses
 from service.commands.checked_axis import moves
-from service.commands.live_recording import Heard, Show, record_buses
 from service.config import Config, NamedAxis
 from service.ingest.timestamp_jitter import remarks
 

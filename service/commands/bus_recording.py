@@ -1,0 +1,108 @@
+"""A record of everything on the buses, as received, with what was heard meanwhile."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from threading import Event
+from typing import NamedTuple
+
+import numpy as np
+
+from service.can.frames import FrameKey
+from service.can.log_files import FrameRecorder
+from service.commands.checked_axis import moves
+from service.commands.listen import LiveBus, live_buses, rounds
+from service.config import Config
+from service.ingest.bus_samples import Value
+from service.ingest.timestamp_jitter import Stamps
+
+_SHOW_S = 1.0
+
+
+class Heard(NamedTuple):
+    """What was recorded."""
+
+    seconds: float
+    """As long was listened"""
+    traffic: Mapping[str, Counter[FrameKey]]
+    """Frames by bus and identifier"""
+    states: Mapping[str, str]
+    """Of the buses at the end, as the reader has them"""
+    lost: Mapping[str, Mapping[str, int]]
+    """Frames dropped, by bus and reason"""
+    stamps: Mapping[str, Stamps]
+    """Time stamps of each axis"""
+
+    @property
+    def frames(self) -> int:
+        """Of all buses."""
+        return sum(counts.total() for counts in self.traffic.values())
+
+
+Show = Callable[[str, float, float], None]
+"""Called about once a second with words on the recording, the seconds that have passed and those that are wanted."""
+
+
+def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: Show) -> Heard:
+    """Record everything on the buses, as received, until the time is over or ``stop`` is set.
+
+    All frames, since a signal that is corrected later must be in the record, too.  No file stays where none came.
+
+    Raises:
+        BusError: a bus cannot be opened.
+        DbcError, IngestError: the configuration cannot be used.
+        RecordError: the file cannot be written; what was written is kept.
+    """
+    traffic = {bus.name: Counter[FrameKey]() for bus in config.bus}
+    began = shown = time.monotonic()
+    with live_buses(config, everything=True) as buses, FrameRecorder(path) as recorder:
+        motions = _Motions(config)
+        for block in rounds([bus.reader for bus in buses], seconds, stop):
+            for bus, frames in zip(buses, block, strict=True):
+                recorder.write(bus.name, frames)
+                traffic[bus.name].update(frame.key for frame in frames)
+                motions.add(bus.ingest.feed_values(frames))
+            now = time.monotonic()
+            if now - shown >= _SHOW_S:
+                shown = now
+                heard = sum(counts.total() for counts in traffic.values())
+                words = (
+                    f"{heard} frames, {motions.take()} of {len(config.axes)} axes move{_lost_words(buses)}"
+                )
+                show(words, now - began, seconds)
+        states = {bus.name: bus.reader.stats().state for bus in buses}
+        lost = {bus.name: bus.lost for bus in buses}
+        stamps = {axis_id: axis.stamps for bus in buses for axis_id, axis in bus.ingest.axes.items()}
+    found = Heard(min(seconds, time.monotonic() - began), traffic, states, lost, stamps)
+    if not found.frames:
+        path.unlink(missing_ok=True)
+    return found
+
+
+def _lost_words(buses: Sequence[LiveBus]) -> str:
+    counts = sum((Counter(bus.lost) for bus in buses), Counter[str]())
+    down = [f"; {bus.name} is {bus.reader.stats().state}" for bus in buses if not bus.reader.stats().up]
+    lost = ", ".join(f"{n} {reason}" for reason, n in counts.items())
+    return (f"; dropped: {lost}" if lost else "") + "".join(down)
+
+
+class _Motions:
+    """Which axes move, by the motion since it was looked last."""
+
+    def __init__(self, config: Config) -> None:
+        self._quantities = {axis.id: axis.config.output for axis in config.axes}
+        self._values: dict[str, list[float]] = {}
+
+    def add(self, values: Iterator[Value]) -> None:
+        for value in values:
+            if value.quantity == self._quantities[value.axis_id]:
+                self._values.setdefault(value.axis_id, []).append(value.si)
+
+    def take(self) -> int:
+        """How many axes move."""
+        found = sum(moves(np.array(values), self._quantities[a]) for a, values in self._values.items())
+        self._values.clear()
+        return found
