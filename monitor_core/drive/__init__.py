@@ -7,6 +7,7 @@
 """
 
 from monitor_core.drive.axis_model import AxisModel, NominalValueError
+from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
@@ -38,6 +39,7 @@ __all__ = [
     "ThermalStart",
     "ThermalState",
     "Unwatched",
+    "friction_of",
     "slowest_time_constant",
     "split_name",
 ]

@@ -11,7 +11,17 @@ from typing import Literal
 
 import numpy as np
 
-from monitor_core.drive import COULOMB, HEAT, LOAD, AxisModel, Drive, Term, ThermalStart, split_name
+from monitor_core.drive import (
+    COULOMB,
+    HEAT,
+    LOAD,
+    AxisModel,
+    Drive,
+    Term,
+    ThermalStart,
+    friction_of,
+    split_name,
+)
 from monitor_core.identification import (
     Disturbance,
     IdentificationError,
@@ -66,7 +76,7 @@ class Request:
         schedule: parameters that follow signals, "fm: temperature".
         masses: compare chains of up to this number of masses; None: do not.
         thermal: how warm the axis is at the beginning of the first record, where friction may follow a heat that nobody
-            measures; "off": it does not; None: cold, and off where parameters follow signals.
+            measures; "off": it does not; None: cold, and off where friction follows a signal.
         memories_s: memories of the monitor [s] to choose from, in ascending order; empty: that of the configuration.
     """
 
@@ -161,7 +171,7 @@ def prepare(
         request.memories_s,
         scales_of(axis.config),
         tuple(scales),
-        _thermal_start(request, axis.config),
+        _thermal_start(request, axis.config, drive, schedule),
         tuple(item.source.begins_s for item in used),
     )
     return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
@@ -246,11 +256,14 @@ def _turns(term: str) -> bool:
     return Term.read(term).turns
 
 
-def _thermal_start(request: Request, axis: AxisConfig) -> ThermalStart | None:
+def _thermal_start(
+    request: Request, axis: AxisConfig, drive: Drive, schedule: Schedule
+) -> ThermalStart | None:
     """How the first record begins; None: nothing follows a heat."""
     named = any(signal.name == HEAT for signal in axis.signal)
     if request.thermal is None:
-        return None if request.schedule or named else "cold"
+        measured = any(name in schedule for names in friction_of(drive) for name in names)
+        return None if measured or named else "cold"
     if request.thermal == "off":
         return None
     if named:

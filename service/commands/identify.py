@@ -85,8 +85,8 @@ Thermal = Annotated[
     typer.Option(
         "--thermal",
         help="How warm the axis is at the beginning of the first record. Records of more than three minutes of motion"
-        " are searched for friction that falls as the axis warms up; off: they are not. Default: cold; with --schedule"
-        " off.",
+        " are searched for friction that falls as the axis warms up; off: they are not. Default: cold; off where"
+        " friction follows a signal by --schedule.",
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the nominal values.")]
