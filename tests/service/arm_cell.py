@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,11 +13,14 @@ import numpy as np
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
 from monitor_core.samples import SampleBlock
-from service.commands.calibrate import calibrate_axis
+from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.checkpointing import Checkpointer, restore
 from service.reports.calibration_files import as_toml
 from service.reports.formats import Provenance
+from service.store.checkpoints import Checkpoints
+from service.store.journal import Journal
 from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
 from tests.service.command_line import axiswatch
 
@@ -106,7 +110,8 @@ def calibrated(config: Path, records: Sequence[Path], options: CalibrationOption
     read = configuration(config, without_bus=True, thresholds=False)
     provenance = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate")
     for axis in read.axes:
-        found = calibrate_axis(read, axis, [str(path) for path in records], options, provenance)
+        known, axis = as_identified(read, axis, [str(path) for path in records])
+        found = calibrate_axis(known, axis, [str(path) for path in records], options, provenance)
         name = f"{axis.config.name}-thresholds.toml"
         (config.parent / name).write_text(as_toml(found), encoding="utf-8")
     lines = {
@@ -143,11 +148,17 @@ class Watcher:
         found = self.monitors.update(blocks)
         return [(changed.axis_id.removeprefix("cell."), changed.alarm) for changed in found]
 
-    def copy(self) -> Watcher:
-        """Another one in the same state."""
+    def restarted(self) -> Watcher:
+        """Another one that carries on from the checkpoint of this one."""
         other = Watcher(self._config)
-        for axis_id, monitor in self.monitors.by_id.items():
-            other.monitors.by_id[axis_id].from_arrays(monitor.to_arrays())
+        with tempfile.TemporaryDirectory() as folder:
+            checkpoints = Checkpoints(Path(folder) / "checkpoints.sqlite")
+            journal = Journal(Path(folder) / "alarms.sqlite")
+            Checkpointer(checkpoints, self.monitors, 60.0, None, lambda: 0).save()
+            restored = restore(other.monitors, checkpoints, journal, 0)
+            checkpoints.close()
+            journal.close()
+        assert restored.messages == ()
         return other
 
     def nominal(self, axis: str, parameter: str) -> float:
@@ -161,7 +172,7 @@ def after_change(arm: Arm, watcher: Watcher, changes: Mapping[str, float], secon
 
     Arm and monitors stay as they are.
     """
-    arm, watcher, start_us = copy.deepcopy(arm), watcher.copy(), 0
+    arm, watcher, start_us = copy.deepcopy(arm), watcher.restarted(), 0
     found, named_s = dict[tuple[str, object], Alarm](), dict[tuple[str, object], float]()
     for second in range(round(seconds)):
         samples = arm.take(1.0, changes)

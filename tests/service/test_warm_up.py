@@ -32,6 +32,9 @@ from tests.service.warming_axis import (
 
 QUICK = Warming(fast_s=60.0, slow_s=200.0)
 DAY_S, NIGHT_S = 240.0, 8 * 3600.0
+TOO_SHORT = "becomes warmer than in any record"
+WEIGHT = 0.2
+"""N m, at a pose of 1."""
 
 
 class Made(NamedTuple):
@@ -80,18 +83,35 @@ def test_the_records_of_the_identification_begin_cold_for_calibrate_too(made: Ma
     assert not begins_cold(axis, [f"{first}@60:"])
 
 
-def test_records_that_end_before_the_axis_is_warm_are_called_too_short(made: Made, tmp_path: Path) -> None:
-    """Of the axis with one time constant of minutes; three of them are recorded, or one and a half."""
+def test_records_that_end_before_the_axis_is_warm_are_called_too_short(made: Made) -> None:
+    """Of the axis with one time constant of minutes; two times four of them are recorded."""
     found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
-    tau_s = found["thermal"]["time_constant_s"]
-    words = "becomes warmer than in any record"
-    assert (words in " ".join(made.output.split())) == (3 * tau_s > DAY_S)
-    plant = WarmingPlant(np.random.default_rng(3), warming=QUICK)
+    assert (TOO_SHORT in " ".join(made.output.split())) == (3 * found["thermal"]["time_constant_s"] > DAY_S)
+
+
+def test_an_axis_that_bears_a_weight_warms_up_too(made: Made, tmp_path: Path) -> None:
+    """A weight at a pose needs another torque for the same motion: so much of it is exact."""
+    found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
+    plant, rng = WarmingPlant(np.random.default_rng(3), warming=QUICK), np.random.default_rng(4)
     plant.rest(NIGHT_S)
-    record = write(tmp_path / "long.csv", plant.take(5 * tau_s))
-    _, output = identified(tmp_path, FOUND, [record], "--start", "values", "--free", "fm,fc")
-    assert "follows heat" in output
-    assert words not in " ".join(output.split())
+    block = plant.take(5 * found["thermal"]["time_constant_s"])
+    pose = np.repeat(rng.uniform(-1.0, 1.0, block.u.size // 1000 + 1), 1000)[: block.u.size]
+    record = write(tmp_path / "long.csv", block._replace(u=block.u + WEIGHT * pose), pose=pose)
+    words = ("--start", "values", "--free", "fm,fc,tau0", "--schedule", "tau0: pose")
+    lines = '[[robot.axis.signal]]\nname = "pose"\ncolumn = "pose"\n'
+    _, output = identified(tmp_path, FOUND, [record], *words, lines=lines)
+    follows = {
+        s["parameter"]: (s["signal"], s["slope"])
+        for s in tomllib.loads((tmp_path / "nominal.toml").read_text(encoding="utf-8"))["schedule"]
+    }
+    assert {name: signal for name, (signal, _) in follows.items()} == {
+        "tau0": "pose",
+        "fm": "heat",
+        "fc": "heat",
+    }
+    assert follows["tau0"][1] == pytest.approx(-WEIGHT, rel=0.05)
+    assert follows["fm"][1] < 0
+    assert TOO_SHORT not in " ".join(output.split())
 
 
 def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:

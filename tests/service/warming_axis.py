@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
 from monitor_core.samples import SampleBlock
@@ -59,11 +60,12 @@ class RefusedError(Exception):
     """A command found nothing that it could stand for; the text is the end of what it says."""
 
 
-def write(path: Path, block: Block) -> Path:
-    """A table of samples."""
-    columns = np.column_stack([(START_US + block.t_us) * 1e-6, block.u, block.y])
-    head = "t,torque,angle"
-    np.savetxt(path, columns, fmt=["%.4f", "%.8g", "%.10g"], delimiter=",", header=head, comments="")
+def write(path: Path, block: Block, **signals: Floats) -> Path:
+    """A table of samples, with further columns."""
+    columns = np.column_stack([(START_US + block.t_us) * 1e-6, block.u, block.y, *signals.values()])
+    head = ",".join(["t", "torque", "angle", *signals])
+    formats = ["%.4f", "%.8g", "%.10g", *["%.6g"] * len(signals)]
+    np.savetxt(path, columns, fmt=formats, delimiter=",", header=head, comments="")
     return path
 
 
@@ -89,11 +91,11 @@ def on_a_bus(config: Path) -> Path:
 
 
 def identified(
-    folder: Path, values: Mapping[str, float], records: Sequence[Path], *words: str
+    folder: Path, values: Mapping[str, float], records: Sequence[Path], *words: str, lines: str = ""
 ) -> tuple[Path, str]:
-    """The configuration with what ``identify`` finds from these values, and what it says."""
+    """The configuration with what ``identify`` finds from these values, and what it says; ``lines``: more of it."""
     nominal = ", ".join(f"{name} = {value}" for name, value in values.items())
-    config = configured(folder, "identify.toml", f"nominal = {{ {nominal} }}\n")
+    config = configured(folder, "identify.toml", f"nominal = {{ {nominal} }}\n{lines}")
     found, page = folder / "nominal.toml", folder / "identify.html"
     result = axiswatch(
         "identify", *records, "--config", config, "--force", "-o", found, "--report", page, *words

@@ -15,7 +15,7 @@ from monitor_core.identification.parameter_selection import (
     with_schedule,
 )
 from monitor_core.identification.problem import IdentificationError
-from service.commands.identification_task import read_schedule
+from service.commands.identification_task import Request, prepare, read_schedule
 from service.config import Config, load
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
@@ -113,6 +113,17 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(direct
     assert "What follows measured signals" in page
     assert "fm follows temperature" in page
     assert "at 32.5, " in page
+
+
+@pytest.mark.parametrize(
+    ("words", "start"), [((), "cold"), (("Jm: cos(angle2)",), "cold"), (("fm: temperature",), None)]
+)
+def test_a_warm_up_is_looked_for_unless_friction_follows_a_measured_signal(
+    directory: Path, words: tuple[str, ...], start: str | None
+) -> None:
+    config = load(directory / "robot.toml", {})
+    task = prepare(config, config.axes[0], ["warm.csv"], [], Request(start="values", schedule=words))
+    assert task.options.thermal == start
 
 
 def test_it_explains_what_constant_values_do_not(directory: Path) -> None:
