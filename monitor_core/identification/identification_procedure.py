@@ -301,7 +301,7 @@ def identify(
         own = traces_of(estimate.problem, records)
         validated = traces_of(estimate.problem, validation) if validation else ()
         report("validation", 0, 1)
-        verdict = verdict_of(estimate, records, validation)
+        verdict = verdict_of(estimate, records, validation, own, validated)
     except (ValueError, np.linalg.LinAlgError) as error:
         hint = (
             "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"

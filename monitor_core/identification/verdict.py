@@ -15,7 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.structure import STIFFNESS, Drive
-from monitor_core.identification.greybox import Estimate, Share, explained, fit, traces_of
+from monitor_core.identification.greybox import (
+    Estimate,
+    Share,
+    Trace,
+    explained,
+    fitted_values,
+    traces_of,
+)
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record, between
 from monitor_core.identification.records.rigid_body import Term, rigid_fits
@@ -122,20 +129,29 @@ class _Tried(NamedTuple):
     records: Sequence[Record]
 
 
-def verdict_of(estimate: Estimate, records: Sequence[Record], validation: Sequence[Record]) -> Verdict:
+def verdict_of(
+    estimate: Estimate,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    traces: Sequence[Trace],
+    validated: Sequence[Trace],
+) -> Verdict:
     """The verdict on estimates from these records.
 
     Args:
         estimate: of the drive.
         records: that were fitted.
         validation: records that were kept aside; none: the fitted ones are divided.
+        traces: of the fitted records with the estimates.
+        validated: of those that were kept aside.
     """
     own = [_Tried(estimate.problem, records)]
     basis, others = Basis.RECORDS, [_Tried(estimate.problem, validation)]
     if not validation:
         others = _crosswise(estimate.problem, records)
         basis = Basis.HALVES if others else Basis.NONE
-    found = Verdict(_simulated(own), _simulated(others or own), basis, ())
+        validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
+    found = Verdict(explained(traces), explained(validated), basis, ())
     if found.quality is not Quality.GOOD and holds_weight(estimate.problem):
         fitted, other = (Share(explained_torque(tried), 0.0) for tried in (own, others or own))
         if min(fitted, other).per_cent > found.per_cent:
@@ -148,10 +164,6 @@ def verdict_of(estimate: Estimate, records: Sequence[Record], validation: Sequen
     return found._replace(missing=missing)
 
 
-def _simulated(tried: Sequence[_Tried]) -> Share:
-    return explained([trace for problem, records in tried for trace in traces_of(problem, records)])
-
-
 def _crosswise(problem: Problem, records: Sequence[Record]) -> list[_Tried]:
     """Each half with the values of the other one; none where a half is too short or cannot be fitted."""
     halves = _halves(records)
@@ -159,7 +171,7 @@ def _crosswise(problem: Problem, records: Sequence[Record]) -> list[_Tried]:
         return []
     try:
         return [
-            _Tried(fit(problem, fitted, most_iterations=_ITERATIONS).problem, other)
+            _Tried(fitted_values(problem, fitted, _ITERATIONS), other)
             for fitted, other in (halves, halves[::-1])
         ]
     except (ValueError, np.linalg.LinAlgError):

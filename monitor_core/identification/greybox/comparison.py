@@ -64,10 +64,11 @@ def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
     Raises:
         ValueError: a record of another output than the drive's, or without a measured sample.
     """
-    ahead = Predictor(problem, records, problem.disturbance if problem.K is None else None)
+    held = _with_values_held(problem)
+    ahead = Predictor(held, records, held.disturbance if held.K is None else None)
     outputs = [
         [series.record.y - e.eps for series, e in zip(p.series, p.errors(fit_starts(p)), strict=True)]
-        for p in (ahead, Predictor(_free_run(problem), records, None))
+        for p in (ahead, Predictor(_free_run(held), records, None))
     ]
     return tuple(
         Trace(r.name, r.t, r.y, predicted, simulated, r.quantity)
@@ -77,8 +78,7 @@ def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
 
 def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, ...]:
     """NRMSE of the simulation of each record, per cent, an angle by its speed; only initial states are fitted."""
-    held = replace(problem, free=tuple(problem.varying), free_delay=False)
-    predictor = Predictor(_free_run(held), records, None)
+    predictor = Predictor(_free_run(_with_values_held(problem)), records, None)
     errors = predictor.errors(fit_starts(predictor))
     return tuple(_nrmse(*_speeds(r.t, r.y, e.eps, r.quantity)) for r, e in zip(records, errors, strict=True))
 
@@ -86,6 +86,11 @@ def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, 
 def fits(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
     """NRMSE of each record, per cent, where a predictor leaves these errors."""
     return tuple(_nrmse(s.record.y, e.eps) for s, e in zip(predictor.series, errors, strict=True))
+
+
+def _with_values_held(problem: Problem) -> Problem:
+    """The derivatives by the parameters are most of the work, and only initial states are fitted."""
+    return replace(problem, free=tuple(problem.varying), free_delay=False)
 
 
 def _free_run(problem: Problem) -> Problem:

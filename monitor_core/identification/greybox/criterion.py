@@ -10,7 +10,14 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME
-from monitor_core.identification.greybox.levenberg_marquardt import STEP, UNDAMPED, End, Normal, minimise
+from monitor_core.identification.greybox.levenberg_marquardt import (
+    NEARLY,
+    STEP,
+    UNDAMPED,
+    End,
+    Normal,
+    minimise,
+)
 from monitor_core.identification.predictor.parameter_vector import LEVEL
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
@@ -133,7 +140,7 @@ def fit_starts(predictor: Predictor) -> Floats:
     endless = np.full(own.size, np.inf)
     try:
         found = minimise(
-            evaluate, own, (-endless, endless), endless, endless, _START_STEPS, damping=UNDAMPED
+            evaluate, own, (-endless, endless), endless, endless, _START_STEPS, None, UNDAMPED, NEARLY
         ).xi
     except ValueError:
         found = own

@@ -14,7 +14,7 @@ _HIDDEN = 1e-13
 """An eigenvalue of the scaled J'J so much below the largest is rounding: no step goes there."""
 _SETTLED = 1e-8
 """The square of the step that is left, in standard deviations of the estimate."""
-_NEARLY = 1e-3
+NEARLY = 1e-3
 """The same, where rounding or the number of evaluations lets the search get no further: with a model that is not the
 axis Gauss and Newton's steps fall off by a factor only, and a thirtieth of a standard deviation is nothing."""
 _FLAT = 1e-13
@@ -58,6 +58,7 @@ def minimise(
     most: int,
     progress: Callable[[int, float], None] | None = None,
     damping: float = _DAMPING,
+    settled: float = _SETTLED,
 ) -> End:
     """Minimise from xi.  A cost that is not finite only rejects the step.
 
@@ -70,6 +71,7 @@ def minimise(
         most: evaluations.
         progress: called with the number of evaluations and the cost whenever that has fallen.
         damping: of the first step, in units of the curvature; UNDAMPED where the problem is nearly linear.
+        settled: the square of the step that may be left, in standard deviations of the estimate.
 
     Raises:
         ValueError: the cost at the start is not finite.
@@ -79,7 +81,7 @@ def minimise(
         raise ValueError("the predictor is unstable at the start values, or they make no sense")
     for count in range(1, most):
         left = _step(xi, at, bounds, 0.0, clipped)
-        if _settled(at, left):
+        if _settled(at, left, settled):
             return End(xi, at, count, True, left)
         wanted = _step(xi, at, bounds, mu, clipped)
         step = _shortened(wanted, longest)
@@ -99,12 +101,12 @@ def minimise(
         else:
             mu, grow = mu * grow, grow * 2
             if mu > _MOST_DAMPING or 0 <= expected <= _FLAT * at.cost:
-                return End(xi, at, count + 1, _settled(at, left, _NEARLY), left)
+                return End(xi, at, count + 1, _settled(at, left, NEARLY), left)
     left = _step(xi, at, bounds, 0.0, clipped)
-    return End(xi, at, most, _settled(at, left, _NEARLY), left)
+    return End(xi, at, most, _settled(at, left, NEARLY), left)
 
 
-def _settled(at: Normal, left: Floats, limit: float = _SETTLED) -> bool:
+def _settled(at: Normal, left: Floats, limit: float) -> bool:
     """Whether the remaining step is negligible beside the standard deviation, which cost / samples scales."""
     return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
