@@ -32,7 +32,7 @@ bench: $(READY) ## measure: kernel, compile time, daemon, the paper's figures (t
 
 soak: $(READY) ## the long runs with a fresh seed (some hours; ARGS="-k mismatch" chooses)
 	@AXISWATCH_SOAK=1 AXISWATCH_SEED=$${AXISWATCH_SEED:-$$($(PYTHON) -c 'import secrets; print(secrets.randbits(32))')} \
-	  $(BIN)/python -m pytest -m soak tests/soak $(ARGS)
+	  $(BIN)/python -m pytest -m "soak and not vcan" tests/soak $(ARGS)
 
 lint: $(READY) ## ruff and mypy
 	@$(BIN)/ruff check .
