@@ -27,7 +27,7 @@ test: $(READY) ## everything that CI checks: lint, tests, tests on real SocketCA
 	@tools/install-test-packages.sh
 	@tools/run-tests.sh $(ARGS)
 
-bench: $(READY) ## measure: kernel, compile time, daemon, the paper's figures (two minutes)
+bench: $(READY) ## measure: kernel, compile time, daemon, commissioning, the paper's figures (half an hour)
 	@$(BIN)/python -m pytest -m bench tests/bench $(ARGS)
 
 soak: $(READY) ## the long runs with a fresh seed (some hours; ARGS="-k mismatch" chooses)
