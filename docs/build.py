@@ -1,9 +1,10 @@
-"""Writes the generated part of docs/: the schema of the API, the figures of the reference experiment."""
+"""Writes the generated part of docs/: the schema of the API, the figures of the documents."""
 
 import json
 import tempfile
 from pathlib import Path
 
+from docs.commissioning_figures import motion_figure, replay_figure, replayed
 from docs.reference_figures import figure_5, figure_6, numbers, reference
 from service.pipeline.snapshot import Histogram, Snapshot
 from service.store.journal import Journal
@@ -31,12 +32,14 @@ def write_schema() -> None:
 
 
 def write_figures() -> None:
-    """Write docs/figures/: two pictures, and the numbers in them, which a test compares with the program's."""
+    """Write docs/figures/: the pictures, and the numbers of the first two, which a test compares with the program's."""
     found = reference()
     for name, text in (
         ("figure5.svg", figure_5(found)),
         ("figure6.svg", figure_6(found)),
         ("numbers.json", json.dumps(numbers(found), indent=1) + "\n"),
+        ("motion.svg", motion_figure()),
+        ("replay.svg", replay_figure(replayed())),
     ):
         (FIGURES / name).write_text(text, encoding="utf-8")
         print(f"figures/{name}: {len(text) / 1000:.0f} kB")

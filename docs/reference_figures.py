@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from docs.svg_documents import document
 from monitor_core.arrays import Floats
 from monitor_core.drive import AxisModel, slowest_time_constant
 from monitor_core.excitation import FAULT_AT, SAMPLES, experiments
 from monitor_core.modeling import INTERVAL_S, MONITORED, reference_model
 from monitor_core.monitoring import AxisBatch, Trace, standard_deviation
 from monitor_core.settings import Settings
-from service.reports.formats import TEMPLATES
 from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_svg, figure
 from service.reports.replay_course import SIGMAS
 
@@ -128,10 +128,7 @@ def _as_document(drawn: Figure, label: str, name: str) -> str:
     """The picture as a file of its own, with its colours, light or dark as the reader's system is."""
     room = 0.12  # inches around the panels: the page leaves them none
     drawn.set_layout_engine("constrained", w_pad=room, h_pad=room)
-    colours = (TEMPLATES / "colours.css").read_text(encoding="utf-8")
-    element = as_svg(drawn, label, name)
-    end = element.index(">") + 1
-    return f"{element[:end]}<style>{colours}svg {{ background: var(--panel); }}</style>{element[end:]}"
+    return document(as_svg(drawn, label, name))
 
 
 def _times() -> Floats:

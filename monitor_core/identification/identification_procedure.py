@@ -20,6 +20,7 @@ from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import Watched, outlook, shortest_memory
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
+from monitor_core.identification.records.lively_parts import lively_parts
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting import (
     Growth,
@@ -254,6 +255,10 @@ class IdentificationOptions:
     begins_s: tuple[float | None, ...] = ()
 
 
+_ENOUGH = 40_000
+"""Samples to find starting values and the speed scale of friction; the fit that counts is of all."""
+
+
 def identify(
     problem: Problem,
     records: Sequence[Record],
@@ -279,10 +284,12 @@ def identify(
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
-        estimate = _best(problem, records, options.start, report)
-        estimate = with_best_scale(
-            estimate, options.speed_scales, lambda other: _fit(other, records, _silent)
-        )
+        parts = lively_parts(records, _ENOUGH)
+        estimate = _best(problem, parts, options.start, report)
+        estimate = with_best_scale(estimate, options.speed_scales, lambda other: _fit(other, parts, _silent))
+        if sum(map(len, parts)) < sum(map(len, records)):
+            found = _fit(estimate.problem, records, report)
+            estimate = replace(found, started_from=estimate.started_from)
         if options.interval_mean:
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()

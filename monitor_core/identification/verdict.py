@@ -7,7 +7,7 @@ run away, and the torque of the measured motion is compared instead (torque_bala
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from types import MappingProxyType
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from monitor_core.identification.greybox import (
     Share,
     Trace,
     explained,
-    fitted_values,
+    fit,
     traces_of,
 )
 from monitor_core.identification.problem import Problem
@@ -148,7 +148,7 @@ def verdict_of(
     own = [_Tried(estimate.problem, records)]
     basis, others = Basis.RECORDS, [_Tried(estimate.problem, validation)]
     if not validation:
-        others = _crosswise(estimate.problem, records)
+        others = _crosswise(estimate, records)
         basis = Basis.HALVES if others else Basis.NONE
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
     found = Verdict(explained(traces), explained(validated), basis, ())
@@ -164,31 +164,48 @@ def verdict_of(
     return found._replace(missing=missing)
 
 
-def _crosswise(problem: Problem, records: Sequence[Record]) -> list[_Tried]:
-    """Each half with the values of the other one; none where a half is too short or cannot be fitted."""
-    halves = _halves(records)
-    if any(sum(map(len, half)) < _FEWEST for half in halves):
-        return []
-    try:
-        return [
-            _Tried(fitted_values(problem, fitted, _ITERATIONS), other)
-            for fitted, other in (halves, halves[::-1])
-        ]
-    except (ValueError, np.linalg.LinAlgError):
-        return []
+def _crosswise(estimate: Estimate, records: Sequence[Record]) -> list[_Tried]:
+    """Each half with the values of the other one; none where a half is too short or cannot be fitted.
+
+    Several records are divided into the first and the last ones, unless that leaves a half which does not determine all
+    that they determine together, as one without the planned motion: then each record is divided.
+    """
+    found = list[_Tried]()
+    for halves in _divisions(records):
+        if any(sum(map(len, half)) < _FEWEST for half in halves):
+            continue
+        try:
+            fits = [fit(estimate.problem, half, most_iterations=_ITERATIONS) for half in halves]
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        if not found or _determined(estimate, fits):
+            found = [_Tried(f.problem, other) for f, other in zip(fits, halves[::-1], strict=True)]
+        if _determined(estimate, fits):
+            break
+    return found
 
 
-def _halves(records: Sequence[Record]) -> tuple[Sequence[Record], Sequence[Record]]:
-    """Of several records the first and the last ones; of one its first and its second half."""
+def _determined(estimate: Estimate, fits: Sequence[Estimate]) -> bool:
+    """Whether each of these fits determines what the records determine together."""
+    size = abs(estimate.theta)
+    known = estimate.sd < size
+    return all(bool((f.sd < size)[known].all()) for f in fits)
+
+
+Halves = tuple[Sequence[Record], Sequence[Record]]
+
+
+def _divisions(records: Sequence[Record]) -> Iterator[Halves]:
+    """The first and the last of several records; the first and the second half of each."""
     if len(records) > 1:
         middle = (len(records) + 1) // 2
-        return records[:middle], records[middle:]
-    (record,) = records
-    middle_s = record.duration_s / 2
+        yield records[:middle], records[middle:]
     try:
-        return [between(record, 0.0, middle_s)], [between(record, middle_s, record.duration_s)]
+        first = [between(record, 0.0, record.duration_s / 2) for record in records]
+        second = [between(record, record.duration_s / 2, record.duration_s) for record in records]
     except ValueError:
-        return [], []
+        return
+    yield first, second
 
 
 # --- What is missing --------------------------------------------------------------------------------------------------

@@ -14,6 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from service.commands.commissioning_remedies import (
     Retry,
     memories_of,
@@ -24,9 +26,10 @@ from service.commands.commissioning_remedies import (
     watched_in,
 )
 from service.commands.output_files import replace_text
+from service.commands.planned_motion import Wishes, planned
 from service.commands.signal_proposals import Review, configured
 from service.config.commissioned import Correction, Found, commissioned, corrected, pages_of
-from service.reports.commissioning_report import Outcome, own_config
+from service.reports.commissioning_report import Outcome, motion_file, own_config
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
@@ -67,11 +70,14 @@ def commission_axis(
     kept = order.folder / f"{name}.json"
     if (before := _read(kept, digest, order.folder)) is not None:
         return before
+    (order.folder / motion_file(name)).unlink(missing_ok=True)
+    order = order._replace(records=tuple(r for r in order.records if r not in review.standing))
     if review.faults:
         faults = "; ".join(review.faults)
         return Outcome(name, corrections=review.corrections, refusal=f"not identified: {faults}")
     open_points = tuple(f"{words[0].upper()}{words[1:]}." for words in review.doubts)
     open_points += (review.unchecked,) if review.unchecked else ()
+    open_points += tuple(f"{record} is left out: the axis does not move in it." for record in review.standing)
     first = Outcome(name, corrections=review.corrections, notes=open_points)
     outcome = _identified(order, text, first, progress)
     if outcome.found is not None:
@@ -137,12 +143,36 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     motion = motion_for(report, [item.record for item in task.estimation])
     if motion is None:
         return outcome
+    progress("identify", "planning a motion", 0.0)
+    changed = corrected(text, order.axis_id, outcome.corrections)
+    own = commissioned(changed, {axis.id: outcome.found or Found(values, None, motion.lost)})
     if (
         outcome.found is None
     ):  # no part of the commissioned configuration, but a motion is planned with its values
-        own = commissioned(text, {axis.id: Found(values, None, motion.lost)})
         replace_text(order.folder / own_config(axis.id), own)
-    return replace(outcome, lost=motion.lost, excite=motion.options)
+    outcome = replace(outcome, lost=motion.lost, excite=motion.wishes.options)
+    return _with_motion(order, own, outcome, motion.wishes)
+
+
+def _with_motion(order: Order, own: str, outcome: Outcome, wishes: Wishes) -> Outcome:
+    """With a motion of the axis in a file; ``own``: text of its configuration, with its nominal values."""
+    from service.reports.excitation_report import as_csv
+
+    file = motion_file(order.axis_id)
+    path = order.folder / file
+    path.parent.mkdir(exist_ok=True)
+    try:
+        _, axis = configured(own, order.axis_id, order.folder)
+        experiment = planned(axis, wishes, np.random.default_rng(_PHASES))
+    except _mistakes() as error:
+        return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))
+    replace_text(path, as_csv(experiment))
+    seconds = experiment.task.schedule.samples * experiment.task.plant.interval_s
+    return replace(outcome, motion=file, motion_s=seconds)
+
+
+_PHASES = 1
+"""Seed of the phases of a planned motion: the same records give the same file."""
 
 
 def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
@@ -198,6 +228,7 @@ def _within(phase: str, progress: Progress) -> Callable[[str, float, float], Non
 
 def _mistakes() -> tuple[type[Exception], ...]:
     from monitor_core.calibration import CalibrationError
+    from monitor_core.excitation import ExcitationError
     from monitor_core.identification import IdentificationError
     from monitor_core.modeling import ModelError
     from service.can.dbc import DbcError
@@ -207,7 +238,7 @@ def _mistakes() -> tuple[type[Exception], ...]:
 
     return (
         *(CalibrationError, IdentificationError, ModelError, DbcError, IngestError, RecordError),
-        *(ConfigErrors, AxisError),
+        *(ConfigErrors, AxisError, ExcitationError),
     )
 
 
@@ -235,5 +266,5 @@ def _read(kept: Path, digest: str, folder: Path) -> Outcome | None:
         outcome = Outcome(**fields)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    files = [*outcome.pages, *(f for f in (outcome.nominal_file, outcome.thresholds_file) if f is not None)]
+    files = [f for f in (*outcome.pages, outcome.nominal_file, outcome.thresholds_file, outcome.motion) if f]
     return outcome if all((folder / name).exists() for name in files) else None

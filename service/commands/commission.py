@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 from collections import Counter
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from monitor_core.wording import duration
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
 from service.commands.live_recording import RECORDS, check_minutes, record_live, recorded
@@ -65,13 +67,16 @@ def commission(
     Without RECORD, `--minutes N` looks at the buses first and says what is missing, then records them into
     DIR/records; Ctrl-C ends the recording early. Called again without both, it uses all that was recorded there.
 
+    For what the records do not show a motion is planned, into DIR/motion: let the controller run it, and record again.
+    Nothing is sent to the robot.
+
     Writes DIR/axiswatch.toml, which `replay` and `run` take as it is, the nominal values and thresholds that it names,
     and DIR/report.html: what is found how soon on each axis, what is not, and the next step. What the records show to
     be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
     from service.config.commissioned import relocated
-    from service.reports.commissioning_report import motion_step, next_step
+    from service.reports.commissioning_report import motion_step, next_step, recording_s
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
@@ -90,12 +95,39 @@ def commission(
         reviews = _reviewed(orders, yes, console, _command(records or (), config, output, budget))
         outcomes = [*_carried_out(orders, reviews, console), *silent]
     corrections = {outcome.axis_id: outcome.corrections for outcome in outcomes}
-    words = next_step(outcomes, output / CONFIG, bool(read.bus))
+    motion_minutes = max(1, math.ceil(recording_s(outcomes) / 60))
+    again = _command(
+        (*records, "RECORD") if records else (),
+        config,
+        output,
+        budget,
+        None if records else motion_minutes,
+        yes,
+    )
+    words = next_step(outcomes, output / CONFIG, bool(read.bus), again)
     _write(config, orders[0], outcomes, corrections, words)
     for step in (motion_step(outcome, output / CONFIG) for outcome in outcomes):
         if step:
             console.print(step, markup=False)
     console.print(words, markup=False)
+    if minutes is not None and any(outcome.motion for outcome in outcomes) and _wanted(motion_minutes, yes):
+        commission(config, None, output, budget, yes, motion_minutes)
+    else:
+        _exit(outcomes)
+
+
+def _wanted(minutes: float, yes: bool) -> bool:
+    """Whether planned motions are to be recorded at once; only a person can let the controller run them."""
+    question = f"Record the planned motion now, for {duration(60 * minutes)}?"
+    return not yes and sys.stdin.isatty() and typer.confirm(question, default=False)
+
+
+def _exit(outcomes: Sequence[Outcome]) -> None:
+    """End with the exit code of what became of the axes.
+
+    Raises:
+        typer.Exit: not all of them are ready.
+    """
     if any(outcome.fault for outcome in outcomes):
         raise typer.Exit(FAULT)
     if not any(outcome.found for outcome in outcomes):
@@ -159,10 +191,18 @@ def options_for(budget_s: float) -> CalibrationOptions:
     return CalibrationOptions(budget_s)
 
 
-def _command(records: Sequence[str], config: Path, output: Path, budget: str) -> str:
+def _command(
+    records: Sequence[str],
+    config: Path,
+    output: Path,
+    budget: str,
+    minutes: float | None = None,
+    yes: bool = False,
+) -> str:
     """As it is typed in a shell."""
     words = ["axiswatch", "commission", *records, "--config", config, "--budget", budget, "--output", output]
-    return shlex.join(map(str, words))
+    words += [] if minutes is None else ["--minutes", f"{minutes:g}"]
+    return shlex.join(map(str, [*words, *(["--yes"] if yes else [])]))
 
 
 def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:

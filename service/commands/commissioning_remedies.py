@@ -12,6 +12,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import COSINE, SINE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Record
 from service.commands.checked_axis import fastest
+from service.commands.planned_motion import Wishes
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_report import shaped_for
@@ -43,8 +44,8 @@ _FAST_S = 0.006
 _MEMORIES = (1.0, 2.0, 5.0)
 """Times the usual memory, where the configuration names none: the shortest that shows small changes."""
 
-_USUAL_HZ, _OF_NYQUIST = 30.0, 0.8
-"""Band of `excite`, where the samples are not too slow for it"""
+_OF_NYQUIST = 0.8
+"""Up to that the band goes, where the samples are too slow for the usual one."""
 
 
 # --- After an identification ------------------------------------------------------------------------------------------
@@ -162,8 +163,8 @@ class Motion(NamedTuple):
 
     lost: tuple[str, ...]
     """What the records do not show"""
-    options: tuple[str, ...]
-    """Of ``excite``: what to find, and the limits, which are those of the records"""
+    wishes: Wishes
+    """What to find, and the limits, which are those of the records"""
 
 
 def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motion | None:
@@ -172,23 +173,22 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motio
     lost = tuple(w.name for w in result.watched if w.obstacle in (Obstacle.NOT_SHOWN, Obstacle.TOGETHER))
     if report.rejection or not lost:
         return None
-    options = list[str]()
-    if find := [name for name in lost if shaped_for(name, result)]:
-        options += ["--find", ",".join(find)]
+    wishes = Wishes(
+        torque=_three_digits(max(float(abs(record.u).max()) for record in records)),
+        speed=_three_digits(fastest(records)),
+        angle=_three_digits(max(float(np.ptp(_angle(record))) / 2 for record in records)),
+        find=tuple(name for name in lost if shaped_for(name, result)),
+    )
     if {COSINE, SINE} & set(result.estimate.drive.inputs):
-        options += ["--as", "angle"]  # a torque alone does not keep a weight in its place
+        wishes = wishes._replace(command="angle")  # a torque alone does not keep a weight in its place
     most_hz = _OF_NYQUIST * 0.5 / result.estimate.interval_s
-    if most_hz < _USUAL_HZ:
-        options += ["--band", "0", f"{most_hz:.3g}"]
-    angles = [_angle(record) for record in records]
-    limits = {
-        "torque": max(float(abs(record.u).max()) for record in records),
-        "speed": fastest(records),
-        "angle": max(float(np.ptp(angle)) / 2 for angle in angles),
-    }
-    for name, limit in limits.items():
-        options += [f"--{name}-limit", f"{limit:.3g}"]
-    return Motion(lost, tuple(options))
+    if most_hz < wishes.band_hz[1]:
+        wishes = wishes._replace(band_hz=(0.0, _three_digits(most_hz)))
+    return Motion(lost, wishes)
+
+
+def _three_digits(value: float) -> float:
+    return float(f"{value:.3g}")
 
 
 def _angle(record: Record) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -79,10 +79,36 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
         raise typer.Exit
     if not any(axis.has_signals for axis in look.axes):
         raise RecordError("nothing is recorded: no axis has its signals on the buses; see above what to do")
-    question = f"Record {duration(seconds)}? The robot should work as usual."
+    motions = _motions(config, folder)
+    if motions:
+        console.print(_planned_words(motions, seconds), markup=False)
+    work = "The robot should then run what is planned." if motions else "The robot should work as usual."
+    question = f"Record {duration(seconds)}? {work}"
     if not yes and sys.stdin.isatty() and not typer.confirm(question, default=True):
         raise typer.Exit
     _record(config, folder / RECORDS, seconds, console)
+
+
+def _motions(config: Config, folder: Path) -> dict[Path, float]:
+    """Planned motions of the axes, with their length [s]."""
+    from service.reports.commissioning_report import motion_file
+
+    paths = [folder / motion_file(axis.id) for axis in config.axes]
+    return {path: _length_s(path) for path in paths if path.exists()}
+
+
+def _planned_words(motions: Mapping[Path, float], seconds: float) -> str:
+    named = ", ".join(f"{path} ({duration(long_s)})" for path, long_s in motions.items())
+    several = len(motions) > 1
+    words = f"Planned: {named}. Let the controller run {'them, one after the other,' if several else 'it'} while this"
+    short = "" if sum(motions.values()) < seconds else " That takes longer than the recording: see --minutes."
+    return f"{words} records.{short}"
+
+
+def _length_s(motion: Path) -> float:
+    """Time in the last row."""
+    row = motion.read_text(encoding="utf-8").rstrip().rpartition("\n")[2]
+    return float(row.partition(",")[0])
 
 
 def _words(look: Look) -> Iterator[str]:

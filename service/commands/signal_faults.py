@@ -64,10 +64,15 @@ def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:
     if count > 1:
         other = held_for(record.u) == count
         signals = "torque and motion come" if other else "the motion comes"
+        interval = f"{count * record.interval_s:.5g}"
+        if checked.in_tables:
+            rows, way = "rows", f"keep every {_nth(count)} row, and set sample_interval_s = {interval}"
+        else:
+            rows = "frames"
+            way = f"let the controller send each value once, every {interval} s, and set sample_interval_s to that"
         yield (
             f"{_place(checked, 'motion')} (the {_quantity(checked, 'motion')}) changes only in every"
-            f" {_nth(count)} sample of {text}: {signals} {count} times as slowly as the rows; keep every {_nth(count)}"
-            f" row, and set sample_interval_s = {count * record.interval_s:.5g}"
+            f" {_nth(count)} sample of {text}: {signals} {count} times as slowly as the {rows}; {way}"
         )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from service.commands.checked_axis import Checked
+from service.commands.checked_axis import Checked, moves
 from service.commands.output_files import replace_text
 from service.commands.signal_doubts import unchecked, unknown_units
 from service.commands.signal_faults import faults
@@ -52,6 +52,8 @@ class Review(NamedTuple):
     """What looks wrong and cannot be told from the records, and what would settle it"""
     unchecked: str
     """What was taken as configured"""
+    standing: tuple[str, ...] = ()
+    """Records in which the axis does not move, while it does in others: they are left out"""
 
 
 def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Review:
@@ -69,14 +71,15 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
     found: list[Correction] = []
     wrong: tuple[str, ...] = ()
     while True:
-        checked = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
+        checked, used = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
         new = next(_of(_TIME_CHECKS, checked), None)
         if new is None:
-            wrong = tuple(faults(checked, tuple(records)))
+            wrong = tuple(faults(checked, used))
             new = None if wrong else next(_of(_SIGNAL_CHECKS, checked), None)
         if new is None or len(found) == _ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
             doubts = () if wrong else tuple(unknown_units(checked))
-            return Review(tuple(found), wrong, doubts, unchecked(checked))
+            standing = tuple(text for text in records if text not in used)
+            return Review(tuple(found), wrong, doubts, unchecked(checked), standing)
         found.append(new)
 
 
@@ -167,11 +170,16 @@ def _loaded(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Loa
     return [load_record(record, config, axis.id) for record in records]
 
 
-def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> Checked:
+def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Checked, tuple[str, ...]]:
+    """An axis with the records in which it moves, if it moves in any; and their names."""
     from service.ingest.axis_records import wanted
     from service.ingest.records import is_table
 
-    return Checked(config, axis, _loaded(config, axis, records), is_table(wanted(records[0]).path))
+    loaded = dict(zip(records, _loaded(config, axis, records), strict=True))
+    moving = {
+        text: item for text, item in loaded.items() if moves(item.record.y, item.record.quantity)
+    } or loaded
+    return Checked(config, axis, list(moving.values()), is_table(wanted(records[0]).path)), tuple(moving)
 
 
 # --- The checks, in the order in which their corrections are to be made -----------------------------------------------

@@ -40,6 +40,10 @@ class Outcome:
     """What the records do not show"""
     excite: tuple[str, ...] = ()
     """Options of `excite` for a motion that would"""
+    motion: str = ""
+    """File with that motion, beside the report; empty: there is none"""
+    motion_s: float = 0.0
+    """How long it is"""
     fault: bool = False
     """A fault of the program, not one of the records, is why"""
 
@@ -74,6 +78,15 @@ def own_config(axis_id: str) -> str:
     return f"{axis_id}.toml"
 
 
+MOTIONS = "motion"
+"""Folder of planned motions, beside the report"""
+
+
+def motion_file(axis_id: str) -> str:
+    """Name of the planned motion of an axis."""
+    return f"{MOTIONS}/{axis_id}.csv"
+
+
 def motion_step(outcome: Outcome, config: Path) -> str:
     """Which motion would show what the records of an axis do not; empty: they show all that can be shown.
 
@@ -82,24 +95,53 @@ def motion_step(outcome: Outcome, config: Path) -> str:
     if not outcome.excite:
         return ""
     file = config if outcome.found is not None else config.parent / own_config(outcome.axis_id)
-    plan = config.parent / f"{outcome.axis_id}-motion.csv"
+    plan = config.parent / motion_file(outcome.axis_id)
     words = ["--config", str(file), "--axis", outcome.axis_id, *outcome.excite, "-o", str(plan)]
+    command = f"`{shlex.join(['axiswatch', 'excite', *words])}`"
+    lost = f"{outcome.axis_id}: to show {listed(outcome.lost)}, too, let the controller run the motion"
+    if not outcome.motion:
+        return f"{lost} that {command} plans (its limits are those of the records), and record it."
+    given = (
+        "angle_reference_rad is the angle to follow"
+        if "--as" in outcome.excite
+        else "torque_Nm is the torque to give"
+    )
     return (
-        f"To show {listed(outcome.lost)}, too, let the controller run the motion that"
-        f" `{shlex.join(['axiswatch', 'excite', *words])}` plans (its limits are those of the records) and record it."
+        f"{lost} in {plan} ({outcome.motion_s:.0f} s, within the torque, speed and angle of the records; its column"
+        f" {given}, at the motor), and record it. {command} plans another one, with other limits."
     )
 
 
-def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool) -> str:
-    """What to do now, in a sentence or two."""
+def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: str) -> str:
+    """What to do now, in a sentence or two.
+
+    Args:
+        outcomes: of all axes.
+        config: of the commissioned robot.
+        on_a_bus: whether it has a bus.
+        again: the command that records, or takes, planned motions.
+    """
     lost = [outcome.axis_id for outcome in outcomes if outcome.refusal]
+    planned = [outcome for outcome in outcomes if outcome.motion]
+    moved = ""
+    if planned:
+        which = "the planned motion" + ("s, one after the other," if len(planned) > 1 else "")
+        moved = f" What is missing takes a record of {which}: `{again}`."
     if not any(outcome.found for outcome in outcomes):
-        return "No axis could be commissioned: the report says why, and which record would help."
+        return f"No axis could be commissioned: the report says why, and which record would help.{moved}"
     run = f"Next: `axiswatch replay RECORD --config {config}` with another record"
     run += f", or `axiswatch run --config {config}`." if on_a_bus else "; to run, add the bus to that file."
     if not lost:
-        return run
-    return f"Not complete: {', '.join(lost)}; the report says why, and which record would help. {run}"
+        return run + moved
+    return f"Not complete: {', '.join(lost)}; the report says why, and which record would help. {run}{moved}"
+
+
+def recording_s(outcomes: Sequence[Outcome]) -> float:
+    """How long a record of all planned motions takes, one after the other, with time to start each."""
+    return sum(outcome.motion_s + _TO_START_S for outcome in outcomes if outcome.motion)
+
+
+_TO_START_S = 15.0
 
 
 def smallest(outcome: Outcome) -> Table:

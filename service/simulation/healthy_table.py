@@ -1,11 +1,11 @@
-"""A table of a simulated robot, as fast as it can be computed: the record of a healthy robot that has no bus."""
+"""A table of a simulated robot, as fast as it can be computed: the record of a robot that has no bus."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from service.config import Config
-from service.simulation.robot import SimulatedRobot
+from service.simulation.robot import Fault, SimulatedRobot
 
 TIME = "t"
 
@@ -18,15 +18,20 @@ def columns_of(config: Config) -> list[str]:
 
 
 def table_lines(
-    config: Config, seconds: float, seed: int, progress: Callable[[float], None] = lambda _: None
+    config: Config,
+    seconds: float,
+    seed: int,
+    progress: Callable[[float], None] = lambda _: None,
+    faults: Sequence[Fault] = (),
 ) -> Iterator[str]:
-    """The lines of a CSV file with the samples of the healthy robot of a configuration.
+    """The lines of a CSV file with the samples of the robot of a configuration.
 
     Args:
         config: its axes are simulated, all with the interval of the first.
         seconds: length.
         seed: of noise and test signals; the same one gives the same lines.
         progress: called with the share that is done.
+        faults: none, of a healthy robot.
 
     Raises:
         ValueError: the axes have different intervals.
@@ -35,7 +40,7 @@ def table_lines(
     if len(intervals) > 1:
         raise ValueError("a table needs axes with the same interval")
     yield ",".join(columns_of(config)) + "\n"
-    for moment in SimulatedRobot(config, seed).moments():
+    for moment in SimulatedRobot(config, seed, faults).moments():
         if moment.time_s >= seconds:
             return
         if moment.number % 1000 == 0:

@@ -9,11 +9,11 @@ from monitor_core.identification.greybox.comparison import (
     traces_of,
 )
 from monitor_core.identification.greybox.estimate import Estimate
-from monitor_core.identification.greybox.estimation import fit, fitted_values
+from monitor_core.identification.greybox.estimation import fit
 from monitor_core.identification.greybox.residuals import LEVEL, Correlation
 from monitor_core.identification.problem import Disturbance, Problem
 
 __all__ = [
     "LEVEL", "Correlation", "Disturbance", "Estimate", "Problem", "Share", "Trace", "colour_of",
-    "explained", "fit", "fitted_values", "monitored_information", "traces_of",
+    "explained", "fit", "monitored_information", "traces_of",
 ]  # fmt: skip

@@ -44,24 +44,8 @@ def fit(
         ValueError: no record, another output than the drive's, no sample measured; the predictor is unstable at the
             start.
     """
-    return _estimate(_fitted(problem, records, most_iterations, progress))
-
-
-def fitted_values(problem: Problem, records: Sequence[Record], most_iterations: int = 100) -> Problem:
-    """The problem with the values of ``fit`` as its start, without all that describes them.
-
-    Raises:
-        ValueError: as ``fit``.
-    """
-    found = _fitted(problem, records, most_iterations, None)
-    return settled(found.predictor, found.end.xi)
-
-
-def _fitted(
-    problem: Problem, records: Sequence[Record], most_iterations: int, progress: Progress | None
-) -> Fitted:
     found = solve(problem, records, most_iterations, progress)
-    return without_gross(found, most_iterations, progress)
+    return _estimate(without_gross(found, most_iterations, progress))
 
 
 def _estimate(fitted: Fitted) -> Estimate:

@@ -17,6 +17,7 @@ from monitor_core.identification import (
     Obstacle,
     Problem,
     Record,
+    identification_procedure,
     identify,
 )
 from monitor_core.identification.bode import bode_of
@@ -94,6 +95,16 @@ def test_an_axis_in_a_closed_loop_is_ownfrom_values_far_off(weight: bool, seed: 
     assert result.verdict.basis is Basis.HALVES
     assert result.verdict.missing == ()
     assert result.rejection is None
+
+
+def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A part of it tells only where the fit starts."""
+    rec = record(seed)
+    direct = found([rec]).estimate
+    monkeypatch.setattr(identification_procedure, "_ENOUGH", len(rec) // 4)
+    by_part = found([rec]).estimate
+    assert by_part.theta == pytest.approx(direct.theta, rel=1e-3)
+    assert by_part.sd == pytest.approx(direct.sd, rel=0.01)
 
 
 def test_a_weight_that_the_drive_lacks_is_named(seed: int) -> None:

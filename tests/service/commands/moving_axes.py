@@ -40,11 +40,11 @@ class Moves(NamedTuple):
 
 
 @cache
-def moves(drive: str, seed: int) -> Moves:
+def moves(drive: str, seed: int, seconds: float = SECONDS) -> Moves:
     """Point to point in a position loop, with a rest after each move."""
     plant = SimulatedAxis(VALUES[drive], 1.0, 3, drive=model_called(drive, None, "angle").drive)
     rng = np.random.default_rng(seed)
-    wanted: Floats = _points(rng, round(SECONDS / H))
+    wanted: Floats = _points(rng, round(seconds / H))
     speed = np.gradient(wanted, H)
     found = Moves(
         np.asarray(H * np.arange(wanted.size), np.float64), *(np.zeros(wanted.size) for _ in range(3))

@@ -248,6 +248,20 @@ def test_frames_in_bunches(seconds: float, every_s: float, folder: Path, seed: i
     assert not found.faults
 
 
+def test_frames_with_each_value_four_times(folder: Path, seed: int) -> None:
+    """A drive that updates at 50 Hz on a bus of 200 Hz: what is to be changed is at the controller."""
+    rows = table(folder / "rows.csv", seed, 20.0)
+    head, _, _ = rows.read_text(encoding="utf-8").partition("\n")
+    columns = np.loadtxt(rows, delimiter=",", skiprows=1)
+    columns[:, 1:] = np.repeat(columns[::4, 1:], 4, axis=0)
+    np.savetxt(rows, columns, fmt=["%.6f", "%.10g", "%.10g"], delimiter=",", header=head, comments="")
+    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
+    log = can_logs.log_of(rows, config, folder / "healthy.log")
+    (fault,) = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder).faults
+    assert "torque and motion come 4 times as slowly as the frames" in fault
+    assert "let the controller send each value once, every 0.02 s, and set sample_interval_s to that" in fault
+
+
 def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
     record = table(folder / "healthy.csv", seed, 20.0)
     config = configured(folder / "robot.toml", AXIS.format(n=1, interval=0.01))

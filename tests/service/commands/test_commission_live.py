@@ -263,6 +263,24 @@ def test_ctrl_c_ends_the_recording_and_goes_on(folder: Path, config: Path, two_a
     assert 'cell.a1: torque.message = "Joint2"' in words_of(result.stderr)
 
 
+def test_a_planned_motion_is_to_be_run_while_it_records(folder: Path, config: Path, two_axes: Path) -> None:
+    """Of one axis, longer than the recording; the other axis stands."""
+    (folder / "made" / "motion").mkdir(parents=True)
+    plan = folder / "made" / "motion" / "cell.a1.csv"
+    plan.write_text("t_s,torque_Nm\n0,0.1\n35.995,0\n", encoding="utf-8")
+    words = ("commission", "--config", config, "--output", "made", "--minutes", 0.03)
+
+    def change(rows: Floats) -> None:
+        turned(rows)
+        standing(rows)
+
+    with moving(two_axes, config, change):
+        result = axiswatch(*words)
+    looked, _, _ = result.stdout.partition("Recording 1.8 s into")
+    assert "Planned: made/motion/cell.a1.csv (36 s). Let the controller run it while this records." in looked
+    assert "That takes longer than the recording: see --minutes." in looked
+
+
 def test_an_axis_that_no_record_has_does_not_hinder_the_others(
     folder: Path, config: Path, two_axes: Path
 ) -> None:

@@ -11,12 +11,16 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
+from service.commands import axis_commissioning
+from service.commands.axis_commissioning import Order, commission_axis
 from service.commands.signal_proposals import exchanged, review
 from service.config import load
 from service.config.drive_sources import shipped
+from service.reports.commissioning_report import Outcome
+from service.reports.formats import Provenance
 from service.simulation.healthy_table import table_lines
 from tests.demo_text import demo_text
-from tests.service.commands.test_commission import AXIS, VALUES, H, table
+from tests.service.commands.test_commission import AXIS, FEW, VALUES, H, table
 
 ROBOT = "[[robot]]\nname = 'cell'\n"
 NOMINAL = ", ".join(f"{name} = {value}" for name, value in VALUES.items())
@@ -95,6 +99,35 @@ def test_each_mistake_is_put_right(
     assert [correction.value for correction in found] == pytest.approx(
         [value for _, value in right], rel=1e-3
     )
+
+
+def test_a_record_in_which_the_axis_stands_is_left_out(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the controller runs the planned motion of another axis."""
+
+    def stand(rows: Floats) -> None:
+        rows[:, 1:] = 0.1, 0.5
+
+    moving = changed(table(tmp_path / "moving.csv", seed, 12.0), nothing)
+    standing = changed(table(tmp_path / "standing.csv", seed, 12.0), stand)
+    text = ROBOT + known()
+    found = review(text, "cell.a1", [moving, standing], tmp_path)
+    assert (found.corrections, found.faults, found.standing) == ((), (), (standing,))
+    alone = review(text, "cell.a1", [standing], tmp_path)
+    assert "is 0.1 throughout" in alone.faults[0]
+
+    used = list[Order]()
+
+    def identified(order: Order, _text: str, outcome: Outcome, _progress: object) -> Outcome:
+        used.append(order)
+        return outcome
+
+    monkeypatch.setattr(axis_commissioning, "_identified", identified)
+    order = Order(text, "cell.a1", (moving, standing), tmp_path, FEW, Provenance("", "", ""), shorten=False)
+    outcome = commission_axis(order, found)
+    assert used[0].records == (moving,)
+    assert f"{standing} is left out: the axis does not move in it." in outcome.notes
 
 
 @pytest.mark.parametrize("swap", [False, True])

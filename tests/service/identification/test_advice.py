@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,10 @@ import tomlkit
 
 from monitor_core.arrays import Floats
 from monitor_core.modeling import SimulatedAxis
-from service.commands.commissioning_remedies import motion_for
+from service.commands import axis_commissioning, identification_task
 from service.commands.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
 from service.config.commissioned import Found, commissioned
-from service.reports.commissioning_report import Outcome, motion_step
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
 from tests.end_to_end.processes import edit
@@ -73,12 +73,17 @@ def followed(folder: Path, name: str, seed: int, reference: Floats, coarse: floa
     return recorded(folder, name, seed, commanded, reference.size, coarse)
 
 
-def outlook(*words: str, free: str = "Jm,Ja,fm,fc") -> str:
-    """The first line: what can be watched, and what would give the rest."""
+def identified(*words: str, free: str = "Jm,Ja,fm,fc") -> str:
+    """What is printed."""
     start = ("identify", "--config", "robot.toml", "--start", "values", "--force")
     result = axiswatch(*start, *(("--free", free) if free else ()), *words)
     assert result.exit_code == 0, result.output
-    return str(OUTLOOK.findall(result.output)[-1])
+    return result.output
+
+
+def outlook(*words: str, free: str = "Jm,Ja,fm,fc") -> str:
+    """The first line: what can be watched, and what would give the rest."""
+    return str(OUTLOOK.findall(identified(*words, free=free))[-1])
 
 
 def test_motion_at_several_speeds_tells_friction_apart(folder: Path, seed: int) -> None:
@@ -108,36 +113,40 @@ def test_the_motion_that_excite_plans_shows_the_inertia(folder: Path, seed: int)
         "plan.csv",
     )
     torque = np.genfromtxt("plan.csv", delimiter=",", names=True)["torque_Nm"]
-    again = outlook(
-        recorded(folder, "planned.csv", seed, lambda k, _: float(torque[k]), torque.size, coarse=5e-3)
-    )
+    planned = recorded(folder, "planned.csv", seed, lambda k, _: float(torque[k]), torque.size, coarse=5e-3)
+    again = outlook(planned)
     assert "1/Ja (changes from" in again
     assert "Cannot: 1/Ja" not in again
+    # What the motion alone shows is not asked of the other record alone.
+    both = identified("steady.csv", planned, free="")
+    assert "1/Ja (changes from" in both
+    assert "good fit" in both
 
 
-def test_the_motion_that_commissioning_names_can_be_planned(folder: Path, seed: int) -> None:
-    """The command in its report, as it stands there; the limits are those of the record."""
-    config = load(folder / "robot.toml", {})
+def test_commissioning_plans_the_motion_that_is_missing(
+    folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Within the limits of the record.  The command that plans another one works, too."""
+    monkeypatch.setattr(axis_commissioning, "_calibrated", lambda _order, _text, outcome, _progress: outcome)
+    request = partial(Request, free=("Jm", "Ja", "fm", "fc"), start="values")
+    monkeypatch.setattr(identification_task, "Request", request)
     record = followed(folder, "slow.csv", seed, SLOW)
-    request = Request(free=("Jm", "Ja", "fm", "fc"), start="values")
-    task = prepare(config, config.axes[0], [record], [], request)
-    report = task.run(Provenance.now())
-    motion = motion_for(report, [item.record for item in task.estimation])
-    assert motion is not None
-    outcome = Outcome("demo.axis1", lost=motion.lost, excite=motion.options)
-    # As commissioning leaves an axis of which nothing can be watched yet.
-    (folder / "nominal.toml").write_text(as_toml(report), encoding="utf-8")
-    text = (folder / "robot.toml").read_text(encoding="utf-8")
-    own = commissioned(text, {"demo.axis1": Found("nominal.toml", None, motion.lost)})
-    (folder / "demo.axis1.toml").write_text(own, encoding="utf-8")
-    command = re.search("`axiswatch (.+)` plans", motion_step(outcome, Path("axiswatch.toml")))
-    assert command
-    text = shown(*shlex.split(command[1]))
-    assert "fm" in motion.lost
-    assert f"--find {','.join(motion.lost)}" in command[1]
+    result = axiswatch("commission", record, "--config", "robot.toml", "--output", "made")
+    file = "made/motion/demo.axis1.csv"
+    assert f"demo.axis1: to show fm, too, let the controller run the motion in {file} (" in result.output
+    assert (
+        "`axiswatch commission slow.csv RECORD --config robot.toml --budget 1y --output made`"
+        in result.output
+    )
     most = abs(np.genfromtxt("slow.csv", delimiter=",", names=True)["torque"]).max()
-    assert f" {most:.3g} N m " in text
-    assert Path("demo.axis1-motion.csv").exists()
+    planned = abs(np.genfromtxt(file, delimiter=",", names=True)["torque_Nm"])
+    assert 0.5 * most < planned.max() <= 1.001 * most
+    assert planned[[0, -1]].max() < 0.1 * most, "from rest and back to it"
+    command = re.search("`axiswatch (excite .+)` plans another one", result.output)
+    assert command
+    assert "--find fm " in command[1]
+    assert f" {most:.3g} N m " in shown(*shlex.split(command[1]))
+    assert abs(np.genfromtxt(file, delimiter=",", names=True)["torque_Nm"]).max() != planned.max()
 
 
 def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:

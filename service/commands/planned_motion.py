@@ -1,0 +1,152 @@
+"""A motion for the identification of an axis, planned from its configuration: for ``excite`` and ``commission``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.excitation import (
+    Command,
+    Estimation,
+    ExcitationError,
+    Experiment,
+    Limits,
+    Plant,
+    Task,
+    plan,
+)
+from monitor_core.wording import did_you_mean
+from service.config import NamedAxis, drive_of, given_values
+from service.config.axis_settings import axis_settings, unknown_of
+from service.config.drives import axis_model
+
+_LONGEST = 2_000_000
+
+
+class Wishes(NamedTuple):
+    """What is asked of a motion, with the defaults of ``excite``."""
+
+    seconds: float = 10.0
+    """Length of a period"""
+    periods: int = 2
+    """After one to warm up"""
+    band_hz: tuple[float, float] = (0.0, 30.0)
+    torque: float | None = None
+    """Largest absolute values [N m, rad/s, rad] at the motor; None: no limit"""
+    speed: float | None = None
+    angle: float | None = None
+    find: tuple[str, ...] = ()
+    """Parameters for which the spectrum is the best; empty: a flat spectrum"""
+    free: tuple[str, ...] = ()
+    """Parameters to estimate; empty: all that can be distinguished"""
+    command: Command = "torque"
+    """What is given to the axis"""
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Of ``excite``, for what commissioning asks for."""
+        found = list[str]()
+        if self.find:
+            found += ["--find", ",".join(self.find)]
+        if self.command != "torque":
+            found += ["--as", self.command]
+        if self.band_hz != Wishes().band_hz:
+            found += ["--band", *(f"{hz:.3g}" for hz in self.band_hz)]
+        for name in ("torque", "speed", "angle"):
+            if (limit := getattr(self, name)) is not None:
+                found += [f"--{name}-limit", f"{limit:.3g}"]
+        return tuple(found)
+
+
+def planned(axis: NamedAxis, wishes: Wishes, rng: np.random.Generator) -> Experiment:
+    """Plan a motion of an axis.
+
+    Raises:
+        ExcitationError: there is none, or a nominal value or a noise is not known; the text says what would be right.
+        ValueError: a parameter that the drive does not have.
+        AxisError: the axis has no predictor.
+    """
+    h = axis.config.sample_interval_s
+    plant, estimation = _plant_and_estimation(axis)
+    limits = (math.inf if limit is None else limit for limit in (wishes.torque, wishes.speed, wishes.angle))
+    task = Task(
+        plant,
+        estimation,
+        Limits(*limits),
+        period=_samples(wishes.seconds, wishes.periods, h),
+        periods=wishes.periods,
+        band_hz=_checked_band(wishes.band_hz, h),
+        command=wishes.command,
+        free=wishes.free,
+        find=wishes.find,
+    )
+    for names in (task.free, task.find):
+        _check_names(names, estimation)
+    return plan(task, rng)
+
+
+def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
+    """The drive of an axis with its nominal values, and how its parameters will be estimated.
+
+    Raises:
+        ExcitationError: a nominal value or a noise is not known.
+        AxisError: the axis has no predictor.
+    """
+    config = axis.config
+    values, h = given_values(config), config.sample_interval_s
+    _check_known(axis)
+    model = axis_model(config)
+    settings = axis_settings(axis, model)
+    K = np.array(settings.K) if settings.K else None
+    if K is not None and model.drive.mean_state >= 0:  # a plan treats a mean speed as the speed at the sample
+        K = np.delete(K, model.drive.mean_state)
+    plant = Plant(drive_of(config, "angle"), values, h, settings.speed_scale)
+    measured = drive_of(config, config.output)
+    return plant, Estimation(measured, values, h, settings.lam0, K, config.model.scales)
+
+
+def _check_known(axis: NamedAxis) -> None:
+    """Check that nominal values and noise are known, which an axis without a bus may lack."""
+    if missing := unknown_of(axis.config):
+        raise ExcitationError(
+            f"{axis.id}: a motion is planned with the drive's values and noises, and the configuration has no"
+            f" {', '.join(missing)}: give a guess, or identify a first record and name its nominal_file"
+        )
+
+
+def _samples(seconds: float, periods: int, interval_s: float) -> int:
+    """Samples in a period."""
+    if not (math.isfinite(seconds) and seconds >= 16 * interval_s):
+        raise ExcitationError(f"a period of {seconds:g} s: need at least 16 samples, {16 * interval_s:g} s")
+    samples = round(seconds / interval_s)
+    if samples * (periods + 2) > _LONGEST:
+        raise ExcitationError(
+            f"{periods} periods of {seconds:g} s have more than {_LONGEST} samples: ask for less"
+        )
+    return samples
+
+
+def _checked_band(band_hz: tuple[float, float], interval_s: float) -> tuple[float, float]:
+    (low, high), most = band_hz, 0.5 / interval_s
+    if not 0 <= low < high < most:
+        raise ExcitationError(
+            f"band {low:g} {high:g}: need 0 <= low < high < {most:g} Hz, half the samples a second"
+        )
+    return band_hz
+
+
+def _check_names(names: Sequence[str], estimation: Estimation) -> None:
+    values = estimation.values
+    bases = [name.removeprefix("1/").strip() for name in names]
+    for name, base in zip(names, bases, strict=True):
+        if base not in values:
+            raise ExcitationError(f"no parameter {name!r}: {did_you_mean(base, values)}")
+        if values[base] == 0 and name not in estimation.scales:
+            raise ExcitationError(
+                f"{name} is 0: give its size in [robot.axis.model.scales], or do not ask for it"
+            )
+    if len(set(bases)) < len(bases):
+        raise ExcitationError(f"a parameter is named twice: {', '.join(names)}")
