@@ -2,8 +2,9 @@
 #
 # run-tests.sh [PYTEST ARGUMENT...]
 #
-# Lint, and two pytest runs: those tests marked `vcan`, inside with-vcan.sh, where real SocketCAN devices exist, then all
-# others. Where the devices cannot be had: a failure with CI=true, else those tests are skipped.
+# Ruff, the tests that run anywhere, then those marked `vcan`, inside with-vcan.sh, where real SocketCAN devices exist, and
+# mypy beside them (`make lint` has it at once). Where the devices cannot be had: a failure with CI=true, else those tests
+# are skipped.
 #
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
@@ -17,7 +18,7 @@ unset PYTHONDONTWRITEBYTECODE
 # seconds on both sides the second run need not compile again what the first has.
 find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat -c %Y "$f")" "$f"; done' _ {} +
 
-# The kernel is compiled ahead, else each of the test processes would compile all of it.
+# The kernel is compiled ahead, else each of the test processes would compile all of it: in two parts.
 ahead() {
   .venv/bin/python -c "import tests.conftest
 from service.commands.warm import compile_offline
@@ -32,21 +33,23 @@ fi
 { .venv/bin/ruff check . && .venv/bin/ruff format --check .; } || { kill $(jobs -p) 2>/dev/null; exit 1; }
 wait
 
-# What is wrong with the types is said before the long run. Both of these are one process: beside each other.
+# Side by side, one process more than there are processors: tests of the daemon mostly wait.  More than four would only
+# crowd each other's daemons.
 mkdir -p .cache
+processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
+"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal "$@"
+main=$?
+
+# These tests are one process in a kernel with one processor: mypy has the other one.
 .venv/bin/mypy >.cache/mypy.log 2>&1 &
 types=$!
 
+echo
 echo "SocketCAN tests, on vcan0 and vcan1:"
 # Everything is slow in there, imports above all: without a selection, collect only the files concerned.
 if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests); else files=(); fi
 tools/with-vcan.sh "${PYTEST[@]}" "$@" -m "vcan and not soak" "${files[@]}"
 sock=$?
-
-wait "$types"
-types=$?
-cat .cache/mypy.log
-[ "$types" = 0 ] || exit 1
 
 if [ "$sock" = 125 ] && ! tools/with-vcan.sh true; then
   if [ "${CI:-}" = true ]; then
@@ -58,13 +61,10 @@ if [ "$sock" = 125 ] && ! tools/with-vcan.sh true; then
   "${PYTEST[@]}" "$@" -m "vcan and not soak" "${files[@]}" # skips them, and says so
   sock=$?
 fi
-echo
 
-# Side by side, one process more than there are processors: tests of the daemon mostly wait.  More than four would only
-# crowd each other's daemons.
-processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
-"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal "$@"
-main=$?
+wait "$types"
+types=$?
+cat .cache/mypy.log
 
 # A selection (make test ARGS="-k ...") may leave one of the two runs without tests. Without one, none may be.
 if [ $# -gt 0 ] && [ "$main" != "$sock" ]; then
@@ -72,4 +72,5 @@ if [ $# -gt 0 ] && [ "$main" != "$sock" ]; then
   [ "$sock" != $NOTHING_RAN ] || sock=0
 fi
 [ "$main" = 0 ] || exit "$main"
-exit "$sock"
+[ "$sock" = 0 ] || exit "$sock"
+exit "$types"

@@ -255,10 +255,6 @@ class IdentificationOptions:
     begins_s: tuple[float | None, ...] = ()
 
 
-_ENOUGH = 40_000
-"""Samples to find starting values and the speed scale of friction; the fit that counts is of all."""
-
-
 def identify(
     problem: Problem,
     records: Sequence[Record],
@@ -284,7 +280,7 @@ def identify(
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
-        parts = lively_parts(records, _ENOUGH)
+        parts = lively_parts(records)  # the fit that counts is of all
         estimate = _best(problem, parts, options.start, report)
         estimate = with_best_scale(estimate, options.speed_scales, lambda other: _fit(other, parts, _silent))
         if sum(map(len, parts)) < sum(map(len, records)):

@@ -46,6 +46,8 @@ _FEWEST = 200
 """Samples of a half."""
 _LESS = 0.5
 """A further effect leaves less than this part of the torque that was not explained: it is missing in the drive."""
+_MATTERS = 0.003
+"""Part of the torque of slow motions: an effect with less of it is not what the drive lacks."""
 _RIGID = 0.9
 """Part of the torque of slow motions; if so much is explained, what is missing is faster."""
 
@@ -237,7 +239,7 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     gains = {
         effect: (1 - other.explained) / left
         for effect, other in zip(lacking, others, strict=True)
-        if other is not None and left > 0
+        if other is not None and left > 0 and other.explained - own.explained > _MATTERS
     }
     named = tuple(effect for effect in sorted(gains, key=gains.__getitem__) if gains[effect] < _LESS)
     if named:

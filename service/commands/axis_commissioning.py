@@ -103,9 +103,12 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             request = Request(schedule=schedule, memories_s=memories_of(axis.config))
             task = prepare(config, axis, order.records, [], request)
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
-            report = task.run(provenance, _within("identify", progress))
             load = partial(link_load, text, axis.id, order.records, order.folder)
-            again = None if schedule and report.rejection else retry(report, text, axis, tried, load)
+            for part in (task.lively_part(), task) if order.shorten else (task,):
+                report = part.run(provenance, _within("identify", progress))
+                again = None if schedule and report.rejection else retry(report, text, axis, tried, load)
+                if report.rejection and again:  # all of the records would not explain it either
+                    break
             tried.append(axis.config.model.drive)
             if again is None or (again.changes and not order.shorten):
                 break

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -36,6 +36,7 @@ from monitor_core.identification import (
     Start,
     identify,
     known_of,
+    lively_parts,
     scheduled_terms,
     select_parameters,
     speed_scales,
@@ -103,6 +104,17 @@ class IdentificationTask:
     validation: tuple[Loaded, ...]
     warnings: tuple[str, ...]
     options: IdentificationOptions
+
+    def lively_part(self) -> IdentificationTask:
+        """The same with the part of long records that shows whether a drive is right at all."""
+        parts = lively_parts([item.record for item in self.estimation])
+        return replace(
+            self,
+            estimation=tuple(
+                item._replace(record=part) for item, part in zip(self.estimation, parts, strict=True)
+            ),
+            options=replace(self.options, thermal=None),
+        )
 
     def run(self, provenance: Provenance, progress: Progress | None = None) -> IdentificationReport:
         """Identify the axis.

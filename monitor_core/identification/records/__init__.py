@@ -5,6 +5,7 @@ at.  Thresholds are set so that a healthy record gives no finding: each constant
 """
 
 from monitor_core.identification.records.arm_links import LinkWeights, link_weights
+from monitor_core.identification.records.lively_parts import lively_parts
 from monitor_core.identification.records.motion_checks import (
     is_about_nominal,
     known_of,
@@ -24,6 +25,6 @@ from monitor_core.identification.records.value_patterns import (
 
 __all__ = [
     "UNITS", "Bools", "Finding", "Known", "LinkWeights", "Record", "Severity", "Span", "TurningWeight", "between",
-    "held_for", "is_about_nominal", "known_of", "link_weights", "rigid_fit", "shown_inertia", "speed_scales",
-    "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
+    "held_for", "is_about_nominal", "known_of", "link_weights", "lively_parts", "rigid_fit", "shown_inertia",
+    "speed_scales", "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
 ]  # fmt: skip

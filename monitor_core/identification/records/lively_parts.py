@@ -8,8 +8,11 @@ import numpy as np
 
 from monitor_core.identification.records.record import Record
 
+ENOUGH = 40_000
+"""Samples to find starting values, the speed scale of friction, and whether a drive is right at all."""
 
-def lively_parts(records: Sequence[Record], most: int) -> Sequence[Record]:
+
+def lively_parts(records: Sequence[Record], most: int = ENOUGH) -> Sequence[Record]:
     """Of long records the stretch with most motion, so that no more than ``most`` samples are left.
 
     Short records stay as they are: all are cut to the same length, if they are longer.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
-from monitor_core.identification.records import speed_scales
+from monitor_core.identification.records import lively_parts, speed_scales
 from monitor_core.identification.verdict import Basis, Effect, Quality
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
@@ -83,7 +84,7 @@ def found(records: list[Record], *, gravity: bool = False, **options: object) ->
 
 
 @pytest.mark.parametrize("weight", [False, True])
-def test_an_axis_in_a_closed_loop_is_ownfrom_values_far_off(weight: bool, seed: int) -> None:
+def test_an_axis_in_a_closed_loop_is_found_from_values_far_off(weight: bool, seed: int) -> None:
     result = found([record(seed, weight=weight)], gravity=weight)
     true = {**VALUES, **(WEIGHT if weight else {})}
     e = result.estimate
@@ -101,7 +102,7 @@ def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyP
     """A part of it tells only where the fit starts."""
     rec = record(seed)
     direct = found([rec]).estimate
-    monkeypatch.setattr(identification_procedure, "_ENOUGH", len(rec) // 4)
+    monkeypatch.setattr(identification_procedure, "lively_parts", partial(lively_parts, most=len(rec) // 4))
     by_part = found([rec]).estimate
     assert by_part.theta == pytest.approx(direct.theta, rel=1e-3)
     assert by_part.sd == pytest.approx(direct.sd, rel=0.01)
