@@ -104,7 +104,8 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             task = prepare(config, axis, order.records, [], request)
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
             load = partial(link_load, text, axis.id, order.records, order.folder)
-            for part in (task.lively_part(), task) if order.shorten else (task,):
+            guessed = order.shorten and not tried  # by what is first, whatever the axis is
+            for part in (task.lively_part(), task) if guessed else (task,):
                 report = part.run(provenance, _within("identify", progress))
                 again = None if schedule and report.rejection else retry(report, text, axis, tried, load)
                 if report.rejection and again:  # all of the records would not explain it either
