@@ -26,7 +26,7 @@ from monitor_core.identification.records.record import Bools, Record
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
 _ROUNDS = 3
-_START_STEPS = 20
+_START_STEPS = 10
 _JITTER = 1e-3
 _NEAR = 1e-3
 _BEYOND = 0.01
@@ -126,7 +126,8 @@ def settled(predictor: Predictor, xi: Floats) -> Problem:
 def fit_starts(predictor: Predictor) -> Floats:
     """The vector with the initial states that fit best, all else as at the start.
 
-    Without friction and gravity of the simulated motion the errors are linear in them: one step.
+    Without friction and gravity of the simulated motion the errors are linear in them: one step.  With these the
+    cost is rough, and the search ends after some steps, at little more than its least.
     """
     xi, shared = predictor.start(), predictor.layout.shared
     if xi.size == shared:
