@@ -47,7 +47,7 @@ _FEWEST = 200
 _LESS = 0.5
 """A further effect leaves less than this part of the torque that was not explained: it is missing in the drive."""
 _MATTERS = 0.003
-"""Part of the torque of slow motions: an effect with less of it is not what the drive lacks."""
+"""Part of the torque of slow motions that an effect takes; with less of it springs come first, which look like it."""
 _RIGID = 0.9
 """Part of the torque of slow motions; if so much is explained, what is missing is faster."""
 
@@ -224,7 +224,7 @@ _TERMS: Mapping[Effect, tuple[Term, ...]] = MappingProxyType(
 
 
 def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect, ...]:
-    """What the torque of slow motions shows and the drive does not have, the largest first."""
+    """What the torque of slow motions shows and the drive does not have, what is likeliest first."""
     present = _present(problem.drive)
     base: tuple[Term, ...] = ("viscous", *(term for effect in present for term in _TERMS[effect]))
     if follows_pose(problem):
@@ -239,11 +239,12 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     gains = {
         effect: (1 - other.explained) / left
         for effect, other in zip(lacking, others, strict=True)
-        if other is not None and left > 0 and other.explained - own.explained > _MATTERS
+        if other is not None and left > 0
     }
     named = tuple(effect for effect in sorted(gains, key=gains.__getitem__) if gains[effect] < _LESS)
     if named:
-        return named
+        small = left * (1 - min(gains.values())) < _MATTERS and own.explained > _RIGID
+        return (Effect.FAST, *named) if small else named
     if own.explained > _RIGID:
         return (Effect.FAST,)
     elastic = any(p.unit == STIFFNESS for p in problem.drive.parameters)  # which takes torque by itself

@@ -91,7 +91,10 @@ def retry(
     if report.rejection or not watched:
         if not tried and axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY and (weight := links()):
             return _with_links(text, axis, weight)
-        bears_weight = Effect.POSE in report.result.verdict.missing and axis.config.output == "angle"
+        missing = report.result.verdict.missing
+        three = axis.config.model.drive == _ONE_MASS[0] and axis.config.sample_interval_s <= _FAST_S
+        springs_first = three and missing[:1] == (Effect.FAST,)
+        bears_weight = Effect.POSE in missing and axis.config.output == "angle" and not springs_first
         other = _other_drive(axis.config, bears_weight, tried)
         if other is None:
             return None

@@ -28,7 +28,7 @@ from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
 from monitor_core.identification.records import lively_parts, speed_scales
-from monitor_core.identification.verdict import Basis, Effect, Quality
+from monitor_core.identification.verdict import Basis, Effect, Quality, missing_effects
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
 from tests.real.drives import one_mass
@@ -113,6 +113,19 @@ def test_a_weight_that_the_drive_lacks_is_named(seed: int) -> None:
     print(result.verdict)
     assert result.verdict.quality is Quality.POOR
     assert result.verdict.missing[0] is Effect.POSE
+
+
+@pytest.mark.parametrize(
+    ("weight", "missing"),
+    [(0.0, (Effect.FAST,)), (0.5, (Effect.FAST, Effect.POSE)), (3.0, (Effect.POSE,))],
+)
+def test_a_weight_that_takes_hardly_any_torque_is_looked_for_after_springs(
+    weight: float, missing: tuple[Effect, ...], seed: int
+) -> None:
+    """Of 19 N m; it needs another torque for the same motion."""
+    rec = record(seed)
+    borne = replace(rec, u=rec.u + weight * np.sin(3 * rec.y))
+    assert missing_effects(Problem(one_mass(), VALUES, ALL, speed_scale=SCALE), [borne]) == missing
 
 
 def test_the_speed_scale_is_found(seed: int) -> None:
