@@ -95,6 +95,31 @@ def test_where_the_torque_shows_a_weight_the_drive_gets_one(drive: str, tmp_path
     assert "weight" not in other.words
 
 
+@pytest.mark.parametrize(
+    ("before", "interval_s", "missing", "drive"),
+    [
+        ("one-mass", 0.005, (Effect.FAST, Effect.POSE), "three-mass"),
+        ("one-mass", 0.005, (Effect.POSE, Effect.FAST), "one-mass-weight"),
+        ("one-mass", 0.02, (Effect.FAST, Effect.POSE), "one-mass-weight"),
+        ("three-mass", 0.005, (Effect.FAST, Effect.POSE), "three-mass-weight"),
+    ],
+)
+def test_springs_come_before_a_weight_that_takes_hardly_any_torque(
+    before: str, interval_s: float, missing: tuple[Effect, ...], drive: str, tmp_path: Path
+) -> None:
+    """Where samples are fast enough for springs, and they were not tried before."""
+    text = TEXT.replace("0.005", f"{interval_s}")
+    if before == "one-mass":
+        text = text.replace(
+            '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
+        )
+        text = text.replace("{ kT = 1, r = 0.01, Jg = 3.0 }", "{ kT = 1 }")
+    _, axis = configured(text, NAME, tmp_path)
+    again = retry(report(rejection="poor", missing=missing), text, axis)
+    assert again is not None
+    assert again.words.startswith(f'model.drive = "{drive}"')
+
+
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
     _, axis = configured(TEXT, NAME, tmp_path)
     assert retry(report(KT, FM, follows=("fm",)), TEXT, axis) is None
