@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from docs.svg_documents import document
-from service.commands.planned_motion import Wishes, planned
+from service.commands.planned_motion import MotionRequest, planned
 from service.config import load
 from service.config.drive_sources import shipped
 from service.ingest.records import read_record
@@ -22,7 +22,7 @@ from service.simulation.robot import Fault
 
 SECONDS, BROKEN_S, GROWN = 60.0, 30.0, 1.3
 _SEED = 7
-_WISHES = Wishes(seconds=3.0, torque=2.0, speed=15.0, find=("1/Ja", "fm"))
+_REQUEST = MotionRequest(seconds=3.0, torque=2.0, speed=15.0, find=("1/Ja", "fm"))
 
 
 def replayed() -> Replayed:
@@ -45,7 +45,7 @@ def replay_figure(found: Replayed) -> str:
 def motion_figure() -> str:
     """The planned motion of an axis, within its limits; the periods that count are shaded."""
     axis = load(shipped("demo.toml"), {}).axes[0]
-    experiment = planned(axis, _WISHES, np.random.default_rng(_SEED))
+    experiment = planned(axis, _REQUEST, np.random.default_rng(_SEED))
     task, motion = experiment.task, experiment.motion
     t = np.arange(len(motion.torque)) * task.plant.interval_s
     counted, limits = t[task.schedule.evaluated][[0, -1]], task.limits.by_name()

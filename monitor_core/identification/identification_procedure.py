@@ -280,12 +280,7 @@ def identify(
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
-        parts = lively_parts(records)  # the fit that counts is of all
-        estimate = _best(problem, parts, options.start, report)
-        estimate = with_best_scale(estimate, options.speed_scales, lambda other: _fit(other, parts, _silent))
-        if sum(map(len, parts)) < sum(map(len, records)):
-            found = _fit(estimate.problem, records, report)
-            estimate = replace(found, started_from=estimate.started_from)
+        estimate = _first(problem, records, options, report)
         if options.interval_mean:
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()
@@ -328,6 +323,18 @@ def identify(
         memory_s,
         warm_up,
     )
+
+
+def _first(
+    problem: Problem, records: Sequence[Record], options: IdentificationOptions, report: Progress
+) -> Estimate:
+    """The fit with constant friction, of all records, from what the part of them with most motion shows."""
+    parts = lively_parts(records)
+    found = _best(problem, parts, options.start, report)
+    found = with_best_scale(found, options.speed_scales, lambda other: _fit(other, parts, _silent))
+    if sum(map(len, parts)) == sum(map(len, records)):
+        return found
+    return replace(_fit(found.problem, records, report), started_from=found.started_from)
 
 
 def _warming(

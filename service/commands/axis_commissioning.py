@@ -26,7 +26,7 @@ from service.commands.commissioning_remedies import (
     watched_in,
 )
 from service.commands.output_files import replace_text
-from service.commands.planned_motion import Wishes, planned
+from service.commands.planned_motion import MotionRequest, planned
 from service.commands.signal_proposals import Review, configured
 from service.config.commissioned import Correction, Found, commissioned, corrected, pages_of
 from service.reports.commissioning_report import Outcome, motion_file, own_config
@@ -154,11 +154,11 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         outcome.found is None
     ):  # no part of the commissioned configuration, but a motion is planned with its values
         replace_text(order.folder / own_config(axis.id), own)
-    outcome = replace(outcome, lost=motion.lost, excite=motion.wishes.options)
-    return _with_motion(order, own, outcome, motion.wishes)
+    outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
+    return _with_motion(order, own, outcome, motion.request)
 
 
-def _with_motion(order: Order, own: str, outcome: Outcome, wishes: Wishes) -> Outcome:
+def _with_motion(order: Order, own: str, outcome: Outcome, request: MotionRequest) -> Outcome:
     """With a motion of the axis in a file; ``own``: text of its configuration, with its nominal values."""
     from service.reports.excitation_report import as_csv
 
@@ -167,7 +167,7 @@ def _with_motion(order: Order, own: str, outcome: Outcome, wishes: Wishes) -> Ou
     path.parent.mkdir(exist_ok=True)
     try:
         _, axis = configured(own, order.axis_id, order.folder)
-        experiment = planned(axis, wishes, np.random.default_rng(_PHASES))
+        experiment = planned(axis, request, np.random.default_rng(_PHASES))
     except _mistakes() as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))
     replace_text(path, as_csv(experiment))

@@ -12,7 +12,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import COSINE, SINE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Record
 from service.commands.checked_axis import fastest
-from service.commands.planned_motion import Wishes
+from service.commands.planned_motion import MotionRequest
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_report import shaped_for
@@ -166,7 +166,7 @@ class Motion(NamedTuple):
 
     lost: tuple[str, ...]
     """What the records do not show"""
-    wishes: Wishes
+    request: MotionRequest
     """What to find, and the limits, which are those of the records"""
 
 
@@ -176,18 +176,18 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motio
     lost = tuple(w.name for w in result.watched if w.obstacle in (Obstacle.NOT_SHOWN, Obstacle.TOGETHER))
     if report.rejection or not lost:
         return None
-    wishes = Wishes(
+    request = MotionRequest(
         torque=_three_digits(max(float(abs(record.u).max()) for record in records)),
         speed=_three_digits(fastest(records)),
         angle=_three_digits(max(float(np.ptp(_angle(record))) / 2 for record in records)),
         find=tuple(name for name in lost if shaped_for(name, result)),
     )
     if {COSINE, SINE} & set(result.estimate.drive.inputs):
-        wishes = wishes._replace(command="angle")  # a torque alone does not keep a weight in its place
+        request = request._replace(command="angle")  # a torque alone does not keep a weight in its place
     most_hz = _OF_NYQUIST * 0.5 / result.estimate.interval_s
-    if most_hz < wishes.band_hz[1]:
-        wishes = wishes._replace(band_hz=(0.0, _three_digits(most_hz)))
-    return Motion(lost, wishes)
+    if most_hz < request.band_hz[1]:
+        request = request._replace(band_hz=(0.0, _three_digits(most_hz)))
+    return Motion(lost, request)
 
 
 def _three_digits(value: float) -> float:

@@ -12,7 +12,7 @@ from rich.console import Console
 from service.commands.exit_codes import explained
 from service.commands.options import AxisName, ConfigPath, axis_of, names_in
 from service.commands.output_files import write
-from service.commands.planned_motion import Wishes, planned
+from service.commands.planned_motion import MotionRequest, planned
 from service.reports.excitation_report import as_csv, as_picture, print_text
 
 _FORMS = (".svg", ".png")
@@ -70,9 +70,9 @@ def excite(
         raise typer.BadParameter(f"{picture}: must end with .svg or .png", param_hint="--picture")
     found = axis_of(config, axis)
     limits = (torque_limit, speed_limit, angle_limit)
-    wishes = Wishes(seconds, periods, band, *limits, names_in(find), names_in(free), as_)
+    request = MotionRequest(seconds, periods, band, *limits, names_in(find), names_in(free), as_)
     with explained(ValueError):
-        experiment = planned(found, wishes, np.random.default_rng(seed))
+        experiment = planned(found, request, np.random.default_rng(seed))
     write(output, as_csv(experiment))
     if picture is not None:
         form = picture.suffix.removeprefix(".")

@@ -26,7 +26,7 @@ from service.config.drives import axis_model
 _LONGEST = 2_000_000
 
 
-class Wishes(NamedTuple):
+class MotionRequest(NamedTuple):
     """What is asked of a motion, with the defaults of ``excite``."""
 
     seconds: float = 10.0
@@ -53,7 +53,7 @@ class Wishes(NamedTuple):
             found += ["--find", ",".join(self.find)]
         if self.command != "torque":
             found += ["--as", self.command]
-        if self.band_hz != Wishes().band_hz:
+        if self.band_hz != MotionRequest().band_hz:
             found += ["--band", *(f"{hz:.3g}" for hz in self.band_hz)]
         for name in ("torque", "speed", "angle"):
             if (limit := getattr(self, name)) is not None:
@@ -61,7 +61,7 @@ class Wishes(NamedTuple):
         return tuple(found)
 
 
-def planned(axis: NamedAxis, wishes: Wishes, rng: np.random.Generator) -> Experiment:
+def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -> Experiment:
     """Plan a motion of an axis.
 
     Raises:
@@ -71,17 +71,19 @@ def planned(axis: NamedAxis, wishes: Wishes, rng: np.random.Generator) -> Experi
     """
     h = axis.config.sample_interval_s
     plant, estimation = _plant_and_estimation(axis)
-    limits = (math.inf if limit is None else limit for limit in (wishes.torque, wishes.speed, wishes.angle))
+    limits = (
+        math.inf if limit is None else limit for limit in (request.torque, request.speed, request.angle)
+    )
     task = Task(
         plant,
         estimation,
         Limits(*limits),
-        period=_samples(wishes.seconds, wishes.periods, h),
-        periods=wishes.periods,
-        band_hz=_checked_band(wishes.band_hz, h),
-        command=wishes.command,
-        free=wishes.free,
-        find=wishes.find,
+        period=_samples(request.seconds, request.periods, h),
+        periods=request.periods,
+        band_hz=_checked_band(request.band_hz, h),
+        command=request.command,
+        free=request.free,
+        find=request.find,
     )
     for names in (task.free, task.find):
         _check_names(names, estimation)

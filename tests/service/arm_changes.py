@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from tests.service.arm_cell import ArmAlarm
+from monitor_core.calibration import CalibrationError
+from tests.service.arm_cell import ArmAlarm, RefusedError
 
 
 class Case(NamedTuple):
@@ -60,6 +62,31 @@ class Tried(NamedTuple):
         """Whether there are alarms, all of them with a name, and none twice."""
         named = all(np.isfinite(a.named_s) for a in self.alarms)
         return bool(self.alarms) and named and len(self._names) == len(set(self._names))
+
+
+def try_arms(
+    arms: int, folder: Path, try_arm: Callable[[int, Path], tuple[list[str], list[Tried]]]
+) -> tuple[list[Tried], list[str], list[int]]:
+    """What became of arms, printed: trials, false alarms, and the numbers of those that were refused.
+
+    ``try_arm``: false alarms and trials of the arm of a number, which may write into a folder of its own.
+    """
+    trials, false, refused = list[Tried](), list[str](), list[int]()
+    for number in range(arms):
+        own = folder / str(number)
+        own.mkdir()
+        try:
+            quiet, found = try_arm(number, own)
+        except (RefusedError, CalibrationError) as error:
+            refused.append(number)
+            print(f"arm {number}: {error}", flush=True)
+            continue
+        false += quiet
+        trials += found
+        print(f"arm {number}: false alarms {quiet}")
+        for trial in found:
+            print(f"   {'' if trial.right else 'WRONG '}{trial.case}: {trial.alarms}", flush=True)
+    return trials, false, refused
 
 
 def table(trials: Sequence[Tried]) -> str:

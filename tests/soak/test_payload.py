@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.calibration import CalibrationError, CalibrationOptions
+from monitor_core.calibration import CalibrationOptions
 from tests.core.arm import Arm, redrawn
-from tests.service.arm_cell import RefusedError, Watcher, after_change, calibrated, identified, write
-from tests.service.arm_changes import CASES, FAULTS, PAYLOADS, Tried, table
+from tests.service.arm_cell import Watcher, after_change, calibrated, identified, write
+from tests.service.arm_changes import CASES, FAULTS, PAYLOADS, Tried, table, try_arms
 
 pytestmark = pytest.mark.soak
 
@@ -47,21 +47,7 @@ def tried(number: int, seed: int, folder: Path) -> tuple[list[str], list[Tried]]
 
 
 def test_an_unknown_payload_is_told_from_a_fault(seed: int, tmp_path: Path) -> None:
-    trials, false, refused = list[Tried](), list[str](), list[int]()
-    for number in range(PLANTS):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        try:
-            quiet, found = tried(number, seed, folder)
-        except (RefusedError, CalibrationError) as error:
-            refused.append(number)
-            print(f"arm {number}: {error}", flush=True)
-            continue
-        false += quiet
-        trials += found
-        print(f"arm {number}: false alarms {quiet}")
-        for trial in found:
-            print(f"   {'' if trial.right else 'WRONG '}{trial.case}: {trial.alarms}", flush=True)
+    trials, false, refused = try_arms(PLANTS, tmp_path, lambda number, folder: tried(number, seed, folder))
     arms = PLANTS - len(refused)
     print(f"\n{len(false)} false alarms in {arms * HEALTHY_S / 3600:.1f} h of {arms} arms; refused {refused}")
     print(table(trials))

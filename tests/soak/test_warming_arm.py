@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.calibration import CalibrationError, CalibrationOptions
+from monitor_core.calibration import CalibrationOptions
 from tests.core.warming_arm import WarmingArm, redrawn_warming_arm
-from tests.service.arm_cell import RefusedError, Watcher, after_change, calibrated, identified, write
-from tests.service.arm_changes import CASES, FAULTS, PAYLOADS, Tried, table
+from tests.service.arm_cell import Watcher, after_change, calibrated, identified, write
+from tests.service.arm_changes import CASES, FAULTS, PAYLOADS, Tried, table, try_arms
 
 pytestmark = pytest.mark.soak
 
@@ -62,21 +62,7 @@ def changed(number: int, arm: WarmingArm, watcher: Watcher) -> list[Tried]:
 
 
 def test_days_with_a_cold_start_each(seed: int, tmp_path: Path) -> None:
-    trials, false, refused = list[Tried](), list[str](), list[int]()
-    for number in range(PLANTS):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        try:
-            quiet, found = days_of(number, seed, folder)
-        except (RefusedError, CalibrationError) as error:
-            refused.append(number)
-            print(f"arm {number}: {error}", flush=True)
-            continue
-        false += quiet
-        trials += found
-        print(f"arm {number}: false alarms {quiet}")
-        for trial in found:
-            print(f"   {'' if trial.right else 'WRONG '}{trial.case}: {trial.alarms}", flush=True)
+    trials, false, refused = try_arms(PLANTS, tmp_path, lambda number, folder: days_of(number, seed, folder))
     hours = (PLANTS - len(refused)) * DAYS * 2 * HALF_DAY_S / 3600
     print(f"\n{len(false)} false alarms in {hours:.0f} h of {PLANTS - len(refused)} arms; refused {refused}")
     print(table(trials))
