@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, minimize
-from scipy.stats import chi2
+from scipy.special import chdtrc  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.measured_speed import MeasuredSpeed
@@ -113,7 +113,7 @@ class WarmUpFit(NamedTuple):
     def chance(self) -> float:
         """Probability of such slopes if nothing followed; a time constant was chosen for them, too."""
         wald = float(self.slopes @ np.linalg.solve(self.covariance, self.slopes))
-        return float(chi2.sf(wald, len(self.which) + 1))
+        return float(chdtrc(len(self.which) + 1, wald))
 
 
 class Search:

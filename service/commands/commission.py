@@ -16,7 +16,6 @@ from rich.console import Console
 from monitor_core.wording import duration
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
-from service.commands.live_recording import RECORDS, check_minutes, record_live, recorded
 from service.commands.options import ConfigPath, configuration
 from service.commands.output_files import replace_text
 from service.commands.progress import axes_bars
@@ -75,6 +74,7 @@ def commission(
     be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
+    from service.commands.live_recording import record_live, recorded
     from service.config.commissioned import relocated
     from service.reports.commissioning_report import motion_step, next_step, recording_s
 
@@ -211,6 +211,8 @@ def _check_source(records: Sequence[str] | None, minutes: float | None, output: 
     Raises:
         typer.BadParameter: neither, both, or no time.
     """
+    from service.commands.live_recording import RECORDS, check_minutes, recorded
+
     if records and minutes is not None:
         raise typer.BadParameter(
             "records that are given are used as they are: leave out --minutes, or the records",

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from time import perf_counter
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from monitor_core.drive import Output
-from monitor_core.excitation import Estimation, Experiment, Limits, Plant, Task, plan
-from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx
-from monitor_core.modeling import two_mass
 from service.pipeline.warming import compile_all
+
+if TYPE_CHECKING:
+    from monitor_core.drive import Output
+    from monitor_core.excitation import Experiment
 
 _INTERVAL_S = 0.005
 _VALUES = {
@@ -40,6 +39,11 @@ def compile_offline() -> None:
 
 
 def _plan_experiment() -> Experiment:
+    import numpy as np
+
+    from monitor_core.excitation import Estimation, Limits, Plant, Task, plan
+    from monitor_core.modeling import two_mass
+
     drive = two_mass("angle")
     plant = Plant(drive, _VALUES, _INTERVAL_S)
     estimation = Estimation(drive, _VALUES, _INTERVAL_S, lam0=1e-6)
@@ -48,6 +52,11 @@ def _plan_experiment() -> Experiment:
 
 
 def _identify(experiment: Experiment, output: Output) -> None:
+    import numpy as np
+
+    from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx
+    from monitor_core.modeling import two_mass
+
     motion, rng = experiment.motion, np.random.default_rng(0)
     y = motion.speed if output == "speed" else motion.angle
     t = _INTERVAL_S * np.arange(len(y), dtype=np.float64)
