@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, TextIO
 
 import pytest
 from hypothesis import settings
@@ -98,3 +99,19 @@ def need() -> Callable[[str], str]:
         return found
 
     return path_of
+
+
+@pytest.fixture(scope="module")
+def without_pictures() -> Iterator[None]:
+    """The reports of a module without their pictures: to draw them takes seconds, and its tests look at numbers.
+
+    Tests of reports (tests/service/identification/test_reports.py, tests/service/reports) draw them.
+    """
+    from matplotlib.figure import Figure
+
+    def savefig(_figure: Figure, out: TextIO, **_: Any) -> None:
+        out.write("<svg></svg>")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", savefig)
+        yield

@@ -37,7 +37,7 @@ wait
 # crowd each other's daemons.
 mkdir -p .cache
 processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
-"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal "$@"
+"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal --durations 25 "$@"
 main=$?
 
 # These tests are one process in a kernel with one processor: mypy has the other one.

@@ -18,7 +18,7 @@ from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.samples import SampleBlock
 from tests.real.irb import model_and_settings
 
-pytestmark = pytest.mark.records
+pytestmark = [pytest.mark.records, pytest.mark.usefixtures("without_pictures")]
 
 FREE = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0")
 J, A_M, A_G = 0.03291699877416, 0.17910964111956, 0.61206166914114

@@ -43,7 +43,7 @@ from service.ingest.identification_records import Loaded
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
 
-pytestmark = pytest.mark.records
+pytestmark = [pytest.mark.records, pytest.mark.usefixtures("without_pictures")]
 
 JOINTS = (1, 2)
 START: Mapping[str, float] = {"J": 5.0, "fv": 1.0, "fc": 1.0, "tau0": 0.0, "gc": 0.0, "gs": 0.0}

@@ -15,6 +15,8 @@ from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
 from tests.service.robot_tables import configured, write_table
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 H, FAULT_S, END_S = 0.005, 14.0, 24.0
 WATCHED = 'monitor = ["kT", "1/Ja", "fm", "delay"]'
 INERTIAS = 'monitor = ["1/Jm", "1/Ja", "fm", "delay"]'

@@ -24,6 +24,8 @@ from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import shown
 from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 Times = NDArray[np.int64]
 JITTER_US, LOST = 1000.0, 0.01
 AXES, SAMPLES, SETTLED = 48, 4600, 2600

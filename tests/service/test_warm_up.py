@@ -30,6 +30,8 @@ from tests.service.warming_axis import (
     write,
 )
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 QUICK = Warming(fast_s=60.0, slow_s=200.0)
 DAY_S, NIGHT_S = 240.0, 8 * 3600.0
 TOO_SHORT = "becomes warmer than in any record"

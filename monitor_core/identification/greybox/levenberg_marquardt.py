@@ -81,11 +81,12 @@ def minimise(
     at, mu, grow = evaluate(xi), damping, 2.0
     if not np.isfinite(at.cost):
         raise ValueError("the predictor is unstable at the start values, or they make no sense")
+    steps = _Steps(xi, at, bounds, clipped)
     for count in range(1, most):
-        left = _step(xi, at, bounds, 0.0, clipped)
+        left = steps.damped(0.0)
         if _settled(at, left, settled):
             return End(xi, at, count, True, left)
-        wanted = _step(xi, at, bounds, mu, clipped)
+        wanted = steps.damped(mu)
         step = _shortened(wanted, longest)
         new = np.clip(xi + np.clip(step, -clipped, clipped), *bounds)
         trial = evaluate(new)
@@ -96,15 +97,16 @@ def minimise(
             mu = max(mu * max(1 / 10, 1 - (2 * agrees - 1) ** 3), 1e-15)
             flat = gain <= _FLAT * at.cost and np.array_equal(new, xi + wanted)
             xi, at, grow = new, trial, 2.0
+            steps = _Steps(xi, at, bounds, clipped)
             if progress:
                 progress(count, at.cost)
             if flat:
-                return End(xi, at, count + 1, True, _step(xi, at, bounds, 0.0, clipped))
+                return End(xi, at, count + 1, True, steps.damped(0.0))
         else:
             mu, grow = max(mu * grow, _LEAST_DAMPING), grow * 2
             if mu > _MOST_DAMPING or 0 <= expected <= _FLAT * at.cost:
                 return End(xi, at, count + 1, _settled(at, left, NEARLY), left)
-    left = _step(xi, at, bounds, 0.0, clipped)
+    left = steps.damped(0.0)
     return End(xi, at, most, _settled(at, left, NEARLY), left)
 
 
@@ -113,28 +115,52 @@ def _settled(at: Normal, left: Floats, limit: float) -> bool:
     return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
 
-def _step(xi: Floats, at: Normal, bounds: tuple[Floats, Floats], mu: float, clipped: Floats) -> Floats:
-    """(H + mu diag H)^-1 g; entries that would leave their bounds at once, or no longer matter, do not move."""
-    lower, upper = bounds
-    able = np.sqrt(np.diag(at.H)) > np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / clipped
-    while True:
-        step = _unbounded(at, able, mu)
-        leaves = ((xi <= lower) & (step < 0)) | ((xi >= upper) & (step > 0))
-        if not leaves.any():
-            return step
-        able &= ~leaves
+class _Eigen(NamedTuple):
+    """What H determines of the free entries: g along its eigenvectors, in entries of unit curvature."""
+
+    size: Floats
+    values: Floats
+    vectors: Floats
+    along: Floats
 
 
-def _unbounded(at: Normal, able: NDArray[np.bool_], mu: float) -> Floats:
-    """The step of the free entries, without directions that H does not determine."""
-    out = np.zeros(able.size)
-    size = np.sqrt(np.diag(at.H)[able])
-    size[size == 0] = 1.0
-    values, vectors = np.linalg.eigh(at.H[np.ix_(able, able)] / np.outer(size, size))
-    seen = values > _HIDDEN * values.max(initial=0.0)
-    along = vectors[:, seen].T @ (at.g[able] / size)
-    out[able] = vectors[:, seen] @ (along / (values[seen] + mu)) / size
-    return out
+class _Steps:
+    """Steps from xi with any damping, from one decomposition of H for each set of free entries."""
+
+    def __init__(self, xi: Floats, at: Normal, bounds: tuple[Floats, Floats], clipped: Floats) -> None:
+        lower, upper = bounds
+        self._at, self._at_lower, self._at_upper = at, xi <= lower, xi >= upper
+        smallest = np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / clipped
+        self._matter = np.sqrt(np.diag(at.H)) > smallest
+        self._eigen: dict[bytes, _Eigen] = {}
+
+    def damped(self, mu: float) -> Floats:
+        """(H + mu diag H)^-1 g; entries that would leave their bounds at once, or no longer matter, do not move."""
+        free = self._matter.copy()
+        while True:
+            step = self._unbounded(free, mu)
+            leaves = (self._at_lower & (step < 0)) | (self._at_upper & (step > 0))
+            if not leaves.any():
+                return step
+            free &= ~leaves
+
+    def _unbounded(self, free: NDArray[np.bool_], mu: float) -> Floats:
+        """The step of the free entries, without directions that H does not determine."""
+        key = free.tobytes()
+        if key not in self._eigen:
+            self._eigen[key] = self._decomposed(free)
+        size, values, vectors, along = self._eigen[key]
+        out = np.zeros(free.size)
+        out[free] = vectors @ (along / (values + mu)) / size
+        return out
+
+    def _decomposed(self, free: NDArray[np.bool_]) -> _Eigen:
+        g, H = self._at.g, self._at.H
+        size = np.sqrt(np.diag(H)[free])
+        size[size == 0] = 1.0
+        values, vectors = np.linalg.eigh(H[np.ix_(free, free)] / np.outer(size, size))
+        seen = values > _HIDDEN * values.max(initial=0.0)
+        return _Eigen(size, values[seen], vectors[:, seen], vectors[:, seen].T @ (g[free] / size))
 
 
 def _shortened(step: Floats, longest: Floats) -> Floats:

@@ -19,6 +19,8 @@ from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 H = 0.005
 VALUES = {
     "Jm": 0.006,

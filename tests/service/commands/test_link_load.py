@@ -17,6 +17,8 @@ from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 QUICK = CalibrationOptions(600.0, None, (0.3,), 2, copies=200_000, bank_copies=20_000)
 
 

@@ -12,6 +12,8 @@ from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
 from tests.service.robot_tables import HEAD, configured
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:

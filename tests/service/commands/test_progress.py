@@ -4,6 +4,8 @@ import pytest
 
 from service.commands.progress import axes_bars
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 STEPS = (
     ("cell.a1", "identify", "fit", 0.2),
     ("cell.a1", "identify", "validation", 0.9),

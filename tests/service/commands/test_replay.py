@@ -12,6 +12,8 @@ from service.simulation.robot import Fault
 from tests.service.command_line import axiswatch, shown
 from tests.service.robot_tables import configured, write_table
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:

@@ -16,6 +16,8 @@ from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import FREE, write_record, write_robot
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 NAMES = ",".join(FREE)
 
 

@@ -17,6 +17,8 @@ from tests.service.command_line import refused, shown
 from tests.service.config_texts import TABLES
 from tests.service.identification.conftest import FREE, PROVENANCE
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 GRAVITY = (
     TABLES.partition("model =")[0]
     + """\

@@ -23,6 +23,8 @@ from service.simulation.axis import ControlledAxis
 from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import SHIPPED, robot_text
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 SIGNALS = """
 [[robot.axis.signal]]
 name = "temperature"
