@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import errno
+import re
 import socket
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any, Protocol
 
 import can
@@ -44,6 +46,9 @@ class BusSettings(Protocol):
         """Further options for python-can."""
 
 
+_IN_THE_MACHINE = ("virtual", "udp_multicast")
+"""Interfaces without an adapter."""
+_VIRTUAL_DEVICE = re.compile(r"vx?can\d*")
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
 _SEND_TIMEOUT_S = 1.0
 
@@ -73,6 +78,20 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
         # The system error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
         raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
+
+
+def reaches_hardware(config: BusSettings, devices: Path = Path("/sys/class/net")) -> bool:
+    """Whether what is sent on a bus may reach a drive: where it is not known to be virtual, it may.
+
+    Args:
+        config: the bus.
+        devices: where Linux describes its network interfaces.
+    """
+    if config.interface != "socketcan":
+        return config.interface not in _IN_THE_MACHINE
+    # By its name, as serial adapters have no device in there either.
+    named_virtual = _VIRTUAL_DEVICE.fullmatch(config.channel) is not None
+    return not named_virtual or (devices / config.channel / "device").exists()
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import typer
 from service.commands.exit_codes import explained, stopped_by_signals
 from service.commands.options import ConfigPath, configuration
 from service.commands.progress import progress_bar
+from service.commands.sending import SendYes, confirm_sending
 from service.config import Config
 
 RecordPath = Annotated[
@@ -27,17 +28,19 @@ LATE_S = 0.25
 TOO_SLOW = "this machine cannot keep up with the record, so the timing on the bus is wrong"
 
 
-def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0) -> None:
+def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, yes: SendYes = False) -> None:
     """Send a record on the buses of a configuration, with its recorded timing.
 
     A CAN log is sent unchanged; a table is encoded by the DBC, from the columns that the configuration names. The
     daemon uses the receipt times of the frames: any speed other than 1 shows it another motion than that of the robot,
-    and serves to test the connection only. To evaluate a record fast, use `replay`.
+    and serves to test the connection only. To evaluate a record fast, use `replay`. On a real CAN interface it asks
+    first.
     """
     if not (math.isfinite(speed) and speed >= 0):
         raise typer.BadParameter("must be 0 or greater", param_hint="--speed")
     read = configuration(config)
     with explained(), stopped_by_signals() as stop:
+        confirm_sending(read.bus, yes)
         sent, late_s = _play(read, record, speed or math.inf, stop)
     print(f"{sent} frames sent" + (f", some {late_s:.1f} s late: {TOO_SLOW}" if late_s > LATE_S else ""))
 

@@ -10,6 +10,7 @@ from monitor_core.drive import DELAY
 from service.can.bus import open_buses
 from service.commands.exit_codes import explained, stopped_by_signals
 from service.commands.options import ConfigPath, Seconds, axis_named, configuration
+from service.commands.sending import SendYes, confirm_sending
 from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of motion and noise, to repeat a run.")]
@@ -60,11 +61,12 @@ def simulate(
     fault_after: FaultAfter = 60.0,
     seconds: Seconds = None,
     seed: Seed = None,
+    yes: SendYes = False,
 ) -> None:
     """Send torque and motion of a simulated robot on the buses of a configuration, until Ctrl-C.
 
     Its axes are the configured ones; they are healthy until --fault occurs. Start `axiswatch run` with the same
-    configuration to monitor it. `axiswatch demo` does both in one process.
+    configuration to monitor it. `axiswatch demo` does both in one process. On a real CAN interface it asks first.
     """
     read = configuration(config)
     faults = []
@@ -78,6 +80,7 @@ def simulate(
         def happened(fault: Fault) -> None:
             console.print(f"{fault.axis_id}: {in_words(fault.factors)}")
 
+        confirm_sending(read.bus, yes)
         with open_buses(read.bus) as buses:
             channels = ", ".join(bus.channel for bus in read.bus)
             console.print(f"{len(read.axes)} axes on {channels}; Ctrl-C ends")

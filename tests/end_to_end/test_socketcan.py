@@ -1,9 +1,11 @@
 """The daemon on real SocketCAN devices."""
 
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 
+import can
 import pytest
 
 from tests.end_to_end.processes import daemon, demo_config, mistakes, robot, run_program, wait_for
@@ -48,3 +50,19 @@ def test_an_interface_that_does_not_exist_is_said_and_ends_with_3(tmp_path: Path
     assert code == 3
     assert "bus can0: there is no network interface can9" in lines[-1]
     assert "ip link add dev can9 type vcan" in lines[-1]
+
+
+def test_run_sends_nothing(tmp_path: Path) -> None:
+    """All that is seen on the device of the daemon is what a robot sends there."""
+    config = demo_config(tmp_path, VCAN0, axes=1)
+    with can.Bus("vcan0", interface="socketcan", receive_own_messages=True) as bus:
+        with daemon(config) as d:
+            wait_for(lambda: d.status("healthz") == 200)
+            time.sleep(1)
+            assert bus.recv(0) is None, "nobody else is on this bus"
+            with robot(config):
+                wait_for(lambda: d.axis()["counters"]["used"] > 0)
+            seen = {message.arbitration_id for message in iter(lambda: bus.recv(0.2), None)}
+            assert len(seen) == 1, "the one message of the robot's axis"
+            assert d.stop() == 0
+        assert bus.recv(0.2) is None, "not at the end either"
