@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +11,6 @@ import pytest
 import typer
 
 from service.can.bus import reaches_hardware
-from service.commands import sending
 from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.commands.sending import confirm_sending
 from tests.end_to_end.processes import demo_config
@@ -74,7 +74,7 @@ def test_on_a_terminal_the_person_decides(answer: bool, monkeypatch: pytest.Monk
         assert not default
         return answer
 
-    monkeypatch.setattr(sending.sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
     monkeypatch.setattr(typer, "confirm", confirm)
     confirm_sending([bus("virtual", "a")], yes=False)
     assert asked == []
