@@ -152,7 +152,7 @@ class CanReader:
             self._frames += len(block)
             if block and not self._queue.put(block):
                 self._dropped["queue_full"] += len(block)
-        if not block and self._state != "up":
+        if self._state != "up":  # frames may flow again without a pause in which nothing comes
             self._look_again()
 
     def _fill(self, block: list[Frame], receiver: Receiver) -> None:
