@@ -7,7 +7,6 @@ from collections import deque
 from typing import Literal, NamedTuple
 
 from monitor_core.samples import PHYSICAL_LIMITS
-from service.can.frames import Sample
 from service.can.user_errors import IngestError
 
 REASONS = ("not_finite", "absurd", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing")
@@ -20,6 +19,14 @@ otherwise.  missing: samples that never came, from the interval between two samp
 """
 
 Kind = Literal["torque", "motion"]
+
+
+class Sample(NamedTuple):
+    """Torque and motion of one axis at one time, SI units on the motor side."""
+
+    t_us: int
+    torque: float  # N m
+    motion: float  # rad or rad/s
 
 
 class _Value(NamedTuple):

@@ -1,15 +1,19 @@
-"""Input of one axis from its bus: decoded values of messages in, samples out."""
+"""Input of one axis from its bus: decoded messages of a block of frames in, a block of samples out."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from operator import itemgetter
+from typing import Any, NamedTuple
 
-from service.can.dbc import DbcError, Decoder, find_counter
-from service.can.frames import FrameKey, Sample
+import numpy as np
+
+from monitor_core.samples import SampleBlock
+from service.can.dbc import Column, DbcError, Decoded, Decoder, find_counter
+from service.can.frames import FrameKey
 from service.can.user_errors import IngestError
 from service.config.schema import NamedAxis, Source
-from service.ingest.assemble import Assembler
+from service.ingest.assemble import Assembler, Sample
 from service.ingest.clocks import CyclicClock, SampleClock
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
 from service.ingest.timestamp_jitter import StampMeter, Stamps
@@ -106,26 +110,63 @@ class AxisInput:
             return self._meter.stamps("counter", self._clock.interval_s)
         return self._meter.stamps("receipt")
 
-    def take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sequence[Sample]:
-        """Take the signals of a frame received at that time [us]; returns the samples that are now complete."""
-        self._received_us = t_us
-        return self._with_held(self._take(key, t_us, signals))
+    def take(self, decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
+        """Take the messages in a block of frames; returns the samples that are now complete, if there are any."""
+        samples, places, received = list[Sample](), list[int](), list[int]()
+        for place, t_us, *values in self._received(decoded):
+            self._received_us = t_us
+            for sample in self._take(t_us, *values):
+                samples.append(sample)
+                places.append(place)
+                received.append(t_us)
+        return self._block(samples, decoded, places, received)
 
-    def flush(self) -> Sequence[Sample]:
+    def flush(self) -> SampleBlock | None:
         """End of the frames: the samples of held values; values without a partner are counted."""
         samples = [sample for clock in self._cyclic or () for sample in self._timed(clock.flush())]
         self._assembler.flush()
-        return self._with_held(samples)
+        number = len(samples)
+        return self._block(samples, {}, [0] * number, [self._received_us] * number)
 
-    def _with_held(self, samples: Sequence[Sample]) -> Sequence[Sample]:
-        if not samples or not self.held:
-            return samples
-        signals = tuple(held.at(self._received_us) for held in self.held)
-        return [sample._replace(signals=signals) for sample in samples]
+    def _block(
+        self,
+        samples: list[Sample],
+        decoded: Mapping[FrameKey, Decoded],
+        places: list[int],
+        received: list[int],
+    ) -> SampleBlock | None:
+        """The samples with the auxiliary signals of the frames that completed them."""
+        at, at_us = np.array(places, np.int64), np.array(received, np.int64)
+        held = [held.take(decoded, at, at_us) for held in self.held]
+        if not samples:
+            return None
+        t_us, torque, motion = zip(*samples, strict=True)
+        return SampleBlock(
+            np.array(t_us, np.int64),
+            np.array(torque, np.float64),
+            np.array(motion, np.float64),
+            signals=np.stack(held, axis=1) if held else None,
+        )
 
-    def _take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sequence[Sample]:
-        torque = self.torque.value(signals) if self.torque.key == key else None
-        motion = self.motion.value(signals) if self.motion.key == key else None
+    def _received(self, decoded: Mapping[FrameKey, Decoded]) -> list[tuple[Any, ...]]:
+        """Place in the block, time of receipt, torque, motion and count of its frames, in the order of receipt."""
+        rows = list[tuple[Any, ...]]()
+        for key in self.keys:
+            if (found := decoded.get(key)) is None:
+                continue
+            none = [None] * len(found.places)
+            columns = [
+                none if q is None or q.key != key else _numbers(q.column(found.signals))
+                for q in (self.torque, self.motion, self.counter)
+            ]
+            rows += zip(found.places.tolist(), found.t_us.tolist(), *columns, strict=True)
+        if len(self.keys) > 1:
+            rows.sort(key=itemgetter(0))
+        return rows
+
+    def _take(
+        self, t_us: int, torque: float | None, motion: float | None, count: float | None
+    ) -> Iterable[Sample]:
         if torque is None and motion is None:
             return ()
         if motion is not None:
@@ -133,7 +174,7 @@ class AxisInput:
         values = _Values(t_us, torque, motion)
         if self._cyclic:
             return self._timed(self._cyclic[motion is not None].read(t_us, values))
-        sample_us = self._count(key, t_us, signals)
+        sample_us = self._count(t_us, count)
         if isinstance(sample_us, str):
             self._assembler.drop(sample_us, values.number)
             return ()
@@ -153,7 +194,7 @@ class AxisInput:
             samples += self._assemble(values, time_us)
         return samples
 
-    def _assemble(self, values: _Values, t_us: int, sample_us: int | None = None) -> Sequence[Sample]:
+    def _assemble(self, values: _Values, t_us: int, sample_us: int | None = None) -> Iterable[Sample]:
         _, torque, motion = values
         if torque is not None and motion is not None:
             sample = self._assembler.add_pair(t_us, torque, motion, sample_us)
@@ -164,12 +205,11 @@ class AxisInput:
             sample = self._assembler.add("motion", t_us, motion, sample_us)
         return () if sample is None else (sample,)
 
-    def _count(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> int | str | None:
-        """The time [us] by the counter in these signals, or why there is none; None: no counter in them."""
-        if self.counter is None or self._clock is None or self.counter.key != key:
+    def _count(self, t_us: int, count: float | None) -> int | str | None:
+        """The time [us] by this count, or why there is none; None: there is no counter in the frame."""
+        if count is None or self._clock is None:
             return None
-        count = self.counter.value(signals)
-        return None if count is None else self._clock.read(t_us, round(count - self._counter_offset))
+        return self._clock.read(t_us, round(count - self._counter_offset))
 
     def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> SampleClock:
         if counter.key not in self.keys:
@@ -184,3 +224,11 @@ class AxisInput:
             raise IngestError(f"axis {self.id}: {error}") from None
         self._counter_offset = signal.offset
         return SampleClock(interval_s, signal.length)
+
+
+def _numbers(column: Column) -> list[float | None]:
+    """The values, None where there is none."""
+    values: list[float | None] = column.values.tolist()
+    if column.present.all():
+        return values
+    return [value if there else None for value, there in zip(values, column.present.tolist(), strict=True)]

@@ -78,6 +78,8 @@ class BusSnapshot:
     state: str
     frames: int
     dropped: Mapping[str, int]
+    reader: str = ""
+    """How its frames are received"""
 
     @property
     def up(self) -> bool:

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.can.frames import Sample
 from service.can.user_errors import IngestError
-from service.ingest.assemble import REASONS, Assembler, Kind
+from service.ingest.assemble import REASONS, Assembler, Kind, Sample
 
 T_US, TOLERANCE_US, GAP_US = 5000, 2000, 50_000
 START_US = 1_760_000_000_000_000
