@@ -161,7 +161,8 @@ class Decoder:
 
     def decode(self, frames: FrameBlock) -> dict[FrameKey, Decoded]:
         """The wanted signals in these frames, by message; counts the frames where some or all are missing."""
-        found, left, ids = dict[FrameKey, Decoded](), frames.size, frames.ids
+        found: dict[FrameKey, Decoded] = {}
+        left, ids = frames.size, frames.ids
         for key in self._messages:
             places = np.flatnonzero(ids == key.record_id)
             if places.size:

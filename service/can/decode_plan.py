@@ -71,7 +71,7 @@ class _Words:
 
     def __init__(self, data: Data) -> None:
         self._data, self.width = data, data.shape[1]
-        self._known = dict[tuple[int, bool], NDArray[np.uint64]]()
+        self._known: dict[tuple[int, bool], NDArray[np.uint64]] = {}
 
     def word(self, at: int, big: bool) -> NDArray[np.uint64]:
         """Eight bytes from there (N,)."""
@@ -159,7 +159,8 @@ class MessagePlan:
     def decode(self, data: Data) -> tuple[dict[str, Column], Bools]:
         """The wanted signals in data (N, W) that are long enough, and which frames (N,) have a known page."""
         known = np.ones(len(data), np.bool_)
-        everywhere, columns, words = known, dict[str, Column](), _Words(data)
+        columns: dict[str, Column] = {}
+        everywhere, words = known, _Words(data)
         with np.errstate(all="ignore"):  # any bits may be a float
             for signal in self._signals:
                 values, present = signal.values(words), everywhere

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import can
-import cantools.database
 import pytest
 
+from service.can.dbc import read_dbc
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.log_files import CanLog, FrameRecorder
 from service.ingest.bus_samples import Ingest
@@ -31,7 +31,7 @@ def test_a_frame(tmp_path: Path, seed: int, say: Say) -> None:
     frames = concatenate_frames(list(blocks(config, SECONDS, seed)))
     with FrameRecorder(log) as recorder:
         recorder.write(bus.name, frames)
-    database = cantools.database.load_file(bus.dbc)
+    database = read_dbc(bus.dbc)
     messages = [
         can.Message(timestamp=f.t_us / 1e6, arbitration_id=f.can_id, is_extended_id=f.extended, data=f.data)
         for f in frames.frames()
@@ -52,7 +52,7 @@ def test_a_frame(tmp_path: Path, seed: int, say: Say) -> None:
 
     def by_cantools() -> None:
         for message in messages:
-            database.decode_message(message.arbitration_id, message.data, decode_choices=False)
+            database.decode_message(message.arbitration_id, bytes(message.data), decode_choices=False)
 
     def log_by_python_can() -> None:
         for _ in can.LogReader(str(log)):
@@ -60,7 +60,7 @@ def test_a_frame(tmp_path: Path, seed: int, say: Say) -> None:
 
     def log_by_both() -> None:
         for message in can.LogReader(str(log)):
-            database.decode_message(message.arbitration_id, message.data, decode_choices=False)
+            database.decode_message(message.arbitration_id, bytes(message.data), decode_choices=False)
 
     small, large = cut(TICK_FRAMES), cut(MANY_FRAMES)
     variants: dict[str, tuple[Callable[[], object], object]] = {

@@ -18,10 +18,10 @@ from service.can.frames import Frame, FrameBlock
 from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import NOT_TESTED
 from service.config import Config, load
-from service.ingest.clocks import CyclicClock
 from service.pipeline.axis_monitors import FramePipeline
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import shown
+from tests.service.ingest.single_frames import CyclicClock
 from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 
 Times = NDArray[np.int64]

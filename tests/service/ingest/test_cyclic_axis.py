@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from monitor_core.sampling.controller_clocks import WINDOW
 from service.can.frames import Frame
 from service.ingest.bus_samples import Ingest
-from service.ingest.clocks import WINDOW
 from tests.service.ingest.plant import Sample, axis1, axis2, axis3, fed, flushed, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, axis_drops, both2, torque1
 
