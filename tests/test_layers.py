@@ -62,7 +62,8 @@ VAGUE = {"of", "one", "said", "told", "whole", "here"}
 LAYERS = re.findall(
     r"\S+",
     """
-    monitor_core.arrays monitor_core.wording monitor_core.samples monitor_core.kernel monitor_core.drive
+    monitor_core.arrays monitor_core.wording monitor_core.samples monitor_core.kernel monitor_core.sampling
+    monitor_core.drive
     monitor_core.modeling monitor_core.excitation
     monitor_core.settings monitor_core.trend
     monitor_core.detection monitor_core.monitoring monitor_core.identification

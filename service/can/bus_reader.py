@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import threading
-import time
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,15 +13,13 @@ from types import MappingProxyType
 import can
 
 from service.can.bus import BusSettings, open_bus
-from service.can.frames import Frame, FrameKey
-from service.can.receivers import Receiver, receiver_of
+from service.can.frames import NO_FRAMES, FrameBlock, FrameKey, concatenate_frames
+from service.can.receivers import BLOCK_FRAMES, Receiver, reader_of, receiver_of
 from service.can.user_errors import BusError
 
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
 """Why a frame did not reach the worker.  kernel_overflow is known for socketcan only."""
 
-_BLOCK_FRAMES, _BLOCK_S = 256, 0.02
-_IDLE_S = 0.1
 _RETRY_S, _LONGEST_RETRY_S = 0.25, 5.0
 _IFF_UP = 1
 
@@ -35,27 +32,28 @@ class FrameQueue:
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._blocks: deque[list[Frame]] = deque()
+        self._blocks: deque[FrameBlock] = deque()
         self._frames = 0
         self._lock = threading.Lock()
 
-    def put(self, block: list[Frame]) -> bool:
+    def put(self, block: FrameBlock) -> bool:
         """Add a block; False, and nothing added, when it does not fit."""
         with self._lock:
-            if self._frames + len(block) > self._most:
+            if self._frames + block.size > self._most:
                 return False
             self._blocks.append(block)
-            self._frames += len(block)
+            self._frames += block.size
         return True
 
-    def take(self, most: int) -> list[Frame]:
+    def take(self, most: int) -> FrameBlock:
         """The oldest frames, whole blocks until there are ``most`` or more; empty when none wait."""
-        frames: list[Frame] = []
+        taken, count = list[FrameBlock](), 0
         with self._lock:
-            while self._blocks and len(frames) < most:
-                frames += self._blocks.popleft()
-            self._frames -= len(frames)
-        return frames
+            while self._blocks and count < most:
+                taken.append(self._blocks.popleft())
+                count += taken[-1].size
+            self._frames -= count
+        return concatenate_frames(taken)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +63,8 @@ class ReaderStats:
     state: str
     frames: int
     dropped: Mapping[str, int]
+    reader: str = ""
+    """How its frames are received"""
 
     @property
     def up(self) -> bool:
@@ -85,7 +85,7 @@ class CanReader:
     def __init__(self, config: BusSettings, wanted: Iterable[FrameKey] | None) -> None:
         self._config, self._wanted = config, None if wanted is None else tuple(wanted)
         self._queue = FrameQueue(config.queue_frames)
-        self._block_frames = min(_BLOCK_FRAMES, config.queue_frames // 4)
+        self._block_frames = min(BLOCK_FRAMES, config.queue_frames // 4)
         self._bus: can.BusABC | None = None
         self._receiver: Receiver | None = None
         self._state = "down: not opened yet"
@@ -120,13 +120,18 @@ class CanReader:
         self._close_bus()
         self._state = "closed"
 
-    def take(self, most: int = 4096) -> list[Frame]:
+    def take(self, most: int = 4096) -> FrameBlock:
         """About ``most`` of the waiting frames, oldest first; empty when there are none."""
         return self._queue.take(most)
 
     def stats(self) -> ReaderStats:
         """State and counters now."""
-        return ReaderStats(self._state, self._frames, MappingProxyType(self._dropped.copy()))
+        return ReaderStats(
+            self._state,
+            self._frames,
+            MappingProxyType(self._dropped.copy()),
+            reader_of(self._config.interface),
+        )
 
     def _run(self) -> None:
         try:
@@ -141,33 +146,20 @@ class CanReader:
             )
 
     def _read(self, receiver: Receiver) -> None:
-        """Put one block of frames into the queue, including frames read before a fault."""
-        block: list[Frame] = []
+        """Put one block of frames into the queue."""
+        block = NO_FRAMES
         try:
-            self._fill(block, receiver)
+            block, rejected = receiver.read(self._block_frames, self._stop)
+            for reason, count in rejected.items():
+                self._dropped[reason] += count
         except (can.CanError, OSError) as error:
             self._fault(error)
-        finally:
-            self._dropped["kernel_overflow"] = self._overflow_before + receiver.overflow
-            self._frames += len(block)
-            if block and not self._queue.put(block):
-                self._dropped["queue_full"] += len(block)
+        self._dropped["kernel_overflow"] = self._overflow_before + receiver.overflow
+        self._frames += block.size
+        if block.size and not self._queue.put(block):
+            self._dropped["queue_full"] += block.size
         if self._state != "up":  # frames may flow again without a pause in which nothing comes
             self._look_again()
-
-    def _fill(self, block: list[Frame], receiver: Receiver) -> None:
-        left_s, end = _IDLE_S, 0.0
-        while len(block) < self._block_frames and left_s > 0 and not self._stop.is_set():
-            received = receiver.read(left_s)
-            if received is None:
-                return
-            if isinstance(received, str):
-                self._dropped[received] += 1
-            else:
-                block.append(received)
-            now = time.monotonic()
-            end = end or now + _BLOCK_S
-            left_s = end - now
 
     def _fault(self, error: Exception) -> None:
         code = getattr(error, "error_code", None) or getattr(error, "errno", None)

@@ -1,19 +1,24 @@
 """DBC files: which messages and signals a bus carries, and decoding of frames by them."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import cantools.database
+import numpy as np
 from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error as CodingError
 
+from monitor_core.arrays import Ints
 from monitor_core.wording import did_you_mean
-from service.can.frames import Frame, FrameKey
+from service.can.decode_plan import Column, MessagePlan
+from service.can.frames import FrameBlock, FrameKey
 
-__all__ = ["CodingError", "DbcError", "Decoder", "Message", "Signal"]
+__all__ = ["CodingError", "Column", "DbcError", "Decoded", "Decoder", "Message", "Signal"]
 
-Undecoded = Literal["unwanted", "too_short", "undecodable"]
+FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
+"""Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Decoder.dropped``."""
 
 
 class DbcError(Exception):
@@ -102,12 +107,18 @@ def _identifier(message: Message) -> FrameKey:
     return FrameKey(message.frame_id, message.is_extended_frame)
 
 
-# --- decoding -------------------------------------------------------------------------------------------
+# --- decoding --------------------------------------------------------------------------------------------
 
 
-class _Wanted(NamedTuple):
-    message: Message
-    signals: tuple[str, ...]
+class Decoded(NamedTuple):
+    """The wanted signals of the frames of one message in a block; each frame has at least one of them."""
+
+    places: Ints
+    """Of the frames in the block (N,)"""
+    t_us: Ints
+    """Times of receipt (N,)"""
+    signals: Mapping[str, Column]
+    """By name, each (N,)"""
 
 
 class Decoder:
@@ -119,7 +130,11 @@ class Decoder:
 
     def __init__(self, dbc: Path) -> None:
         self._database = read_dbc(dbc)
-        self._messages: dict[FrameKey, _Wanted] = {}
+        self._messages: dict[FrameKey, Message] = {}
+        self._wanted: dict[FrameKey, tuple[str, ...]] = {}
+        self._plans: dict[FrameKey, MessagePlan] = {}
+        self.dropped = dict.fromkeys(FRAME_REASONS, 0)
+        """Frames by reason"""
 
     def want(self, message: str, signal: str) -> FrameKey:
         """Decode that signal from now on; returns which frames carry it.
@@ -130,8 +145,9 @@ class Decoder:
         found = find_message(self._database, message)
         find_signal(found, signal)
         key = _identifier(found)
-        known = self._messages.get(key, _Wanted(found, ())).signals
-        self._messages[key] = _Wanted(found, tuple(dict.fromkeys((*known, signal))))
+        self._messages[key] = found
+        self._wanted[key] = tuple(dict.fromkeys((*self._wanted.get(key, ()), signal)))
+        self._plans.pop(key, None)
         return key
 
     @property
@@ -141,21 +157,40 @@ class Decoder:
 
     def message(self, key: FrameKey) -> Message:
         """The message that those frames carry."""
-        return self._messages[key].message
+        return self._messages[key]
 
-    def wanted(self, key: FrameKey) -> tuple[str, ...]:
-        """The names of the wanted signals of those frames."""
-        return self._messages[key].signals
+    def decode(self, frames: FrameBlock) -> dict[FrameKey, Decoded]:
+        """The wanted signals in these frames, by message; counts the frames where some or all are missing."""
+        found: dict[FrameKey, Decoded] = {}
+        left, ids = frames.size, frames.ids
+        for key in self._messages:
+            places = np.flatnonzero(ids == key.record_id)
+            if places.size:
+                left -= places.size
+                decoded = self._decoded(key, frames, places)
+                if decoded.places.size:
+                    found[key] = decoded
+        self.dropped["unwanted"] += left
+        return found
 
-    def decode(self, frame: Frame) -> dict[str, float] | Undecoded:
-        """The wanted signals in this frame (multiplexed ones may be absent), or the reason why there are none."""
-        known = self._messages.get(frame.key)
-        if known is None:
-            return "unwanted"
-        if len(frame.data) < known.message.length:
-            return "too_short"
-        try:
-            values = known.message.decode_simple(frame.data, decode_choices=False)
-        except CodingError:
-            return "undecodable"
-        return {name: float(values[name]) for name in known.signals if name in values}  # type: ignore[arg-type]
+    def _decoded(self, key: FrameKey, frames: FrameBlock, places: Ints) -> Decoded:
+        if key not in self._plans:
+            self._plans[key] = MessagePlan(self._messages[key], self._wanted[key])
+        plan = self._plans[key]
+        long = frames.lengths[places] >= plan.length
+        if not long.all():
+            self.dropped["too_short"] += int(np.count_nonzero(~long))
+            places = places[long]
+        if not places.size:
+            return Decoded(places, np.zeros(0, np.int64), {})
+        signals, known = plan.decode(frames.data[places])
+        if not plan.multiplexed:
+            return Decoded(places, frames.t_us[places], signals)
+        present = np.array([column.present for column in signals.values()]) & known
+        self.dropped["undecodable"] += int(np.count_nonzero(~known))
+        self.dropped["signal_absent"] += int(np.count_nonzero(known & ~present.all(axis=0)))
+        some = present.any(axis=0)
+        if not some.all():
+            places = places[some]
+            signals = {name: Column(c.values[some], c.present[some]) for name, c in signals.items()}
+        return Decoded(places, frames.t_us[places], signals)

@@ -1,6 +1,28 @@
-"""Types of ingest: frames as received, their identifiers, and samples of one axis."""
+"""Frames as received: blocks of records from the reader to the samples; single frames where a person writes them."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Bools, Ints
+
+EXTENDED = 0x80000000
+"""In the id of a record: it is an extended one, as in the frames of SocketCAN."""
+
+CLASSIC_BYTES, FD_BYTES = 8, 64
+
+
+def _record(data_bytes: int) -> np.dtype[np.void]:
+    """A frame: time in whole us since 1970, id with its flag, bytes of data, flags of CAN FD, data and zeros."""
+    fields = [("t_us", "<i8"), ("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("_", "u1", (2,))]
+    return np.dtype([*fields, ("data", "u1", (data_bytes,))])
+
+
+CLASSIC_RECORD, FD_RECORD = _record(CLASSIC_BYTES), _record(FD_BYTES)
 
 
 class FrameKey(NamedTuple):
@@ -8,6 +30,16 @@ class FrameKey(NamedTuple):
 
     can_id: int
     extended: bool
+
+    @property
+    def record_id(self) -> int:
+        """The id in a record."""
+        return self.can_id | EXTENDED if self.extended else self.can_id
+
+
+def key_of(record_id: int) -> FrameKey:
+    """The key of the frames with that id in their records."""
+    return FrameKey(record_id & ~EXTENDED, record_id >= EXTENDED)
 
 
 class Frame(NamedTuple):
@@ -24,10 +56,90 @@ class Frame(NamedTuple):
         return FrameKey(self.can_id, self.extended)
 
 
-class Sample(NamedTuple):
-    """Torque and motion of one axis at one time, SI units on the motor side."""
+class FrameBlock:
+    """Frames in the order of their receipt, as records without an object for each.
 
-    t_us: int
-    torque: float  # N m
-    motion: float  # rad or rad/s
-    signals: tuple[float, ...] = ()  # auxiliary ones, as last received; NaN: unknown
+    Args:
+        records: of CLASSIC_RECORD, or of FD_RECORD where a frame may be longer than 8 bytes (N,).
+    """
+
+    __slots__ = ("records",)
+
+    def __init__(self, records: NDArray[np.void]) -> None:
+        self.records = records
+
+    @classmethod
+    def from_frames(cls, frames: Sequence[Frame]) -> FrameBlock:
+        """The block of these frames."""
+        wide = any(len(frame.data) > CLASSIC_BYTES for frame in frames)
+        records = np.zeros(len(frames), FD_RECORD if wide else CLASSIC_RECORD)
+        width = FD_BYTES if wide else CLASSIC_BYTES
+        records["t_us"] = [frame.t_us for frame in frames]
+        records["id"] = [frame.key.record_id for frame in frames]
+        records["length"] = [len(frame.data) for frame in frames]
+        data = b"".join(frame.data.ljust(width, b"\0") for frame in frames)
+        records["data"] = np.frombuffer(data, np.uint8).reshape(-1, width)
+        return cls(records)
+
+    @property
+    def t_us(self) -> Ints:
+        """Times of receipt (N,), us."""
+        return self.records["t_us"]
+
+    @property
+    def ids(self) -> NDArray[np.uint32]:
+        """Ids (N,), with the flag EXTENDED."""
+        return self.records["id"]
+
+    @property
+    def lengths(self) -> NDArray[np.uint8]:
+        """Bytes of data (N,)."""
+        return self.records["length"]
+
+    @property
+    def data(self) -> NDArray[np.uint8]:
+        """Data (N, 8 or 64), zero from the length on."""
+        return self.records["data"]
+
+    @property
+    def size(self) -> int:
+        """Number of frames N."""
+        return len(self.records)
+
+    def select(self, frames: slice | Ints | Bools) -> FrameBlock:
+        """The block of these frames only: a slice, indices or a mask (N,)."""
+        return FrameBlock(self.records[frames])
+
+    def counts(self) -> dict[FrameKey, int]:
+        """How many frames there are of each key."""
+        ids, counts = np.unique(self.ids, return_counts=True)
+        return dict(zip(map(key_of, ids.tolist()), counts.tolist(), strict=True))
+
+    def frames(self) -> Iterator[Frame]:
+        """Each frame by itself, to look at it or to send it."""
+        columns: Any = (self.t_us.tolist(), self.ids.tolist(), self.lengths.tolist(), self.data)
+        for t_us, record_id, length, data in zip(*columns, strict=True):
+            yield Frame(t_us, *key_of(record_id), data[:length].tobytes())
+
+
+NO_FRAMES = FrameBlock(np.zeros(0, CLASSIC_RECORD))
+
+
+def concatenate_frames(blocks: Sequence[FrameBlock]) -> FrameBlock:
+    """One block of several, in their order."""
+    if len(blocks) < 2:
+        return blocks[0] if blocks else NO_FRAMES
+    records = [block.records for block in blocks]
+    if len({array.dtype for array in records}) > 1:
+        records = [_widened(array) for array in records]
+    return FrameBlock(np.concatenate(records))
+
+
+def _widened(records: NDArray[np.void]) -> NDArray[np.void]:
+    if records.dtype == FD_RECORD:
+        return records
+    wide = np.zeros(len(records), FD_RECORD)
+    for name in ("t_us", "id", "length", "flags"):
+        wide[name] = records[name]
+    wide["data"][:, :CLASSIC_BYTES] = records["data"]
+    return wide

@@ -6,15 +6,18 @@ import io
 import re
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, NamedTuple, Self
 
 import can
+import numpy as np
 from can.io.blf import BLFParseError
 
-from service.can.frames import Frame
+from monitor_core.arrays import Ints
+from service.can.candump import ERROR, Parsed, parse_lines
+from service.can.frames import CLASSIC_BYTES, EXTENDED, Frame, FrameBlock, concatenate_frames
 from service.can.receivers import frame_of
 from service.can.user_errors import RecordError
 
@@ -23,6 +26,8 @@ LOG_REASONS = ("error_frame", "remote_frame", "not_a_frame")
 """Why an entry of a log gave no frame.  not_a_frame: an event, or a line that nobody understands."""
 
 _BLOCK = 256
+_PIECE = 256 * 1024
+"""Bytes of a log of lines that are looked at together"""
 _FAULTS = (
     *(ValueError, LookupError, TypeError, AttributeError, AssertionError, OverflowError, EOFError),
     *(struct.error, zlib.error, BLFParseError, NotImplementedError),
@@ -30,10 +35,15 @@ _FAULTS = (
 
 
 class LogBlock(NamedTuple):
-    """Frames with the name or number of their bus as the log has it; how much has been read, 0 to 1."""
+    """Frames of all buses, in the order of the file."""
 
-    frames: list[tuple[str, Frame]]
+    frames: FrameBlock
+    channels: Ints
+    """Of each frame (N,): which of the names"""
+    names: tuple[str, ...]
+    """Of the buses, as the log has them; some are numbers"""
     done: float
+    """How much of the file has been read, 0 to 1"""
 
 
 class CanLog:
@@ -61,15 +71,71 @@ class CanLog:
             RecordError: the file is damaged; the text says where, and how many frames were read before.
         """
         with self._raw:
-            messages = self._messages()
-            while block := self._block(messages):
-                yield LogBlock(block, self._done())
+            if self.path.suffix.lower() == ".log":
+                yield from self._pieces()
+            else:
+                yield from self._by_messages()
+        if not self.frames:
+            raise RecordError(f"{self.path}: no CAN frames in it")
+
+    # --- candump logs: many lines at once ---------------------------------------------------------------------------
+
+    def _pieces(self) -> Iterator[LogBlock]:
+        rest, first = b"", 0
+        while piece := self._raw.read(_PIECE):
+            text, end, rest = (rest + piece).rpartition(b"\n")
+            if end:
+                yield from self._piece(text + end, first)
+                first += text.count(b"\n") + 1
+        if rest:  # its writer was killed, or the disk was full
+            yield from self._piece(rest + b"\n", first, torn=True)
+
+    def _piece(self, text: bytes, first: int, torn: bool = False) -> Iterator[LogBlock]:
+        """The frames of whole lines, of which the first one has that number, from 0."""
+        parsed = parse_lines(text)
+        self.dropped["error_frame"] += len(parsed.errors)
+        fault: _Fault | None = None
+        if len(parsed.odd):
+            odd, fault = self._odd_lines(text, parsed.odd)
+            parsed = _joined(parsed, odd, fault)
+        if parsed.frames.size:
+            self.frames += parsed.frames.size
+            done = min(1.0, self._raw.tell() / self._size)
+            yield LogBlock(parsed.frames, parsed.channels, parsed.names, done)
+        if fault is not None and torn:
+            self.dropped["not_a_frame"] += 1
+        elif fault is not None:
+            where = f"{self.path}, line {first + fault.line + 1}"
+            raise self._fault(where, f"not understood: {fault.text!r}")
+
+    def _odd_lines(self, text: bytes, numbers: Ints) -> tuple[list[_OddFrame], _Fault | None]:
+        """The frames in lines of these numbers, by python-can, up to the first one that it does not understand."""
+        all_lines, frames = text.split(b"\n"), list[_OddFrame]()
+        lines = _Lines(io.BytesIO(b"".join(all_lines[number] + b"\n" for number in numbers)))
+        messages = iter(can.CanutilsLogReader(lines))
+        try:
+            while (message := next(messages, None)) is not None:
+                frame, line = frame_of(message, stored=True), int(numbers[lines.number - 1])
+                if isinstance(frame, str) or lines.is_error:
+                    self.dropped[frame if isinstance(frame, str) else "error_frame"] += 1
+                else:
+                    frames.append(_OddFrame(line, str(message.channel), frame))
+        except _FAULTS:
+            return frames, _Fault(int(numbers[lines.number - 1]), lines.text())
+        return frames, None
+
+    # --- the other formats: message by message ----------------------------------------------------------------------
+
+    def _by_messages(self) -> Iterator[LogBlock]:
+        messages = self._messages()
+        while block := self._block(messages):
+            names, channels = _numbered([channel for channel, _ in block])
+            frames = FrameBlock.from_frames([frame for _, frame in block])
+            yield LogBlock(frames, channels, names, self._done())
         if self._lines is not None:
             self.dropped["not_a_frame"] = max(
                 0, self._lines.entries - self.frames - sum(self.dropped.values())
             )
-        if not self.frames:
-            raise RecordError(f"{self.path}: no CAN frames in it")
 
     def _done(self) -> float:
         # python-can closes the file at its end.
@@ -110,7 +176,7 @@ class CanLog:
         self._lines = _Lines(self._raw)
         if suffix == ".asc":
             return can.ASCReader(self._lines, relative_timestamp=False)
-        return can.TRCReader(self._lines) if suffix == ".trc" else can.CanutilsLogReader(self._lines)
+        return can.TRCReader(self._lines)
 
     def _damaged(self, error: Exception) -> RecordError:
         why = str(error) or type(error).__name__
@@ -118,7 +184,44 @@ class CanLog:
             where = f"{self.path} is damaged or no {self.path.suffix} file"
         else:
             where, why = f"{self.path}, line {self._lines.number}", f"not understood: {self._lines.text()!r}"
+        return self._fault(where, why)
+
+    def _fault(self, where: str, why: str) -> RecordError:
         return RecordError(f"{where}: {why} ({self.frames} frames were read before it)")
+
+
+class _OddFrame(NamedTuple):
+    line: int
+    channel: str
+    frame: Frame
+
+
+class _Fault(NamedTuple):
+    line: int
+    text: str
+
+
+def _joined(parsed: Parsed, odd: Sequence[_OddFrame], fault: _Fault | None) -> Parsed:
+    """All frames in the order of their lines, up to the fault."""
+    names, channels = _numbered([frame.channel for frame in odd], parsed.names)
+    lines = np.concatenate([parsed.lines, np.array([frame.line for frame in odd], np.int64)])
+    order = np.argsort(lines, kind="stable")
+    if fault is not None:
+        order = order[lines[order] < fault.line]
+    frames = concatenate_frames([parsed.frames, FrameBlock.from_frames([frame.frame for frame in odd])])
+    return parsed._replace(
+        frames=frames.select(order),
+        lines=lines[order],
+        channels=np.concatenate([parsed.channels, channels])[order],
+        names=names,
+    )
+
+
+def _numbered(channels: Sequence[str], names: tuple[str, ...] = ()) -> tuple[tuple[str, ...], Ints]:
+    """The different names, those known first, and which of them each channel has."""
+    found = tuple(dict.fromkeys((*names, *channels)))
+    number = {name: place for place, name in enumerate(found)}
+    return found, np.array([number[channel] for channel in channels], np.int64)
 
 
 class _Lines(io.TextIOWrapper):
@@ -145,6 +248,12 @@ class _Lines(io.TextIOWrapper):
     def torn(self) -> bool:
         """Whether the last line has no end, as where its writer was killed."""
         return bool(self._line) and not self._line.endswith(b"\n")
+
+    @property
+    def is_error(self) -> bool:
+        """Whether the last line, of a candump log, is an error frame; python-can takes most of them for data."""
+        frame_id = self._line.decode("utf-8", "replace").split()[2].partition("#")[0]
+        return len(frame_id) > 3 and bool(int(frame_id, 16) & ERROR)
 
     def text(self) -> str:
         """The last line, not too long."""
@@ -175,18 +284,15 @@ class FrameRecorder:
         except OSError as error:
             raise RecordError(f"cannot write {path}: {error.strerror}") from None
         self.path = path
-        self._writer = can.CanutilsLogWriter(self._file)
-        self._writer.last_timestamp = 0.0  # otherwise times before that of the first frame are changed
 
-    def write(self, bus: str, frames: Iterable[Frame]) -> None:
+    def write(self, bus: str, frames: FrameBlock) -> None:
         """Write frames of a bus; they are in the file when this returns.
 
         Raises:
             RecordError: the disk does not take them.
         """
         try:
-            for frame in frames:
-                self._writer.on_message_received(_message(bus, frame))
+            self._file.writelines(_log_lines(bus, frames))
             self._file.flush()
         except OSError as error:
             raise self._error(error) from None
@@ -198,7 +304,7 @@ class FrameRecorder:
             RecordError: the disk does not take what is left; the file is closed nevertheless.
         """
         try:
-            self._writer.stop()
+            self._file.close()
         except OSError as error:
             raise self._error(error) from None
 
@@ -212,15 +318,17 @@ class FrameRecorder:
         self.close()
 
 
-def _message(bus: str, frame: Frame) -> can.Message:
-    return can.Message(
-        timestamp=frame.t_us / 1e6,
-        channel=bus,
-        arbitration_id=frame.can_id,
-        is_extended_id=frame.extended,
-        is_fd=len(frame.data) > 8,
-        data=frame.data,
-    )
+def _log_lines(bus: str, frames: FrameBlock) -> Iterator[str]:
+    """Lines of a candump log."""
+    bus = f"can{bus}" if bus.isdigit() else bus  # a number alone would be read as one
+    records, digits = frames.records, frames.data.tobytes().hex().upper()
+    columns = (records[name].tolist() for name in ("t_us", "id", "length", "flags"))
+    for k, (t_us, record_id, length, flags) in enumerate(zip(*columns, strict=True)):
+        seconds, micro = divmod(t_us, 1_000_000)
+        frame_id = f"{record_id & ~EXTENDED:08X}" if record_id & EXTENDED else f"{record_id:03X}"
+        kind = f"#{flags:X}" if length > CLASSIC_BYTES else ""
+        begin = 2 * frames.data.shape[1] * k
+        yield f"({seconds}.{micro:06d}) {bus} {frame_id}#{kind}{digits[begin : begin + 2 * length]} R\n"
 
 
 _TAIL = 4096

@@ -1,56 +1,157 @@
-"""Receivers: single frames from an open bus, by its socket on SocketCAN, otherwise by python-can."""
+"""Receivers: blocks of frames from an open bus, by its socket on SocketCAN, otherwise by python-can."""
 
 from __future__ import annotations
 
+import ctypes
+import errno
+import os
 import select
 import socket
-import struct
+import sys
 import time
-from typing import Literal
+from collections.abc import Mapping
+from threading import Event
+from typing import Any, Literal, NamedTuple
 
 import can
+import numpy as np
 from can.interfaces.socketcan import SocketcanBus
+from numpy.typing import NDArray
 
-from service.can.frames import Frame
+from monitor_core.arrays import Bools, Ints
+from service.can.frames import CLASSIC_RECORD, EXTENDED, FD_BYTES, FD_RECORD, NO_FRAMES, Frame, FrameBlock
 
 Rejected = Literal["error_frame", "remote_frame"]
 
-# Numbers that Python's socket module does not have (include/uapi/asm-generic/socket.h).
-_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
-_BUFFER_BYTES = 16 * 1024 * 1024
-_CANFD_MTU = 72
-_HEADER = struct.Struct("=IB3x")  # id with flags, length; then the data
-_TIMESPEC = struct.Struct("@ll")
-_DROPS = struct.Struct("=I")
-_EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
+BLOCK_FRAMES, BLOCK_S = 256, 0.02
+"""Frames of a block at most, and the time in which they are collected"""
+_IDLE_S = 0.1
 # A clock that says a time before 2000 does not count from 1970 (some adapters count from power-on).
 _EARLIEST_S = 946_684_800
+_LATEST_US = 2**62
+_ID, _STANDARD_ID = 0x1FFFFFFF, 0x7FF
+
+
+class Received(NamedTuple):
+    """What a bus brought."""
+
+    frames: FrameBlock
+    rejected: Mapping[Rejected, int]
+    """Frames without data, by reason"""
+
+
+_NOTHING = Received(NO_FRAMES, {})
 
 
 class Receiver:
     """Reads any bus of python-can; frames dropped by the interface are not reported."""
 
+    name = "python-can"
+    """As shown to the user"""
     overflow = 0
     """Frames that the kernel dropped because they were not read fast enough"""
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
+        self._fault: Exception | None = None
 
-    def read(self, timeout_s: float) -> Frame | Rejected | None:
-        """The next frame; the reason if it carries no data; or None when there was none in time.
+    def read(self, most: int, stop: Event) -> Received:
+        """The frames of the next moment; none when there were none for a while, or ``stop`` was set.
+
+        Args:
+            most: frames at most.
+            stop: ends the wait.
 
         Raises:
-            can.CanOperationError, OSError: the bus is down or gone.
+            can.CanOperationError, OSError: the bus is down or gone; what came before has been returned.
         """
-        message = self._bus.recv(timeout_s)
-        return None if message is None else frame_of(message)
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault
+        frames, rejected = list[Frame](), dict[Rejected, int]()
+        left_s, end = _IDLE_S, 0.0
+        while len(frames) < most and left_s > 0 and not stop.is_set():
+            try:
+                message = self._bus.recv(left_s)
+            except (can.CanError, OSError) as error:
+                if not frames and not rejected:
+                    raise
+                self._fault = error
+                break
+            if message is None:
+                break
+            frame = frame_of(message)
+            if isinstance(frame, str):
+                rejected[frame] = rejected.get(frame, 0) + 1
+            else:
+                frames.append(frame)
+            now = time.monotonic()
+            end = end or now + BLOCK_S
+            left_s = end - now
+        return Received(FrameBlock.from_frames(frames), rejected)
+
+
+# --- SocketCAN: many frames in one system call, into memory that is there --------------------------------------------
+
+# Numbers that Python's socket module does not have (include/uapi/asm-generic/socket.h).
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
+_BUFFER_BYTES = 16 * 1024 * 1024
+_REMOTE, _ERROR = 0x40000000, 0x20000000
+_FDF = 0x04
+"""The kernel marks CAN FD frames with this flag; the length of their record says as much."""
+
+_FRAME = np.dtype(
+    [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("_", "u1", (2,)), ("data", "u1", (64,))]
+)
+"""struct canfd_frame; a classic frame fills the first 16 bytes of it."""
+_NOTE = np.dtype(
+    {"names": ["bytes", "level", "type"], "formats": ["<u8", "<i4", "<i4"], "offsets": [0, 8, 12]}
+)
+"""struct cmsghdr"""
+_DROPS_AT = 48
+_NOTES = np.dtype(
+    {
+        "names": ["first", "s", "ns", "second", "drops"],
+        "formats": [_NOTE, "<i8", "<i8", _NOTE, "<u4"],
+        "offsets": [0, 16, 24, 32, _DROPS_AT],
+        "itemsize": 64,
+    }
+)
+"""Ancillary data of a frame: the time stamp, which is always first, and the counter of drops, once there were some."""
+
+
+_FITS = sys.platform == "linux" and sys.byteorder == "little" and ctypes.sizeof(ctypes.c_size_t) == 8
+"""Whether these records are those of this machine; otherwise python-can reads SocketCAN, too."""
+
+
+class _IoVec(ctypes.Structure):
+    _fields_ = (("base", ctypes.c_void_p), ("length", ctypes.c_size_t))
+
+
+class _MsgHdr(ctypes.Structure):
+    _fields_ = (
+        ("name", ctypes.c_void_p),
+        ("name_length", ctypes.c_uint32),
+        ("vectors", ctypes.POINTER(_IoVec)),
+        ("vectors_length", ctypes.c_size_t),
+        ("control", ctypes.c_void_p),
+        ("control_length", ctypes.c_size_t),
+        ("flags", ctypes.c_int),
+    )
+
+
+class _MMsgHdr(ctypes.Structure):
+    _fields_ = (("header", _MsgHdr), ("length", ctypes.c_uint32))
 
 
 class SocketReceiver(Receiver):
-    """Reads the socket of a SocketCAN bus, with kernel timestamps in nanoseconds and the drop counter of the kernel.
+    """Reads the socket of a SocketCAN bus in blocks, with kernel time stamps and the kernel's counter of drops.
 
-    python-can's own ``recv`` has no counter of drops and leaves the default buffer of 278 frames.
+    Frames wait in the kernel while a block is collected, so this thread runs fifty times a second and not once for each
+    frame; their time stamps are those of their receipt.
     """
+
+    name = "socketcan in blocks"
 
     def __init__(self, bus: SocketcanBus) -> None:
         super().__init__(bus)
@@ -59,41 +160,89 @@ class SocketReceiver(Receiver):
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _BUFFER_BYTES)
         except PermissionError:  # not root: as much as net.core.rmem_max allows
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        self._more = False  # frames may wait still
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+        self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
+        self._frames, self._notes = np.zeros(BLOCK_FRAMES, _FRAME), np.zeros(BLOCK_FRAMES, _NOTES)
+        self._vectors, self._headers = (_IoVec * BLOCK_FRAMES)(), (_MMsgHdr * BLOCK_FRAMES)()
+        for k, (vector, message) in enumerate(zip(self._vectors, self._headers, strict=True)):
+            vector.base, vector.length = self._frames[k : k + 1].ctypes.data, _FRAME.itemsize
+            message.header.vectors, message.header.vectors_length = ctypes.pointer(vector), 1
+            message.header.control = self._notes[k : k + 1].ctypes.data
+        headers = np.frombuffer(self._headers, np.uint8).reshape(BLOCK_FRAMES, -1)  # type: ignore[call-overload]
+        at = _MMsgHdr.header.offset + _MsgHdr.control_length.offset
+        self._control_lengths = headers[:, at : at + 8].view("<u8")[:, 0]
 
-    def read(self, timeout_s: float) -> Frame | Rejected | None:
+    def read(self, most: int, stop: Event) -> Received:
         """See Receiver."""
-        try:
-            return self._receive()
-        except BlockingIOError:
-            ready, _, _ = select.select([self._socket], [], [], timeout_s)
-        try:
-            return self._receive() if ready else None
-        except BlockingIOError:  # the kernel may report data and then discard it
-            return None
+        if not self._more:
+            if not self._poll.poll(1000 * _IDLE_S):
+                return _NOTHING
+            stop.wait(BLOCK_S)
+        return self._now(most)
 
-    def _receive(self) -> Frame | Rejected:
-        raw, ancillary, _, _ = self._socket.recvmsg(_CANFD_MTU, 128, socket.MSG_DONTWAIT)
-        t_ns = 0
-        for level, kind, value in ancillary:
-            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
-                seconds, nanoseconds = _TIMESPEC.unpack_from(value)
-                t_ns = seconds * 1_000_000_000 + nanoseconds
-            elif level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
-                (self.overflow,) = _DROPS.unpack_from(value)
-        can_id, length = _HEADER.unpack_from(raw)
-        if can_id & _ERROR:
-            return "error_frame"
-        if can_id & _REMOTE:
-            return "remote_frame"
-        extended = bool(can_id & _EXTENDED)
-        t_us = ((t_ns or time.time_ns()) + 500) // 1000
-        return Frame(t_us, can_id & (0x1FFFFFFF if extended else 0x7FF), extended, raw[8 : 8 + length])
+    def _now(self, most: int) -> Received:
+        """The frames that wait."""
+        self._more = False
+        self._control_lengths[:] = _NOTES.itemsize
+        self._notes["second"]["type"] = 0
+        wanted = min(most, BLOCK_FRAMES)
+        count = self._recvmmsg(self._socket.fileno(), self._headers, wanted, socket.MSG_DONTWAIT, None)
+        if count < 0:
+            code = ctypes.get_errno()
+            if code in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EINTR):
+                return _NOTHING
+            raise OSError(code, os.strerror(code))
+        self._more = count == wanted
+        return self._received(self._frames[:count], self._notes[:count], self._control_lengths[:count])
+
+    def _received(self, raw: NDArray[np.void], notes: NDArray[np.void], notes_bytes: Any) -> Received:
+        second = (notes_bytes > _DROPS_AT) & (notes["second"]["type"] == _SO_RXQ_OVFL)
+        if second.any():
+            self.overflow = int(notes["drops"][second][-1])
+        ids = raw["id"]
+        error, remote = (ids & _ERROR) != 0, (ids & (_ERROR | _REMOTE)) == _REMOTE
+        rejected: dict[Rejected, int] = {}
+        if error.any():
+            rejected["error_frame"] = int(np.count_nonzero(error))
+        if remote.any():
+            rejected["remote_frame"] = int(np.count_nonzero(remote))
+        sound = ~(error | remote)
+        return Received(_block(raw[sound], _times_us(notes[sound])), rejected)
+
+
+def _times_us(notes: NDArray[np.void]) -> Ints:
+    """Whole microseconds; the present time where the kernel gave none."""
+    t_us = (notes["s"] * 1_000_000_000 + notes["ns"] + 500) // 1000
+    stamped: Bools = notes["first"]["type"] == _SO_TIMESTAMPNS
+    return t_us if stamped.all() else np.where(stamped, t_us, time.time_ns() // 1000)
+
+
+def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:
+    wide = bool((raw["length"] > 8).any())
+    records = np.zeros(len(raw), FD_RECORD if wide else CLASSIC_RECORD)
+    extended = (raw["id"] & EXTENDED) != 0
+    records["t_us"] = t_us
+    records["id"] = np.where(extended, raw["id"] & (EXTENDED | _ID), raw["id"] & _STANDARD_ID)
+    records["length"] = raw["length"]
+    records["flags"] = raw["flags"] & ~np.uint8(_FDF)
+    width = records["data"].shape[1]
+    inside = np.arange(width) < raw["length"][:, np.newaxis]
+    records["data"] = np.where(inside, raw["data"][:, :width], 0)  # beyond is what an older frame has left
+    return FrameBlock(records)
 
 
 def receiver_of(bus: can.BusABC) -> Receiver:
     """The receiver for this kind of bus."""
-    return SocketReceiver(bus) if isinstance(bus, SocketcanBus) else Receiver(bus)
+    return SocketReceiver(bus) if _FITS and isinstance(bus, SocketcanBus) else Receiver(bus)
+
+
+def reader_of(interface: str) -> str:
+    """How a bus of that interface is read, as shown to the user."""
+    return SocketReceiver.name if interface == "socketcan" and _FITS else Receiver.name
 
 
 def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:
@@ -103,6 +252,9 @@ def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:
         message: as received or read from a file.
         stored: from a file: its time is used as it is; otherwise a time that does not count from 1970 is replaced by
             now.
+
+    Raises:
+        ValueError, OverflowError: of a damaged file: no frame has such a time, id or length.
     """
     if message.is_error_frame:
         return "error_frame"
@@ -110,4 +262,7 @@ def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:
         return "remote_frame"
     use_own = stored or message.timestamp > _EARLIEST_S
     t_us = round(message.timestamp * 1e6) if use_own else time.time_ns() // 1000
+    fits = abs(t_us) < _LATEST_US and 0 <= message.arbitration_id <= _ID and len(message.data) <= FD_BYTES
+    if not fits:
+        raise ValueError("no frame has such a time, id or length")
     return Frame(t_us, message.arbitration_id, message.is_extended_id, bytes(message.data))

@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from service.can.frames import FrameKey
 from service.can.log_files import FrameRecorder
 from service.commands.checked_axis import moves
 from service.commands.listen import LiveBus, live_buses, rounds
 from service.config import Config
-from service.ingest.bus_samples import Value
+from service.ingest.bus_samples import Values
 from service.ingest.timestamp_jitter import Stamps
 
 _SHOW_S = 1.0
@@ -63,7 +64,7 @@ def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: 
         for block in rounds([bus.reader for bus in buses], seconds, stop):
             for bus, frames in zip(buses, block, strict=True):
                 recorder.write(bus.name, frames)
-                traffic[bus.name].update(frame.key for frame in frames)
+                traffic[bus.name].update(frames.counts())
                 motions.add(bus.ingest.feed_values(frames))
             now = time.monotonic()
             if now - shown >= _SHOW_S:
@@ -94,15 +95,15 @@ class _Motions:
 
     def __init__(self, config: Config) -> None:
         self._quantities = {axis.id: axis.config.output for axis in config.axes}
-        self._values: dict[str, list[float]] = {}
+        self._values: dict[str, list[Floats]] = {}
 
-    def add(self, values: Iterator[Value]) -> None:
-        for value in values:
-            if value.quantity == self._quantities[value.axis_id]:
-                self._values.setdefault(value.axis_id, []).append(value.si)
+    def add(self, values: Iterator[Values]) -> None:
+        for found in values:
+            if found.quantity == self._quantities[found.axis_id]:
+                self._values.setdefault(found.axis_id, []).append(found.si)
 
     def take(self) -> int:
         """How many axes move."""
-        found = sum(moves(np.array(values), self._quantities[a]) for a, values in self._values.items())
+        found = sum(moves(np.concatenate(values), self._quantities[a]) for a, values in self._values.items())
         self._values.clear()
         return found

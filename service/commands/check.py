@@ -33,9 +33,13 @@ def check(config: ConfigPath) -> None:
 
 
 def _buses(config: Config) -> Table:
-    table = Table("bus", "interface", "channel", "DBC", title="Buses", title_justify="left")
+    from service.can.receivers import reader_of
+
+    table = Table("bus", "interface", "channel", "read by", "DBC", title="Buses", title_justify="left")
     for bus in config.bus:
-        table.add_row(*map(escape, (bus.name, bus.interface, bus.channel, bus.dbc.name)))
+        table.add_row(
+            *map(escape, (bus.name, bus.interface, bus.channel, reader_of(bus.interface), bus.dbc.name))
+        )
     return table
 
 

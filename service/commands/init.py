@@ -15,7 +15,7 @@ from service.commands.options import BusOption, Force, bus_named
 from service.commands.output_files import check_writable, write_all
 
 if TYPE_CHECKING:
-    from service.can.frames import Frame
+    from service.can.frames import FrameBlock
     from service.config.schema import BusConfig
     from service.ingest.column_roles import TableRoles
 
@@ -130,7 +130,7 @@ def _from_bus(dbc: Path, bus: BusConfig, seconds: float, output: Path) -> None:
     found = roles_on_bus(dbc, frames)
     if not found.came:
         raise RecordError(
-            f"{len(frames)} frames on {where}, and none of their messages is in {dbc}: {_few(found.strange)}; is it the"
+            f"{frames.size} frames on {where}, and none of their messages is in {dbc}: {_few(found.strange)}; is it the"
             " DBC of this robot, and of this bus?"
         )
     if not found.axes:
@@ -154,22 +154,23 @@ def _few(names: Sequence[str]) -> str:
     return ", ".join(names[:_NAMED]) + more
 
 
-def _heard(bus: BusConfig, seconds: float) -> list[Frame]:
+def _heard(bus: BusConfig, seconds: float) -> FrameBlock:
     """All frames on a bus; Ctrl-C ends it early."""
     from service.can.bus_reader import CanReader
+    from service.can.frames import concatenate_frames
     from service.commands.listen import rounds
 
-    frames: list[Frame] = []
+    blocks = list[FrameBlock]()
     reader = CanReader(bus, None)
     reader.open()
     try:
         reader.start()
         with stopped_by_signals() as stop:
             for (block,) in rounds([reader], seconds, stop):
-                frames += block
+                blocks.append(block)
     finally:
         reader.close()
-    return frames
+    return concatenate_frames(blocks)
 
 
 def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:

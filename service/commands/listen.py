@@ -16,11 +16,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from service.can.bus_reader import CanReader
-from service.can.frames import Frame
+from service.can.frames import FrameBlock
 from service.commands.exit_codes import explained, stopped_by_signals
 from service.commands.options import ConfigPath, Seconds, configuration
 from service.config import Config, needed
-from service.ingest.bus_samples import Ingest, Value
+from service.ingest.bus_samples import Ingest, Values
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
 from service.texts import now_us
 
@@ -52,8 +52,8 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
         readers = [bus.reader for bus in buses]
         for block in rounds(readers, math.inf if seconds is None else seconds, stop):
             for bus, frames in zip(buses, block, strict=True):
-                for value in bus.ingest.feed_values(frames):
-                    latest.add(value)
+                for values in bus.ingest.feed_values(frames):
+                    latest.add(values)
             stamps = {axis_id: axis.stamps for bus in buses for axis_id, axis in bus.ingest.axes.items()}
             words = [*bus_lines(buses), *_remarks(read, stamps)]
             if live is not None:
@@ -105,7 +105,7 @@ def live_buses(config: Config, everything: bool = False) -> Iterator[list[LiveBu
             live.reader.close()
 
 
-def rounds(readers: Sequence[CanReader], seconds: float, stop: Event) -> Iterator[list[list[Frame]]]:
+def rounds(readers: Sequence[CanReader], seconds: float, stop: Event) -> Iterator[list[FrameBlock]]:
     """What each reader brings, ten times a second, until the time is over or ``stop`` is set."""
     end = time.monotonic() + seconds
     ended = False
@@ -139,13 +139,17 @@ def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
 
 @dataclass
 class _Reception:
-    value: Value
-    count: int = 1
-    first_us: int = 0
+    values: Values
+    count: int
+    first_us: int
+
+    @property
+    def last_us(self) -> int:
+        return int(self.values.t_us[-1])
 
     @property
     def rate_hz(self) -> float:
-        span_us = self.value.t_us - self.first_us
+        span_us = self.last_us - self.first_us
         return (self.count - 1) / span_us * 1e6 if span_us > 0 else 0.0
 
 
@@ -160,14 +164,14 @@ class Latest:
             for quantity in ("torque", axis.config.output, *counter, *further):
                 self._seen[axis.id, quantity] = None
 
-    def add(self, value: Value) -> None:
-        """Store a newer value."""
-        key = (value.axis_id, value.quantity)
+    def add(self, values: Values) -> None:
+        """Store newer values."""
+        key, count = (values.axis_id, values.quantity), len(values.t_us)
         seen = self._seen.get(key)
         if seen is None:
-            self._seen[key] = _Reception(value, 1, value.t_us)
+            self._seen[key] = _Reception(values, count, int(values.t_us[0]))
         else:
-            seen.value, seen.count = value, seen.count + 1
+            seen.values, seen.count = values, seen.count + count
 
     def rows(self, at_us: int) -> Iterator[tuple[str, ...]]:
         """Rows of the table: axis, quantity, value with unit, signal, raw value, rate, age."""
@@ -175,12 +179,12 @@ class Latest:
             if seen is None:
                 yield (axis_id, quantity, "not received", "", "", "", "")
                 continue
-            v = seen.value
-            age_s = max(0, at_us - v.t_us) / 1e6
-            si = f"{v.si:.6g} {_UNITS.get(quantity, '')}".rstrip()
+            v = seen.values
+            age_s = max(0, at_us - seen.last_us) / 1e6
+            si = f"{v.si[-1]:.6g} {_UNITS.get(quantity, '')}".rstrip()
             signal = f"{v.message}.{v.signal}"
             old = f"{age_s:.1f} s" if age_s >= _OLD_S else "now"
-            yield (axis_id, quantity, si, signal, f"{v.physical:.6g}", f"{seen.rate_hz:.1f} Hz", old)
+            yield (axis_id, quantity, si, signal, f"{v.physical[-1]:.6g}", f"{seen.rate_hz:.1f} Hz", old)
 
 
 def table(latest: Latest, at_us: int, buses: Sequence[str], stamped: Stamped) -> RenderableType:

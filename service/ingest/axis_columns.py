@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
+from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, SignalConfig, Source
-from service.ingest.assemble import REASONS
 from service.ingest.quantities import HeldColumns
 from service.ingest.table_files import Rows
 
@@ -42,7 +42,7 @@ class AxisColumns:
         self._time, self._time_unit_us = config.time.column, 1e6 * config.time.factor
         self._interval_us = config.sample_interval_s * 1e6
         self._last_us: int | None = None
-        self.dropped = dict.fromkeys(REASONS, 0)
+        self.dropped = dict.fromkeys(DROP_REASONS, 0)
 
     def wanted(self) -> dict[str, str]:
         """The purpose of each column."""

@@ -1,31 +1,42 @@
-"""Input of one axis from its bus: decoded values of messages in, samples out."""
+"""Input of one axis from its bus: decoded messages of a block of frames in, a block of samples out."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
 
-from service.can.dbc import DbcError, Decoder, find_counter
-from service.can.frames import FrameKey, Sample
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
+from monitor_core.sampling import (
+    COUNTER,
+    CYCLIC,
+    HAS_COUNT,
+    HAS_MOTION,
+    HAS_TORQUE,
+    RECEIPT,
+    Clock,
+    FrameValues,
+    Pairing,
+    Stream,
+    counted_interval_s,
+    counter_clock,
+    cyclic_clock,
+    cyclic_interval_s,
+    flush_frames,
+    new_meter,
+    new_pairing,
+    new_scratch,
+    room_for_samples,
+    take_frames,
+)
+from service.can.dbc import DbcError, Decoded, Decoder, find_counter
+from service.can.frames import FrameKey
 from service.can.user_errors import IngestError
 from service.config.schema import NamedAxis, Source
-from service.ingest.assemble import Assembler
-from service.ingest.clocks import CyclicClock, SampleClock
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
-from service.ingest.timestamp_jitter import StampMeter, Stamps
-
-
-class _Values(NamedTuple):
-    """The values of an axis in a frame, and the time of receipt."""
-
-    t_us: int
-    torque: float | None
-    motion: float | None
-
-    @property
-    def number(self) -> int:
-        return (self.torque is not None) + (self.motion is not None)
-
+from service.ingest.timestamp_jitter import Stamps, stamps_of
 
 _HELD = 4.0
 """Intervals that a value waits for its partner, where that may be held until its cycle is known."""
@@ -52,28 +63,22 @@ class AxisInput:
         self.held = [HeldSignal(source, decoder) for source in signals]
         """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
-        self._counter_offset = 0.0
-        self._clock: SampleClock | None = None
-        self._cyclic: tuple[CyclicClock[_Values], CyclicClock[_Values]] | None = None  # of torque, of motion
-        self._meter = StampMeter(config.sample_interval_s)
-        self._received_us = 0
-        cyclic, interval_s = config.time.clock == "cyclic", config.sample_interval_s
-        try:
-            self._assembler = Assembler(
-                interval_s,
-                config.pairing_tolerance_s,
-                config.max_gap_s,
-                _HELD if cyclic else 1.0,
-                config.output,
-            )
-        except IngestError as error:
-            raise IngestError(f"axis {axis.id}: {error}") from None
+        interval_s, kind = config.sample_interval_s, RECEIPT
+        clocks = counter_clock(interval_s, 1), counter_clock(interval_s, 1)
         message, signal = config.time.counter_message, config.time.counter_signal
         if message and signal:
             self.counter = Quantity("counter", decoder.want(message, signal), message, signal)
-            self._clock = self._counting(self.counter, decoder, interval_s)
-        elif cyclic:
-            self._cyclic = CyclicClock(interval_s), CyclicClock(interval_s)
+            kind, clocks = COUNTER, (self._counting(self.counter, decoder, interval_s), clocks[1])
+        elif config.time.clock == "cyclic":
+            kind, clocks = CYCLIC, (cyclic_clock(interval_s), cyclic_clock(interval_s))
+        patience = _HELD if config.time.clock == "cyclic" else 1.0
+        try:
+            pairing = pairing_of(
+                interval_s, config.pairing_tolerance_s, config.max_gap_s, patience, config.output
+            )
+        except IngestError as error:
+            raise IngestError(f"axis {axis.id}: {error}") from None
+        self._stream = Stream(kind, clocks, pairing, new_meter(interval_s), new_scratch())
 
     @property
     def keys(self) -> set[FrameKey]:
@@ -87,91 +92,66 @@ class AxisInput:
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Values that became no sample, by service.ingest.assemble.REASONS."""
-        return dict(self._assembler.dropped)
+        """Values that became no sample, by monitor_core.sampling.DROP_REASONS."""
+        return self._stream.pairing.counts
 
     @property
     def events(self) -> Mapping[str, int]:
         """Restarts of the time line: clock_reanchored (counter, fitted clock), clock_set_back (receipt)."""
-        clocks = self._cyclic or ((self._clock,) if self._clock else ())
-        reanchored = max((clock.reanchored for clock in clocks), default=0)
-        return {"clock_reanchored": reanchored, "clock_set_back": self._assembler.clock_set_back}
+        reanchored = max(clock.reanchored for clock in self._stream.clocks)
+        return {"clock_reanchored": reanchored, "clock_set_back": self._stream.pairing.set_back}
 
     @property
     def stamps(self) -> Stamps:
         """Scatter of the time stamps."""
-        if self._cyclic:
-            return self._meter.stamps("cyclic", self._cyclic[1].interval_s)
-        if self._clock:
-            return self._meter.stamps("counter", self._clock.interval_s)
-        return self._meter.stamps("receipt")
+        stream = self._stream
+        if stream.clock == CYCLIC:
+            return stamps_of(stream.meter, "cyclic", cyclic_interval_s(stream.clocks[1]))
+        if stream.clock == COUNTER:
+            return stamps_of(stream.meter, "counter", counted_interval_s(stream.clocks[0]))
+        return stamps_of(stream.meter, "receipt")
 
-    def take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sequence[Sample]:
-        """Take the signals of a frame received at that time [us]; returns the samples that are now complete."""
-        self._received_us = t_us
-        return self._with_held(self._take(key, t_us, signals))
+    def take(self, decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
+        """Take the messages in a block of frames; returns the samples that are now complete, if there are any."""
+        parts = [self._values(key, decoded[key]) for key in self.keys if key in decoded]
+        if not parts:
+            return self._block(room_for_samples(self._stream, 0)[:0], decoded)
+        values = parts[0]
+        if len(parts) > 1:
+            order = np.argsort(np.concatenate([part.places for part in parts]))
+            values = FrameValues(*(np.concatenate(columns)[order] for columns in zip(*parts, strict=True)))
+        samples = room_for_samples(self._stream, len(values.places))
+        return self._block(samples[: take_frames(self._stream, values, samples)], decoded)
 
-    def flush(self) -> Sequence[Sample]:
+    def _values(self, key: FrameKey, found: Decoded) -> FrameValues:
+        """The values in the frames of a message."""
+        has = np.zeros(len(found.places), np.uint8)
+
+        def values(quantity: Quantity | None, bit: int) -> Floats:
+            if quantity is None or quantity.key != key:
+                return np.zeros(len(has))
+            column, present = quantity.column(found.signals)
+            np.bitwise_or(has, np.uint8(bit), out=has, where=present)
+            return column
+
+        torque, motion = values(self.torque, HAS_TORQUE), values(self.motion, HAS_MOTION)
+        counter = values(self.counter, HAS_COUNT)
+        return FrameValues(found.places, found.t_us, torque, motion, counter, has)
+
+    def flush(self) -> SampleBlock | None:
         """End of the frames: the samples of held values; values without a partner are counted."""
-        samples = [sample for clock in self._cyclic or () for sample in self._timed(clock.flush())]
-        self._assembler.flush()
-        return self._with_held(samples)
+        samples = room_for_samples(self._stream, 0)
+        return self._block(samples[: flush_frames(self._stream, samples)], {})
 
-    def _with_held(self, samples: Sequence[Sample]) -> Sequence[Sample]:
-        if not samples or not self.held:
-            return samples
-        signals = tuple(held.at(self._received_us) for held in self.held)
-        return [sample._replace(signals=signals) for sample in samples]
-
-    def _take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sequence[Sample]:
-        torque = self.torque.value(signals) if self.torque.key == key else None
-        motion = self.motion.value(signals) if self.motion.key == key else None
-        if torque is None and motion is None:
-            return ()
-        if motion is not None:
-            self._meter.received(t_us)
-        values = _Values(t_us, torque, motion)
-        if self._cyclic:
-            return self._timed(self._cyclic[motion is not None].read(t_us, values))
-        sample_us = self._count(key, t_us, signals)
-        if isinstance(sample_us, str):
-            self._assembler.drop(sample_us, values.number)
-            return ()
-        if sample_us is not None:
-            self._meter.timed(t_us, sample_us)
-        return self._assemble(values, t_us, sample_us)
-
-    def _timed(self, read: Iterable[tuple[_Values, int | str]]) -> list[Sample]:
-        """The samples completed by values whose times are known now."""
-        samples = list[Sample]()
-        for values, time_us in read:
-            if isinstance(time_us, str):
-                self._assembler.drop(time_us, values.number)
-                continue
-            if values.motion is not None:
-                self._meter.timed(values.t_us, time_us)
-            samples += self._assemble(values, time_us)
-        return samples
-
-    def _assemble(self, values: _Values, t_us: int, sample_us: int | None = None) -> Sequence[Sample]:
-        _, torque, motion = values
-        if torque is not None and motion is not None:
-            sample = self._assembler.add_pair(t_us, torque, motion, sample_us)
-        elif torque is not None:
-            sample = self._assembler.add("torque", t_us, torque, sample_us)
-        else:
-            assert motion is not None
-            sample = self._assembler.add("motion", t_us, motion, sample_us)
-        return () if sample is None else (sample,)
-
-    def _count(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> int | str | None:
-        """The time [us] by the counter in these signals, or why there is none; None: no counter in them."""
-        if self.counter is None or self._clock is None or self.counter.key != key:
+    def _block(self, samples: NDArray[np.void], decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
+        """The samples with the auxiliary signals of the frames that completed them."""
+        held = [held.take(decoded, samples["place"], samples["received_us"]) for held in self.held]
+        if not len(samples):
             return None
-        count = self.counter.value(signals)
-        return None if count is None else self._clock.read(t_us, round(count - self._counter_offset))
+        t_us, torque, motion = (samples[name].copy() for name in ("t_us", "torque", "motion"))
+        return SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
 
-    def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> SampleClock:
+    def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> Clock:
         if counter.key not in self.keys:
             raise IngestError(
                 f"axis {self.id}: counter_message is {counter.message}, but the counter must be in the "
@@ -182,5 +162,20 @@ class AxisInput:
             signal = find_counter(decoder.message(counter.key), counter.signal)
         except DbcError as error:
             raise IngestError(f"axis {self.id}: {error}") from None
-        self._counter_offset = signal.offset
-        return SampleClock(interval_s, signal.length)
+        return counter_clock(interval_s, signal.length, signal.offset)
+
+
+def pairing_of(
+    interval_s: float, tolerance_s: float, max_gap_s: float, patience: float = 1.0, motion: str = "angle"
+) -> Pairing:
+    """The pairing of an axis; see monitor_core.sampling.new_pairing.
+
+    Raises:
+        IngestError: the tolerance is not below half an interval.
+    """
+    if not 0 < tolerance_s < interval_s / 2:
+        raise IngestError(
+            f"pairing_tolerance_s = {tolerance_s:g} must be below half of sample_interval_s = {interval_s:g}"
+        )
+    limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[motion]
+    return new_pairing(interval_s, tolerance_s, max_gap_s, patience, limits)

@@ -1,22 +1,17 @@
-"""Frames of one bus in, samples of its axes out: the same code for the daemon and for replay."""
+"""Blocks of frames of one bus in, blocks of samples of its axes out: the same code for the daemon and for replay."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
+from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock
-from service.can.dbc import Decoder
-from service.can.frames import Frame, FrameKey, Sample
+from service.can.dbc import Decoded, Decoder
+from service.can.frames import FrameBlock, FrameKey
 from service.config.conditions import needed
 from service.config.schema import Config, Source
 from service.ingest.axis_input import AxisInput
-from service.ingest.quantities import HeldSignal
-
-FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
-"""Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Ingest.dropped``."""
 
 Carried = Mapping[str, Sequence[Source]]
 """The auxiliary signals that samples carry, by axis; other axes are not read."""
@@ -27,24 +22,19 @@ def carried_by(config: Config) -> Carried:
     return {axis.id: needed(axis) for axis in config.axes}
 
 
-def block_of(samples: Sequence[Sample]) -> SampleBlock:
-    """A block of samples from at least one sample."""
-    t_us, torque, motion, signals = zip(*samples, strict=True)
-    further = np.array(signals, float) if signals[0] else None
-    times = np.array(t_us, np.int64)
-    return SampleBlock(times, np.array(torque, float), np.array(motion, float), signals=further)
+class Values(NamedTuple):
+    """The values of one quantity as decoded, before pairing, in the order of receipt."""
 
-
-class Value(NamedTuple):
-    """A value as decoded, before pairing."""
-
-    t_us: int
     axis_id: str
     quantity: str  # "torque", "angle", "speed", "counter" or "signal NAME"
     message: str
     signal: str
-    physical: float  # as the DBC says
-    si: float  # N m, rad or rad/s on the motor side; of a further signal, its own unit
+    t_us: Ints
+    """(N,)"""
+    physical: Floats
+    """(N,) as the DBC says"""
+    si: Floats
+    """(N,) N m, rad or rad/s on the motor side; of a further signal, its own unit"""
 
 
 class Ingest:
@@ -66,14 +56,6 @@ class Ingest:
         self.decoder = Decoder(next(described.dbc for described in config.bus if described.name == bus))
         self.axes = {axis.id: AxisInput(axis, self.decoder, signals[axis.id]) for axis in axes}
         """The axes on this bus, by their names"""
-        self._inputs: dict[FrameKey, list[AxisInput]] = {key: [] for key in self.decoder.keys}
-        self._held: dict[FrameKey, list[HeldSignal]] = {}
-        for axis in self.axes.values():
-            for key in axis.keys:
-                self._inputs[key].append(axis)
-            for held in axis.held:
-                self._held.setdefault(held.quantity.key, []).append(held)
-        self._dropped = dict.fromkeys(FRAME_REASONS, 0)
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:
@@ -82,49 +64,31 @@ class Ingest:
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Frames that yielded nothing, by FRAME_REASONS."""
-        return dict(self._dropped)
+        """Frames that yielded nothing, or not all, by service.can.dbc.FRAME_REASONS."""
+        return dict(self.decoder.dropped)
 
-    def feed(self, frames: Iterable[Frame]) -> dict[str, list[Sample]]:
+    def feed(self, frames: FrameBlock) -> dict[str, SampleBlock]:
         """The samples that these frames complete, by axis, in the order of their times."""
-        samples: dict[str, list[Sample]] = {}
-        for frame in frames:
-            signals = self._signals(frame)
-            if signals is None:
-                continue
-            key = frame.key
-            for held in self._held.get(key, ()):  # first: they may belong to the sample that is completed now
-                held.take(frame.t_us, signals)
-            for axis in self._inputs[key]:
-                found = axis.take(key, frame.t_us, signals)
-                if found:
-                    samples.setdefault(axis.id, []).extend(found)
-        return samples
+        return self._samples(self.decoder.decode(frames))
 
-    def feed_values(self, frames: Iterable[Frame]) -> Iterator[Value]:
+    def feed_values(self, frames: FrameBlock) -> Iterator[Values]:
         """The values in these frames, to inspect a bus.  Counts, pairs and times as ``feed`` does."""
-        for frame in frames:
-            signals = self._signals(frame)
-            if signals is None:
-                continue
-            for axis in self._inputs[frame.key]:
-                axis.take(frame.key, frame.t_us, signals)
-            for axis in self.axes.values():
-                for q in (*axis.sampled, *(held.quantity for held in axis.held)):
-                    if q.key == frame.key and (si := q.value(signals)) is not None:
-                        yield Value(frame.t_us, axis.id, q.name, q.message, q.signal, signals[q.signal], si)
+        decoded = self.decoder.decode(frames)
+        self._samples(decoded)
+        for axis in self.axes.values():
+            for q in (*axis.sampled, *(held.quantity for held in axis.held)):
+                if (found := decoded.get(q.key)) is None:
+                    continue
+                raw, (si, there) = found.signals[q.signal], q.column(found.signals)
+                if there.any():
+                    t_us = found.t_us[there]
+                    yield Values(axis.id, q.name, q.message, q.signal, t_us, raw.values[there], si[there])
 
-    def flush(self) -> dict[str, list[Sample]]:
+    def flush(self) -> dict[str, SampleBlock]:
         """End of the frames: samples whose times were not known yet; values without a partner are counted."""
-        flushed = {axis_id: list(axis.flush()) for axis_id, axis in self.axes.items()}
-        return {axis_id: samples for axis_id, samples in flushed.items() if samples}
+        flushed = {axis_id: axis.flush() for axis_id, axis in self.axes.items()}
+        return {axis_id: samples for axis_id, samples in flushed.items() if samples is not None}
 
-    def _signals(self, frame: Frame) -> dict[str, float] | None:
-        """The wanted signals in a frame; counts the frame where some or all are missing."""
-        signals = self.decoder.decode(frame)
-        if isinstance(signals, str):
-            self._dropped[signals] += 1
-            return None
-        if len(signals) < len(self.decoder.wanted(frame.key)):
-            self._dropped["signal_absent"] += 1
-        return signals or None
+    def _samples(self, decoded: Mapping[FrameKey, Decoded]) -> dict[str, SampleBlock]:
+        found = {axis_id: axis.take(decoded) for axis_id, axis in self.axes.items()}
+        return {axis_id: samples for axis_id, samples in found.items() if samples is not None}

@@ -6,8 +6,7 @@ Names and units are looked at as without a bus; the values decide as in the colu
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.identification import wrap_of
 from service.can.dbc import DbcError, Decoder, Message, Signal, read_dbc
-from service.can.frames import Frame, FrameKey
+from service.can.frames import FrameBlock, FrameKey
 from service.ingest.column_roles import AxisRoles, Named, axes_by_values, changes, role_of
 from service.ingest.dbc_roles import (
     DbcAxis,
@@ -88,7 +87,7 @@ class BusRoles(NamedTuple):
     """Identifiers of frames that the DBC does not have"""
 
 
-def roles_on_bus(dbc: Path, frames: Sequence[Frame]) -> BusRoles:
+def roles_on_bus(dbc: Path, frames: FrameBlock) -> BusRoles:
     """The axes that a bus carries.
 
     Args:
@@ -99,9 +98,9 @@ def roles_on_bus(dbc: Path, frames: Sequence[Frame]) -> BusRoles:
         DbcError: the file cannot be read or is no DBC.
     """
     decoder, messages = _decoder(dbc)
-    keys = Counter(frame.key for frame in frames)
-    came = tuple(m.name for key, m in messages.items() if keys[key])
-    missing = tuple(f"{m.name} (0x{key.can_id:x})" for key, m in messages.items() if not keys[key])
+    keys = frames.counts()
+    came = tuple(m.name for key, m in messages.items() if key in keys)
+    missing = tuple(f"{m.name} (0x{key.can_id:x})" for key, m in messages.items() if key not in keys)
     strange = tuple(f"0x{key.can_id:x}" for key in sorted(keys.keys() - messages.keys()))
     series = _series(decoder, frames)
     return BusRoles(tuple(_axes(dbc, messages.values(), series)), came, missing, strange)
@@ -119,23 +118,17 @@ def _decoder(dbc: Path) -> tuple[Decoder, dict[FrameKey, Message]]:
     return decoder, messages
 
 
-def _series(decoder: Decoder, frames: Iterable[Frame]) -> dict[str, Series]:
+def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
     """By "Message.Signal"."""
-    found: dict[str, tuple[list[int], list[float]]] = {}
-    for frame in frames:
-        signals = decoder.decode(frame)
-        if isinstance(signals, str):
-            continue
-        message = decoder.message(frame.key).name
-        for name, value in signals.items():
-            t_us, values = found.setdefault(f"{message}.{name}", ([], []))
-            t_us.append(frame.t_us)
-            values.append(value)
-    began_us = min((t_us[0] for t_us, _ in found.values()), default=0)
-    return {
-        name: Series(np.asarray((np.array(t_us, np.int64) - began_us) * 1e-6, np.float64), np.array(values))
-        for name, (t_us, values) in found.items()
-    }
+    decoded = decoder.decode(frames)
+    began_us = min((int(found.t_us[0]) for found in decoded.values()), default=0)
+    series = dict[str, Series]()
+    for key, found in decoded.items():
+        t = np.asarray((found.t_us - began_us) * 1e-6, np.float64)
+        for name, (values, there) in found.signals.items():
+            if there.any():
+                series[f"{decoder.message(key).name}.{name}"] = Series(t[there], values[there])
+    return series
 
 
 # --- The axes: by values where they move, else by names ---------------------------------------------------------------

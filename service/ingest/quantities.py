@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import forward_fill
-from service.can.dbc import Decoder
+from service.can.dbc import Column, Decoded, Decoder
 from service.can.frames import FrameKey
 from service.config.schema import AngleConfig, SignalConfig, Source
 
@@ -32,10 +32,10 @@ class Quantity(NamedTuple):
     offset: float = 0.0
     wrap_period: float | None = None
 
-    def value(self, signals: Mapping[str, float]) -> float | None:
-        """The value in SI units; None where a multiplexed signal is absent."""
-        signal = signals.get(self.signal)
-        return None if signal is None else self.factor * signal + self.offset
+    def column(self, signals: Mapping[str, Column]) -> Column:
+        """The values in SI units."""
+        values, present = signals[self.signal]
+        return Column(self.factor * values + self.offset, present)
 
 
 def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Quantity:
@@ -61,15 +61,25 @@ class HeldSignal:
         self._most_us = source.max_age_s * 1e6
         self._value, self._t_us = math.nan, 0
 
-    def take(self, t_us: int, signals: Mapping[str, float]) -> None:
-        """Keep the value in these signals, if there is one that is a number."""
-        value = self.quantity.value(signals)
-        if value is not None and math.isfinite(signals[self.quantity.signal]):
-            self._value, self._t_us = value, t_us
+    def take(self, decoded: Mapping[FrameKey, Decoded], places: Ints, t_us: Ints) -> Floats:
+        """The values (N,) for samples completed by the frames at these places of a block; NaN: none, or too old.
 
-    def at(self, t_us: int) -> float:
-        """The value for a sample received at that time; NaN: there was none, or it is too old."""
-        return self._value if abs(t_us - self._t_us) <= self._most_us else math.nan
+        Args:
+            decoded: of the block; its last value that is a number is kept for the blocks to come.
+            places: of frames in the block (N,), increasing; a value in the very frame counts.
+            t_us: when they were received (N,).
+        """
+        values, times, since = [self._value], [self._t_us], np.zeros(0, np.int64)
+        if (found := decoded.get(self.quantity.key)) is not None:
+            raw, column = found.signals[self.quantity.signal], self.quantity.column(found.signals)
+            known = np.flatnonzero(raw.present & np.isfinite(raw.values))
+            since = found.places[known]
+            values += column.values[known].tolist()
+            times += found.t_us[known].tolist()
+            self._value, self._t_us = values[-1], times[-1]
+        last = np.searchsorted(since, places, "right")
+        age_us = np.abs(t_us - np.array(times, np.int64)[last])
+        return np.where(age_us <= self._most_us, np.array(values)[last], math.nan)
 
 
 class HeldColumns:

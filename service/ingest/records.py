@@ -7,13 +7,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from monitor_core.samples import SampleBlock, concatenate
-from service.can.frames import Frame
+from service.can.frames import FrameBlock
 from service.can.log_files import LOG_SUFFIXES, CanLog
 from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, Config
 from service.ingest.axis_columns import AxisColumns
-from service.ingest.bus_samples import Carried, Ingest, block_of, carried_by
+from service.ingest.bus_samples import Carried, Ingest, carried_by
 from service.ingest.table_files import TABLE_SUFFIXES, CsvTable, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
@@ -166,28 +168,30 @@ class LogRecord:
             {axis_id: axis.stamps for axis_id, axis in axes.items()},
         )
 
-    def frames(self) -> Iterator[tuple[dict[str, list[Frame]], float]]:
+    def frames(self) -> Iterator[tuple[dict[str, FrameBlock], float]]:
         """The frames by name of their bus, and how much of the log has been read, 0 to 1."""
         channels: Mapping[str, str] | None = None
         for block in self._log.blocks():
             if channels is None:
-                channels = self._channels({channel for channel, _ in block.frames})
-            of_bus: dict[str, list[Frame]] = {}
-            for channel, frame in block.frames:
-                bus = channels.get(channel, channels.get(""))
+                channels = self._channels(set(block.names))
+            buses = [channels.get(name, channels.get("")) for name in block.names]
+            of_bus = dict[str, FrameBlock]()
+            for bus in dict.fromkeys(buses):
+                mine = np.array([name == bus for name in buses])[block.channels]
+                frames = block.frames if mine.all() else block.frames.select(mine)
                 if bus is None:
-                    self._other_bus += 1
+                    self._other_bus += frames.size
                 else:
-                    of_bus.setdefault(bus, []).append(frame)
+                    of_bus[bus] = frames
             yield of_bus, block.done
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once."""
         for of_bus, done in self.frames():
             fed = [self._ingests[bus].feed(frames) for bus, frames in of_bus.items()]
-            yield Step({axis_id: block_of(found) for axes in fed for axis_id, found in axes.items()}, done)
+            yield Step({axis_id: found for axes in fed for axis_id, found in axes.items()}, done)
         flushed = [ingest.flush() for ingest in self._ingests.values()]
-        last = {axis_id: block_of(found) for axes in flushed for axis_id, found in axes.items()}
+        last = {axis_id: found for axes in flushed for axis_id, found in axes.items()}
         if last:
             yield Step(last, 1.0)
 

@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-Clock = Literal["receipt", "cyclic", "counter"]
+import numpy as np
+from numpy.typing import NDArray
 
-MEMORY = 1000
-"""Samples over which the scatter is taken."""
+Clock = Literal["receipt", "cyclic", "counter"]
 
 _ENOUGH = 100
 _ENOUGH_FOR_MEDIAN = 1000
@@ -34,63 +34,24 @@ class Stamps(NamedTuple):
 NOT_KNOWN = Stamps("receipt", None, None)
 
 
-class StampMeter:
-    """Measures the time stamps of one axis.
+def stamps_of(meter: NDArray[np.void], clock: Clock, fitted_s: float | None = None) -> Stamps:
+    """The measurement so far.
 
     Args:
-        interval_s: nominal sample interval [s].
+        meter: of the axis, from monitor_core.sampling.new_meter.
+        clock: that gives the times of the samples.
+        fitted_s: the interval [s] by that clock.
     """
-
-    def __init__(self, interval_s: float) -> None:
-        self._interval_us = interval_s * 1e6
-        self._median_us = self._interval_us
-        self._last_us: int | None = None
-        self._intervals, self._delays = _Spread(), _Spread()
-
-    def received(self, t_us: int) -> None:
-        """A frame was received at that time."""
-        last_us, self._last_us = self._last_us, t_us
-        if last_us is None:
-            return
-        passed_us = t_us - last_us
-        if 0.5 < passed_us / self._interval_us < 1.5:  # otherwise frames were lost, or a clock was set
-            self._intervals.add(passed_us)
-        if passed_us > 0:
-            step_us = self._interval_us * max(0.5 / (self._intervals.count + 1), 1e-5)
-            self._median_us += math.copysign(step_us, passed_us - self._median_us)
-
-    def timed(self, received_us: int, time_us: int) -> None:
-        """A sample with that time was received at that time."""
-        self._delays.add(received_us - time_us)
-
-    def stamps(self, clock: Clock, fitted_s: float | None = None) -> Stamps:
-        """The measurement so far.
-
-        Args:
-            clock: that gives the times of the samples.
-            fitted_s: the interval [s] by that clock.
-        """
-        spread = self._intervals if clock == "receipt" else self._delays
-        share = 0.5 if clock == "receipt" else 1.0
-        scatter_s = math.sqrt(share * spread.variance) * 1e-6 if spread.count >= _ENOUGH else None
-        if self._intervals.count < _ENOUGH_FOR_MEDIAN:
-            return Stamps(clock, scatter_s, fitted_s)
-        median_s = self._median_us * 1e-6
-        # Measured by the fitted clock, unless the interval is too far off to be fitted.
-        clear = fitted_s is None or _far_off(median_s, self._interval_us * 1e-6, scatter_s)
-        return Stamps(clock, scatter_s, median_s if clear else fitted_s)
-
-
-class _Spread:
-    def __init__(self) -> None:
-        self.count, self._mean, self.variance = 0, 0.0, 0.0
-
-    def add(self, value: float) -> None:
-        self.count += 1
-        part = 1 / min(self.count, MEMORY)
-        off = value - self._mean
-        self._mean += part * off
-        self.variance = (1 - part) * (self.variance + part * off * off)
+    m = meter[0]
+    spread, share = ("intervals", 0.5) if clock == "receipt" else ("delays", 1.0)
+    known = m[f"{spread}_count"] >= _ENOUGH
+    scatter_s = math.sqrt(share * m[f"{spread}_variance"]) * 1e-6 if known else None
+    if m["intervals_count"] < _ENOUGH_FOR_MEDIAN:
+        return Stamps(clock, scatter_s, fitted_s)
+    median_s = float(m["median_us"]) * 1e-6
+    # Measured by the fitted clock, unless the interval is too far off to be fitted.
+    clear = fitted_s is None or _far_off(median_s, float(m["interval_us"]) * 1e-6, scatter_s)
+    return Stamps(clock, scatter_s, median_s if clear else fitted_s)
 
 
 def remarks(axis_id: str, interval_s: float, stamps: Stamps) -> Iterator[str]:

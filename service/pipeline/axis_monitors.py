@@ -1,6 +1,6 @@
 """Monitors of all configured axes: samples by axis in, changed alarms out; and from the frames of all buses to them."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,12 +17,12 @@ from monitor_core.monitoring import (
     Range,
     WarmUp,
 )
-from monitor_core.samples import SampleBlock
+from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
-from service.can.frames import Frame, Sample
+from service.can.frames import FrameBlock
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings, detectors_of, monitored_model
-from service.ingest.bus_samples import Ingest, block_of
+from service.ingest.bus_samples import Ingest
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.trends import Trends
@@ -236,9 +236,9 @@ class FramePipeline:
     def __init__(self, config: Config) -> None:
         self.monitors = AxisMonitors(config.axes)
         self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
-        self._samples: dict[str, list[Sample]] = {}
+        self._samples: dict[str, list[SampleBlock]] = {}
 
-    def take(self, bus: str, frames: Iterable[Frame]) -> None:
+    def take(self, bus: str, frames: FrameBlock) -> None:
         """Take frames of a bus, in the order of their receipt; their samples wait for ``update``."""
         self._keep(self.ingests[bus].feed(frames))
 
@@ -247,13 +247,13 @@ class FramePipeline:
         waiting, self._samples = self._samples, {}
         if not waiting:
             return []
-        return self.monitors.update({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
+        return self.monitors.update({axis_id: concatenate(blocks) for axis_id, blocks in waiting.items()})
 
     def flush(self) -> None:
         """End of the frames: values without a partner are counted; the last samples wait for ``update``."""
         for ingest in self.ingests.values():
             self._keep(ingest.flush())
 
-    def _keep(self, samples: Mapping[str, list[Sample]]) -> None:
+    def _keep(self, samples: Samples) -> None:
         for axis_id, found in samples.items():
-            self._samples.setdefault(axis_id, []).extend(found)
+            self._samples.setdefault(axis_id, []).append(found)

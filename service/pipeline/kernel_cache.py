@@ -14,7 +14,8 @@ from collections.abc import MutableMapping
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
-KERNEL = Path(__file__).parents[2] / "monitor_core" / "kernel"
+COMPILED = tuple(Path(__file__).parents[2] / "monitor_core" / name for name in ("kernel", "sampling"))
+"""Folders with compiled functions of the daemon"""
 
 
 def choose(environ: MutableMapping[str, str]) -> Path:
@@ -38,7 +39,7 @@ def choose(environ: MutableMapping[str, str]) -> Path:
 def fingerprint() -> str:
     """Hash of the kernel's sources."""
     digest = hashlib.sha256()
-    for source in sorted(KERNEL.glob("*.py")):
+    for source in sorted(source for folder in COMPILED for source in folder.glob("*.py")):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())
     return digest.hexdigest()[:12]
 

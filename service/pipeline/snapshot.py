@@ -44,7 +44,7 @@ class AxisSnapshot:
     status: AxisStatus
     open_alarms: tuple[Alarm, ...]
     dropped: Mapping[str, int]
-    """Values that did not become a sample, by reason (service.ingest.assemble.REASONS)"""
+    """Values that did not become a sample, by reason (monitor_core.sampling.DROP_REASONS)"""
     clock: Mapping[str, int]
     """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
     history: tuple[HistoryPoint, ...]
@@ -78,6 +78,8 @@ class BusSnapshot:
     state: str
     frames: int
     dropped: Mapping[str, int]
+    reader: str = ""
+    """How its frames are received"""
 
     @property
     def up(self) -> bool:

@@ -38,11 +38,15 @@ FEW = "few-axes"
 
 
 def compile_kernel(lanes: int) -> None:
-    """Compile the kernel for batches of this number of axes, or load it from its cache; then mark the cache."""
+    """Compile the kernel for batches of this number of axes, or load it from its cache; then mark the cache.
+
+    With it what makes samples of frames, which the estimates need, too.
+    """
     import numpy as np
 
     from monitor_core.detection import HypothesisBank
     from monitor_core.modeling import INTERVAL_S, reference_model
+    from monitor_core.sampling import compile_stream
     from monitor_core.settings import Settings
 
     if lanes == HYPOTHESES:
@@ -51,12 +55,19 @@ def compile_kernel(lanes: int) -> None:
     else:
         empty = np.zeros((0, lanes))
         _batch(lanes).run(np.zeros((0, lanes), np.int64), empty, empty)
+        compile_stream()
     if mark := _mark(lanes):
         mark.touch()
 
 
 def compile_update(lanes: int) -> None:
-    """Compile the second half of a sample only: beside ``compile_kernel``, which then finds it in the cache."""
+    """Compile the way from frames to samples, then the second half of a sample only.
+
+    This is beside ``compile_kernel``, which then finds both in the cache.
+    """
+    from monitor_core.sampling import compile_stream
+
+    compile_stream()
     _batch(lanes).compile_update()
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import structlog
 
 from service.can.bus_reader import ReaderStats
-from service.can.frames import Frame
+from service.can.frames import FrameBlock
 from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
 from service.config import Config
@@ -44,7 +44,7 @@ log = structlog.get_logger(__name__)
 class Reader(Protocol):
     """Interface of service.can.bus_reader.CanReader as the worker uses it."""
 
-    def take(self, most: int = 4096) -> list[Frame]:
+    def take(self, most: int = 4096) -> FrameBlock:
         """About that many of the waiting frames, oldest first."""
 
     def stats(self) -> ReaderStats:
@@ -59,7 +59,7 @@ class Recording:
         self.problem: str | None = None
         """Why recording has ended, for the operator."""
 
-    def write(self, bus: str, frames: list[Frame]) -> None:
+    def write(self, bus: str, frames: FrameBlock) -> None:
         """Write frames as received; a failure ends the recording, not the monitoring."""
         if self._recorder is None or self.problem is not None:
             return
@@ -88,10 +88,10 @@ class BusIntake:
         self._reader, self._ingest, self._recording = reader, ingest, recording
         self._state = "up"
 
-    def take(self, most: int) -> list[Frame]:
+    def take(self, most: int) -> FrameBlock:
         """The waiting frames, recorded."""
         frames = self._reader.take(most)
-        if frames:
+        if frames.size:
             self._recording.write(self.name, frames)
         return frames
 
@@ -103,7 +103,7 @@ class BusIntake:
             say = log.info if stats.up or stats.state == "closed" else log.error
             say("bus", bus=self.name, state=stats.state)
         dropped = {**stats.dropped, **self._ingest.dropped}
-        return BusSnapshot(self.name, stats.state, stats.frames, dropped)
+        return BusSnapshot(self.name, stats.state, stats.frames, dropped, stats.reader)
 
 
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -230,7 +230,7 @@ class Worker:
     def _take(self, bus: BusIntake) -> int:
         frames = bus.take(MOST_FRAMES)
         self._pipeline.take(bus.name, frames)
-        return len(frames)
+        return frames.size
 
     def _finish(self) -> None:
         """Process the waiting frames, then save the last checkpoint."""

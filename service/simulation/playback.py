@@ -107,7 +107,7 @@ def _by_time(step: Step) -> Iterator[tuple[int, dict[str, Values]]]:
 def _log_frames(record: LogRecord) -> Iterator[PlayFrame]:
     first_us: int | None = None
     for of_bus, done in record.frames():
-        frames = [(frame, bus) for bus, frames in of_bus.items() for frame in frames]
+        frames = [(frame, bus) for bus, block in of_bus.items() for frame in block.frames()]
         for frame, bus in sorted(frames, key=lambda entry: entry[0].t_us):
             first_us = frame.t_us if first_us is None else first_us
             yield PlayFrame((frame.t_us - first_us) / 1e6, bus, frame.key, frame.data, done)

@@ -367,6 +367,7 @@ class Bus(Body):
     name: str
     up: bool
     state: str = Field(description="up, or the reason why not")
+    reader: str = Field(description="how its frames are received; empty where that is not known")
     frames: int = Field(description="frames received")
     dropped: dict[str, int] = Field(description="number of dropped frames, by reason")
 

@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.identification.records import Known, suspicions
 from monitor_core.modeling.standard_drives import reference_model
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameBlock
 from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
 from service.config.schema import Config
@@ -165,7 +165,7 @@ def log_of(path: Path, count: int = 200) -> Path:
         frames += [torque1(t_us, k % 50 / 512), angle1(t_us + 100, k / 64)]
         frames += [both2(t_us + 2000, 0.0, k)] if k % 10 == 5 else []
     with FrameRecorder(path) as recorder:
-        recorder.write("bus0", frames)
+        recorder.write("bus0", FrameBlock.from_frames(frames))
     return path
 
 

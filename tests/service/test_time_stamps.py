@@ -14,14 +14,14 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameBlock
 from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import NOT_TESTED
 from service.config import Config, load
-from service.ingest.clocks import CyclicClock
 from service.pipeline.axis_monitors import FramePipeline
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import shown
+from tests.service.ingest.single_frames import CyclicClock
 from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -113,7 +113,7 @@ def frames_of(config: Config, rng: np.random.Generator, length_s: float, jitter_
 
 def write(path: Path, frames: Sequence[Frame]) -> Path:
     with FrameRecorder(path) as recorder:
-        recorder.write("can0", frames)
+        recorder.write("can0", FrameBlock.from_frames(frames))
     return path
 
 
@@ -185,7 +185,7 @@ def received(frames: list[Frame]) -> list[Frame]:
 def of_replay(file: Path, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
     log = file.with_name("faults.log")
     with FrameRecorder(log) as recorder:  # python-can's own does not let a time go back
-        recorder.write("can0", frames)
+        recorder.write("can0", FrameBlock.from_frames(frames))
     axis = replayed(file, log, code=NOT_TESTED)  # the clock jumps so often that no test runs for long
     return {what: axis[what] for what in ("counters", "dropped", "clock")}
 

@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from monitor_core.samples import SampleBlock
+from service.can.frames import FrameBlock
 from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
@@ -94,7 +95,7 @@ def test_what_was_identified_is_followed(tmp_path: Path, seed: int) -> None:
     broken = [Fault("demo.axis1", {"fm": 1.4}, FAULT_S)]
     for number, (name, faults) in enumerate((("healthy", []), ("second", []), ("faulty", broken))):
         with FrameRecorder(tmp_path / f"{name}.log") as recorder:
-            recorder.write("can0", frames_of(config, seed + number, faults, 60.0))
+            recorder.write("can0", FrameBlock.from_frames(frames_of(config, seed + number, faults, 60.0)))
     text = (tmp_path / "robot.toml").read_text(encoding="utf-8").replace(VARYING, "")
     (tmp_path / "plain.toml").write_text(text, encoding="utf-8")
     where = [

@@ -4,9 +4,9 @@ Scales are powers of two, so that decoded values are exact.
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -14,8 +14,11 @@ import pyarrow.csv
 import pyarrow.parquet
 import scipy.io
 
+from monitor_core.samples import SampleBlock
+from service.can.frames import Frame, FrameBlock
 from service.config.base_table import Reading
 from service.config.schema import Config
+from service.ingest.bus_samples import Ingest
 
 DBC = """VERSION ""
 
@@ -63,6 +66,33 @@ VAL_ 272 Torque 0 "idle" 1 "on";
 """
 
 Axis = dict[str, Any]
+
+
+class Sample(NamedTuple):
+    """A row of a block of samples."""
+
+    t_us: int
+    torque: float
+    motion: float
+    signals: tuple[float, ...] = ()
+
+
+def rows_of(block: SampleBlock) -> list[Sample]:
+    """The samples of a block."""
+    signals = block.signals.tolist() if block.signals is not None else [()] * block.size
+    columns = (block.t_us.tolist(), block.u.tolist(), block.y.tolist(), map(tuple, signals))
+    return [Sample(*row) for row in zip(*columns, strict=True)]
+
+
+def fed(ingest: Ingest, frames: Sequence[Frame]) -> dict[str, list[Sample]]:
+    """The samples that these frames complete."""
+    found = ingest.feed(FrameBlock.from_frames(frames))
+    return {axis_id: rows_of(block) for axis_id, block in found.items()}
+
+
+def flushed(ingest: Ingest) -> dict[str, list[Sample]]:
+    """The last samples."""
+    return {axis_id: rows_of(block) for axis_id, block in ingest.flush().items()}
 
 
 def axis(name: str, torque: tuple[str, str], motion: tuple[str, str], output: str, **other: Any) -> Axis:

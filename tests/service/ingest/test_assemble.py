@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.can.frames import Sample
+from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import IngestError
-from service.ingest.assemble import REASONS, Assembler, Kind
+from tests.service.ingest.single_frames import Assembler, Kind, Paired
 
 T_US, TOLERANCE_US, GAP_US = 5000, 2000, 50_000
 START_US = 1_760_000_000_000_000
@@ -20,7 +20,7 @@ def assembler() -> Assembler:
     return Assembler(T_US * 1e-6, TOLERANCE_US * 1e-6, GAP_US * 1e-6)
 
 
-def run(events: list[Event], a: Assembler | None = None) -> tuple[list[Sample], dict[str, int]]:
+def run(events: list[Event], a: Assembler | None = None) -> tuple[list[Paired], dict[str, int]]:
     a = a or assembler()
     samples = [s for kind, t_us, value in events if (s := a.add(kind, t_us, value)) is not None]
     a.flush()
@@ -65,12 +65,12 @@ def test_a_complete_stream_becomes_all_samples(events: list[Event]) -> None:
 
 def test_the_time_is_that_of_the_counter_or_of_the_motion() -> None:
     samples, _ = run([("torque", START_US, 1.5), ("motion", START_US + 300, 2.5)])
-    assert samples == [Sample(START_US + 300, 1.5, 2.5)]
+    assert samples == [Paired(START_US + 300, 1.5, 2.5)]
     a = assembler()
     assert a.add("torque", START_US, 1.0) is None
-    assert a.add("motion", START_US + 300, 2.0, START_US - 70) == Sample(START_US - 70, 1.0, 2.0)
+    assert a.add("motion", START_US + 300, 2.0, START_US - 70) == Paired(START_US - 70, 1.0, 2.0)
     assert a.add("torque", START_US + T_US, 1.0, START_US + 4930) is None
-    assert a.add("motion", START_US + T_US, 2.0) == Sample(START_US + 4930, 1.0, 2.0)
+    assert a.add("motion", START_US + T_US, 2.0) == Paired(START_US + 4930, 1.0, 2.0)
 
 
 def cycle(k: int) -> list[Event]:
@@ -146,13 +146,13 @@ def test_a_clock_that_was_set_back_costs_no_later_sample() -> None:
 
 def test_pairs_from_one_frame() -> None:
     a = assembler()
-    assert a.add_pair(START_US, 1.0, 2.0) == Sample(START_US, 1.0, 2.0)
+    assert a.add_pair(START_US, 1.0, 2.0) == Paired(START_US, 1.0, 2.0)
     assert a.add_pair(START_US + 2499, 1.0, 2.0) is None
     assert a.add_pair(START_US - 2501, 1.0, 2.0) is None
     assert a.add_pair(START_US + 4990, 1.0, math.inf) is None
-    assert a.add_pair(START_US + 10_000, 3.0, 4.0) == Sample(START_US + 10_000, 3.0, 4.0)
+    assert a.add_pair(START_US + 10_000, 3.0, 4.0) == Paired(START_US + 10_000, 3.0, 4.0)
     assert a.dropped == {
-        **dict.fromkeys(REASONS, 0),
+        **dict.fromkeys(DROP_REASONS, 0),
         "repeated": 2,
         "out_of_order": 2,
         "not_finite": 2,

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameBlock
 from service.can.log_files import LOG_SUFFIXES, CanLog, FrameRecorder, span_s
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.records import read_record
-from tests.service.ingest.plant import axis1, axis2, make_config
+from tests.service.ingest.plant import axis1, axis2, fed, make_config
 from tests.service.ingest.test_pipeline import both2
 
 START_US = 1_760_000_000_123_456
@@ -30,7 +30,11 @@ frames = st.builds(
 
 
 def all_frames(log: CanLog) -> list[tuple[str, Frame]]:
-    return [entry for block in log.blocks() for entry in block.frames]
+    return [
+        (block.names[channel], frame)
+        for block in log.blocks()
+        for channel, frame in zip(block.channels.tolist(), block.frames.frames(), strict=True)
+    ]
 
 
 def traffic(seed: int, count: int) -> list[Frame]:
@@ -67,15 +71,15 @@ def test_what_is_recorded_is_read_again_to_the_microsecond(
 ) -> None:
     path = tmp_path_factory.mktemp("recorder") / "a.log"
     with FrameRecorder(path) as recorder:
-        recorder.write("left", sent[:7])
-        recorder.write("right", sent[7:])
+        recorder.write("left", FrameBlock.from_frames(sent[:7]))
+        recorder.write("right", FrameBlock.from_frames(sent[7:]))
     assert all_frames(CanLog(path)) == [("left" if i < 7 else "right", f) for i, f in enumerate(sent)]
 
 
 def test_recorded_frames_are_in_the_file_at_once(tmp_path: Path) -> None:
     sent = traffic(0, 3)
     with FrameRecorder(tmp_path / "a.log") as recorder:
-        recorder.write("bus0", sent)
+        recorder.write("bus0", FrameBlock.from_frames(sent))
         assert [frame for _, frame in all_frames(CanLog(tmp_path / "a.log"))] == sent
 
 
@@ -101,7 +105,7 @@ def test_a_full_disk(tmp_path: Path) -> None:
     recorder, full = FrameRecorder(tmp_path / "a.log"), r"cannot write .*a\.log: No space left on device"
     fill_the_disk(recorder)
     with pytest.raises(RecordError, match=full):
-        recorder.write("bus0", traffic(0, 1))
+        recorder.write("bus0", FrameBlock.from_frames(traffic(0, 1)))
     recorder._file.write("what a disk took only into its buffer")
     with pytest.raises(RecordError, match=full):
         recorder.close()
@@ -115,7 +119,7 @@ def test_logs_of_python_can(tmp_path: Path, suffix: str, seed: int) -> None:
     write(tmp_path / f"a{suffix}", sent)
     log = CanLog(tmp_path / f"a{suffix}")
     blocks = list(log.blocks())
-    read = [frame for block in blocks for _, frame in block.frames]
+    read = [frame for block in blocks for frame in block.frames.frames()]
     # The .asc writer rounds the start of the log to milliseconds; intervals stay.
     shift = read[0].t_us - sent[0].t_us
     assert abs(shift) < (1000 if suffix == ".asc" else 1)
@@ -213,7 +217,7 @@ def test_a_log_gives_the_samples_of_the_pipeline(tmp_path: Path, suffix: str) ->
     config = make_config(tmp_path, axis2())
     write(tmp_path / f"a{suffix}", plant_frames())
     steps = list(read_record(tmp_path / f"a{suffix}", config).steps())
-    live = Ingest(config, "bus0").feed(plant_frames())["r.two"]
+    live = fed(Ingest(config, "bus0"), plant_frames())["r.two"]
     assert [x for step in steps for x in step.samples["r.two"].u] == [s.torque for s in live]
     assert [x for step in steps for x in step.samples["r.two"].y] == [s.motion for s in live]
     times = [int(t) for step in steps for t in step.samples["r.two"].t_us]
@@ -229,10 +233,10 @@ def two_buses(folder: Path) -> Config:
 
 def test_buses_are_told_apart_by_their_names(tmp_path: Path) -> None:
     with FrameRecorder(tmp_path / "a.log") as recorder:
-        recorder.write("bus0", plant_frames()[:10])  # wanted on the other bus
-        recorder.write("bus1", plant_frames()[10:30])
-        recorder.write("can1", plant_frames()[30:40])
-        recorder.write("can2", plant_frames()[40:41])
+        recorder.write("bus0", FrameBlock.from_frames(plant_frames()[:10]))  # wanted on the other bus
+        recorder.write("bus1", FrameBlock.from_frames(plant_frames()[10:30]))
+        recorder.write("can1", FrameBlock.from_frames(plant_frames()[30:40]))
+        recorder.write("can2", FrameBlock.from_frames(plant_frames()[40:41]))
     record = read_record(tmp_path / "a.log", two_buses(tmp_path))
     (step,) = record.steps()
     assert len(step.samples["r.two"].t_us) == 30

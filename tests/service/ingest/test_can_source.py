@@ -11,7 +11,7 @@ import pytest
 
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
-from service.can.frames import Frame, FrameKey
+from service.can.frames import Frame, FrameBlock, FrameKey
 from service.can.receivers import frame_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
@@ -45,7 +45,7 @@ def take(reader: CanReader, count: int) -> list[Frame]:
     frames: list[Frame] = []
 
     def enough() -> bool:
-        frames.extend(reader.take())
+        frames.extend(reader.take().frames())
         return len(frames) >= count
 
     wait_for(enough, lambda: f"{len(frames)} of {count} frames: {reader.stats()}")
@@ -131,7 +131,7 @@ def test_frames_that_wait_can_be_taken_after_closing(tmp_path: Path) -> None:
     with reading(config) as reader, open_bus(config) as sender:
         send(sender, STANDARD, b"x")
         wait_for(lambda: reader.stats().frames == 1, reader.stats)
-    assert [f.data for f in reader.take()] == [b"x"]
+    assert [f.data for f in reader.take().frames()] == [b"x"]
 
 
 @pytest.mark.parametrize(
@@ -174,10 +174,11 @@ def test_a_time_that_is_not_since_1970_is_that_of_the_receipt(timestamp: float) 
 
 
 def test_the_queue_is_bounded_in_frames() -> None:
-    queue, frame = FrameQueue(5), Frame(0, 1, False, b"")
-    assert queue.put([frame] * 3)
-    assert not queue.put([frame] * 3)  # whole blocks only
-    assert queue.put([frame] * 2)
-    assert len(queue.take(1)) == 3
-    assert len(queue.take(100)) == 2
-    assert queue.take(100) == []
+    queue = FrameQueue(5)
+    frames = [Frame(k, 1, False, bytes(k)) for k in range(6)]
+    assert queue.put(FrameBlock.from_frames(frames[:3]))
+    assert not queue.put(FrameBlock.from_frames(frames[3:]))  # whole blocks only
+    assert queue.put(FrameBlock.from_frames(frames[3:5]))
+    assert list(queue.take(1).frames()) == frames[:3]
+    assert list(queue.take(100).frames()) == frames[3:5]
+    assert queue.take(100).size == 0

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.ingest.clock_fit import QUICK, SLEW
-from service.ingest.clocks import CyclicClock, SampleClock
-from service.ingest.timestamp_jitter import NOT_KNOWN, StampMeter, Stamps, in_words, remarks
+from monitor_core.sampling.clock_line import QUICK, SLEW
+from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, in_words, remarks
+from tests.service.ingest.single_frames import CyclicClock, SampleClock, StampMeter
 
 START_US = 1_760_000_000_000_000
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from service.can.frames import Frame, Sample
+from monitor_core.sampling.controller_clocks import WINDOW
+from service.can.frames import Frame
 from service.ingest.bus_samples import Ingest
-from service.ingest.clocks import WINDOW
-from tests.service.ingest.plant import axis1, axis2, axis3, make_config
+from tests.service.ingest.plant import Sample, axis1, axis2, axis3, fed, flushed, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, axis_drops, both2, torque1
 
 CYCLE_US = 5000
@@ -29,7 +29,7 @@ def in_order(frames: list[Frame]) -> list[Frame]:
 
 
 def sampled(ingest: Ingest, frames: list[Frame], axis_id: str) -> list[Sample]:
-    return ingest.feed(frames).get(axis_id, []) + ingest.flush().get(axis_id, [])
+    return fed(ingest, frames).get(axis_id, []) + flushed(ingest).get(axis_id, [])
 
 
 def test_torque_and_motion_of_one_frame(tmp_path: Path, seed: int) -> None:
@@ -122,9 +122,9 @@ def test_blocks_may_be_cut_anywhere_and_the_last_frames_are_not_lost(tmp_path: P
     at_once = {axis_id: sampled(Ingest(config, "bus0"), frames, axis_id) for axis_id in uncut.axes}
     one_by_one: dict[str, list[Sample]] = {axis_id: [] for axis_id in cut.axes}
     for frame in frames:
-        for axis_id, found in cut.feed([frame]).items():
+        for axis_id, found in fed(cut, [frame]).items():
             one_by_one[axis_id] += found
-    for axis_id, found in cut.flush().items():
+    for axis_id, found in flushed(cut).items():
         one_by_one[axis_id] += found
     assert one_by_one == at_once
     taken = {axis_id: 2 * len(samples) for axis_id, samples in at_once.items()}

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.can.frames import Frame, Sample
+from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import RecordError
 from service.config import Config
 from service.ingest.bus_samples import Ingest
@@ -19,6 +19,7 @@ from service.ingest.encode import FrameEncoder, Values
 from service.ingest.quantities import HeldColumns
 from service.ingest.records import read_record
 from service.simulation.playback import encode_table
+from tests.service.ingest import plant
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
 
@@ -36,7 +37,7 @@ def pair(t_us: int, torque: float = 1.0, angle: float = 2.0) -> list[Frame]:
 
 def fed(config: Config, *frames: Frame, axis_id: str = "r.one") -> list[tuple[float, ...]]:
     """The further signals of each sample."""
-    return [sample.signals for sample in Ingest(config, "bus0").feed(frames)[axis_id]]
+    return [sample.signals for sample in plant.fed(Ingest(config, "bus0"), frames)[axis_id]]
 
 
 def test_a_sample_has_the_last_value_received_by_then(tmp_path: Path) -> None:
@@ -63,7 +64,7 @@ def test_an_axis_that_needs_none_has_none(tmp_path: Path) -> None:
     unused = make_config(tmp_path, axis1(signal=[HEAT]))
     ingest = Ingest(unused, "bus0")
     assert (320, False) not in ingest.keys
-    assert ingest.feed(pair(START_US)) == {"r.one": [Sample(START_US + 100, 1.0, 2.0)]}
+    assert plant.fed(ingest, pair(START_US)) == {"r.one": [plant.Sample(START_US + 100, 1.0, 2.0)]}
 
 
 def test_an_old_value_is_not_known_until_there_is_a_new_one_nor_after_the_clock_is_set_back(
@@ -133,7 +134,10 @@ def test_what_is_needed_is_what_is_followed_or_gates(tmp_path: Path) -> None:
         "signal b",
         "signal d",
     ]
-    names = [value.quantity for value in Ingest(config, "bus0").feed_values([heat(START_US, 30)])]
+    names = [
+        value.quantity
+        for value in Ingest(config, "bus0").feed_values(FrameBlock.from_frames([heat(START_US, 30)]))
+    ]
     assert names == ["signal b", "signal d"]
 
 
@@ -214,7 +218,7 @@ def test_what_is_encoded_is_what_is_received(tmp_path: Path) -> None:
         assert frames[0].key.can_id == 320, "signals first: they are of this sample"
         assert sum(key.can_id == 272 for key, _ in frames) == 1
         block = [Frame(START_US + 5000 * k, *key, data) for key, data in frames]
-        found += [sample.signals for sample in ingest.feed(block).get("r.one", [])]
+        found += [sample.signals for sample in plant.fed(ingest, block).get("r.one", [])]
     assert math.isnan(found[0][1]), "the other axis had not sent by then"
     assert [signals[0] for signals in found] == [5.0, 6.0, 7.0]
     assert [signals[1] for signals in found[1:]] == [0.0, 0.25]

@@ -12,19 +12,19 @@ import pyarrow.csv
 import pytest
 
 from service.can.bus import open_bus
-from service.can.frames import Frame, FrameKey, Sample
+from service.can.frames import Frame, FrameBlock, FrameKey
 from service.can.log_files import FrameRecorder
 from service.can.user_errors import BusError, IngestError, RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder
 from service.simulation.playback import PlayFrame, play_frames, play_record
-from tests.service.ingest.plant import axis1, axis2, axis3, axis4, make_config
+from tests.service.ingest.plant import Sample, axis1, axis2, axis3, axis4, fed, make_config
 
 
 def through_the_pipeline(config: Config, played: list[PlayFrame]) -> dict[str, list[Sample]]:
     frames = [Frame(round(p.offset_s * 1e6), p.key.can_id, p.key.extended, p.data) for p in played]
-    return Ingest(config, "bus0").feed(frames)
+    return fed(Ingest(config, "bus0"), frames)
 
 
 def table(path: Path, count: int = 300) -> dict[str, Any]:
@@ -92,7 +92,7 @@ def test_a_value_that_does_not_fit(tmp_path: Path) -> None:
 def test_a_log_is_played_as_it_is(tmp_path: Path) -> None:
     sent = [Frame(10**15 + 700 * k, 0x123 + k % 2, k % 3 == 0, bytes([k % 256])) for k in range(1000)]
     with FrameRecorder(tmp_path / "a.log") as recorder:
-        recorder.write("bus0", sent)
+        recorder.write("bus0", FrameBlock.from_frames(sent))
     played = list(play_record(tmp_path / "a.log", make_config(tmp_path, axis1())))
     assert [(p.bus, p.key, p.data) for p in played] == [
         ("bus0", (f.can_id, f.extended), f.data) for f in sent

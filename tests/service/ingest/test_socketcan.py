@@ -1,5 +1,6 @@
 """The reader on real SocketCAN devices: filters, buffers, drops, and devices that come and go."""
 
+import random
 import shutil
 import socket
 import struct
@@ -8,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 
 import can
 import pytest
@@ -15,8 +17,8 @@ from can.interfaces.socketcan import SocketcanBus
 
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
-from service.can.frames import Frame
-from service.can.receivers import SocketReceiver
+from service.can.frames import Frame, FrameKey
+from service.can.receivers import Receiver, SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from service.simulation.playback import PlayFrame, play_frames
@@ -109,12 +111,52 @@ def test_the_reader_tells_what_the_kernel_dropped(tmp_path: Path) -> None:
 def test_the_buffer_holds_a_pause_of_the_reader(tmp_path: Path) -> None:
     config = bus_config(tmp_path)
     with open_bus(config, [STANDARD]) as bus, open_bus(config) as sender:
-        receiver = SocketReceiver(bus)  # type: ignore[arg-type]
+        receiver = receiver_of(bus)
         for k in range(5000):
             send(sender, STANDARD, k.to_bytes(2, "little"))
-        received = [receiver.read(0.0) for _ in range(5000)]
-        assert all(isinstance(frame, Frame) for frame in received)
+        received = all_of(receiver, 5000)
+        assert [int.from_bytes(frame.data, "little") for frame in received] == list(range(5000))
         assert receiver.overflow == 0
+
+
+def all_of(receiver: Receiver, count: int) -> list[Frame]:
+    """The frames that wait, in blocks of no more than a hundred."""
+    found, end = list[Frame](), time.monotonic() + 20.0
+    while len(found) < count and time.monotonic() < end:
+        block = receiver.read(100, Event()).frames
+        assert block.size <= 100
+        found += block.frames()
+    return found
+
+
+def test_both_readers_give_the_same_frames(tmp_path: Path, seed: int) -> None:
+    """Of the same bus: classic ones and CAN FD, standard and extended ids, error and remote frames, all lengths."""
+    config, rng = bus_config(tmp_path, options={"fd": True}), random.Random(seed)
+    lengths = [*range(9), 12, 16, 20, 24, 32, 48, 64]
+    with open_bus(config) as first, open_bus(config) as second, open_bus(config) as sender:
+        in_blocks, single = receiver_of(first), Receiver(second)
+        assert isinstance(in_blocks, SocketReceiver)
+        sent, found, expected = list[tuple[FrameKey, bytes]](), list[Frame](), list[Frame]()
+        for k in range(600):  # shorter data after longer, so that no old byte may be left
+            extended = rng.random() < 0.5
+            key = FrameKey(rng.randrange(2**29 if extended else 2**11), extended)
+            sent.append((key, rng.randbytes(rng.choice(lengths))))
+            send(sender, *sent[-1])
+            if k % 100 == 50:
+                sender.send(can.Message(arbitration_id=1, is_extended_id=False, is_remote_frame=True))
+            if k % 200 == 199:  # python-can's buffer holds 278
+                found += all_of(in_blocks, 200)
+                expected += all_of(single, 200)
+    assert [(frame.key, frame.data) for frame in found] == sent
+    assert [frame[1:] for frame in found] == [frame[1:] for frame in expected]
+    # python-can has the time as a float of seconds.
+    assert all(abs(a.t_us - b.t_us) <= 1 for a, b in zip(found, expected, strict=True))
+    assert [frame.t_us for frame in found] == sorted(frame.t_us for frame in found)
+
+
+def test_a_bus_says_how_it_is_read(tmp_path: Path) -> None:
+    with reading(bus_config(tmp_path)) as reader:
+        assert reader.stats().reader == "socketcan in blocks"
 
 
 def test_down_and_up_again(tmp_path: Path, device: str) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from service.can.bus_reader import ReaderStats
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameBlock
 from service.commands.exit_codes import OK
 from service.config import AxisConfig, Config, load
 from service.ingest.encode import Encoded, FrameEncoder
@@ -64,19 +64,19 @@ def blocks(
     faults: Sequence[Fault] = (),
     every_s: float = 0.1,
     measured: Callable[[Moment], Mapping[str, Reading]] = lambda moment: moment.readings,
-) -> Iterator[list[Frame]]:
+) -> Iterator[FrameBlock]:
     """The frames of a robot in blocks of that length."""
     block: list[Frame] = []
     ends_s = every_s
     for time_s, sent in moments(config, seconds, seed, faults, measured):
         if time_s >= ends_s:
-            yield block
+            yield FrameBlock.from_frames(block)
             block, ends_s = [], ends_s + every_s
         block += [Frame(START_US + round(time_s * 1e6), *f.key, f.data) for f in sent]
-    yield block
+    yield FrameBlock.from_frames(block)
 
 
-def live(core: FramePipeline, frames: Iterable[list[Frame]], bus: str = "can0") -> list[AxisAlarm]:
+def live(core: FramePipeline, frames: Iterable[FrameBlock], bus: str = "can0") -> list[AxisAlarm]:
     """The daemon's core over blocks of frames to their end; returns all changes of alarms."""
     changes = []
     for block in frames:
@@ -86,9 +86,9 @@ def live(core: FramePipeline, frames: Iterable[list[Frame]], bus: str = "can0") 
     return changes + core.update()
 
 
-def cut(frames: Sequence[Frame], every: int) -> Iterator[list[Frame]]:
+def cut(frames: Sequence[Frame], every: int) -> Iterator[FrameBlock]:
     """Blocks of that number of frames."""
-    return (list(frames[k : k + every]) for k in range(0, len(frames), every))
+    return (FrameBlock.from_frames(frames[k : k + every]) for k in range(0, len(frames), every))
 
 
 def replayed(file: Path, *records: Path, code: int = OK) -> dict[str, Any]:
@@ -103,9 +103,9 @@ class Waiting:
         self.frames = list(frames)
         self.received = len(self.frames)
 
-    def take(self, most: int = 4096) -> list[Frame]:
+    def take(self, most: int = 4096) -> FrameBlock:
         taken, self.frames = self.frames[:most], self.frames[most:]
-        return taken
+        return FrameBlock.from_frames(taken)
 
     def stats(self) -> ReaderStats:
         return ReaderStats("up", self.received, {"queue_full": 0})

@@ -31,7 +31,7 @@ def alarms(
     core, found, end_s = FramePipeline(commissioned(axes)), list[tuple[float, AxisAlarm]](), 0.0
     for frames in blocks(demo(folder, axes), seconds, seed, faults):
         core.take("can0", frames)
-        end_s = 1e-6 * (frames[-1].t_us - START_US) if frames else end_s
+        end_s = 1e-6 * (int(frames.t_us[-1]) - START_US) if frames.size else end_s
         found += [(end_s, change) for change in core.update()]
     assert all(sum(counts.dropped.values()) == 0 for counts in core.ingests["can0"].axes.values())
     return found

@@ -23,7 +23,7 @@ def test_it_lies_below_the_folder_that_is_set_or_the_users_cache(tmp_path: Path)
 
 
 def test_other_sources_have_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernel_cache, "KERNEL", tmp_path)
+    monkeypatch.setattr(kernel_cache, "COMPILED", (tmp_path,))
     (tmp_path / "a.py").write_text("x = 1\n")
     before = fingerprint()
     (tmp_path / "a.py").write_text("x = 2\n")

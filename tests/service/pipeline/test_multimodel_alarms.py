@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from monitor_core.detection import Alarm
-from service.can.frames import Frame
+from service.can.frames import FrameBlock
 from service.config import Config
 from service.config.schema_model import DetectorConfig
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
@@ -41,7 +41,7 @@ def measured(moment: Moment) -> Mapping[str, Reading]:
     return readings
 
 
-def frames(config: Config, seed: int) -> list[list[Frame]]:
+def frames(config: Config, seed: int) -> list[FrameBlock]:
     return list(blocks(config, ENDS_S, seed, FAULTS, BLOCK_S, measured))
 
 
@@ -53,7 +53,7 @@ class Run(NamedTuple):
     saver: Checkpointer
     messages: tuple[str, ...]
 
-    def take(self, block: list[Frame]) -> list[AxisAlarm]:
+    def take(self, block: FrameBlock) -> list[AxisAlarm]:
         self.core.take("can0", block)
         changes = self.core.update()
         self.alarms.record(changes)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import AxisMonitor
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameBlock
 from service.can.log_files import FrameRecorder
 from service.config import Config, load
 from service.ingest.records import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import Fault
 from tests.demo_text import demo_text
+from tests.service.ingest.plant import rows_of
 from tests.service.pipeline.robots import DEMO, START_US, cut, live, moments, replayed
 
 LENGTH_S = 40.0
@@ -165,7 +166,7 @@ def test_a_fault_is_found_while_the_nominal_value_moves_and_a_log_replays_it_to_
     assert fm.estimate / fm.nominal > 1.15
     log, config = tmp_path / "today.log", load(file, {})
     with FrameRecorder(log) as recorder:
-        recorder.write("can0", broken)
+        recorder.write("can0", FrameBlock.from_frames(broken))
     again = AxisMonitors(config.axes)
     for step in LogRecord(log, config).steps():
         again.update(step.samples)
@@ -180,9 +181,9 @@ def test_a_fault_is_found_while_the_nominal_value_moves_and_a_log_replays_it_to_
 def test_a_table_says_the_same(file: Path, broken: list[Frame], found_broken: Ran, tmp_path: Path) -> None:
     """The samples of the log with their signals as columns, which are held where a cell is empty."""
     core, rows = FramePipeline(load(file, {})), ["t,torque,angle,torque2,angle2,warm,mode"]
-    step = core.ingests["can0"].feed(broken)
+    step = core.ingests["can0"].feed(FrameBlock.from_frames(broken))
     before: list[float] = []
-    for first, second in zip(step["demo.axis1"], step["demo.axis2"], strict=True):
+    for first, second in zip(rows_of(step["demo.axis1"]), rows_of(step["demo.axis2"]), strict=True):
         temperature, mode, _ = first.signals
         new = [temperature, mode] != before
         before = [temperature, mode] if new else before

@@ -78,7 +78,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
     """Twelve seconds of two axes; after six, the friction of the first has doubled."""
     config = demo(tmp_path_factory.mktemp("frames"), 2)
     fault = Fault("demo.axis1", {"fm": 2.0}, 6.0)
-    return [frame for block in blocks(config, 12.0, seed, [fault]) for frame in block]
+    return [frame for block in blocks(config, 12.0, seed, [fault]) for frame in block.frames()]
 
 
 @pytest.fixture

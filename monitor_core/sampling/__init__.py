@@ -1,0 +1,59 @@
+"""From frames of one axis to its samples: the time on the controller's clock, and pairs of torque and motion, compiled.
+
+Read in this order: clock_line (a line through times of receipt), controller_clocks (a counter, or cycles), pairing,
+stamp_meter, stream (all of it, in a loop over frames).
+"""
+
+from monitor_core.sampling.controller_clocks import (
+    VALUE,
+    Clock,
+    counted_interval_s,
+    counter_clock,
+    cyclic_clock,
+    cyclic_interval_s,
+)
+from monitor_core.sampling.pairing import DROP_REASONS, SAMPLE, Pairing, new_pairing
+from monitor_core.sampling.stamp_meter import MEMORY, new_meter
+from monitor_core.sampling.stream import (
+    COUNTER,
+    CYCLIC,
+    HAS_COUNT,
+    HAS_MOTION,
+    HAS_TORQUE,
+    RECEIPT,
+    FrameValues,
+    Stream,
+    compile_stream,
+    flush_frames,
+    new_scratch,
+    room_for_samples,
+    take_frames,
+)
+
+__all__ = [
+    "COUNTER",
+    "CYCLIC",
+    "DROP_REASONS",
+    "HAS_COUNT",
+    "HAS_MOTION",
+    "HAS_TORQUE",
+    "MEMORY",
+    "RECEIPT",
+    "SAMPLE",
+    "VALUE",
+    "Clock",
+    "FrameValues",
+    "Pairing",
+    "Stream",
+    "compile_stream",
+    "counted_interval_s",
+    "counter_clock",
+    "cyclic_clock",
+    "cyclic_interval_s",
+    "flush_frames",
+    "new_meter",
+    "new_pairing",
+    "new_scratch",
+    "room_for_samples",
+    "take_frames",
+]

@@ -1,0 +1,157 @@
+"""Lines of candump logs as frames, all lines of a piece of the file at once.
+
+A line is ``(1760000000.123456) can0 123#0011``, with ``##`` and a digit for CAN FD; `` R`` or `` T`` may be behind it,
+and tabulators between its parts.  Every other one is odd and left to the caller.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Bools, Ints
+from service.can.frames import CLASSIC_BYTES, CLASSIC_RECORD, EXTENDED, FD_BYTES, FD_RECORD, FrameBlock
+
+_ID = 0x1FFFFFFF
+ERROR = 0x20000000
+"""In the id of an error frame"""
+_NAME = 16
+_DIGITS = 10
+"""Of the seconds, at most"""
+_NO_DIGIT = 255
+_HEX = np.full(256, _NO_DIGIT, np.uint8)
+_HEX[np.frombuffer(b"0123456789", np.uint8)] = np.arange(10)
+_HEX[np.frombuffer(b"abcdef", np.uint8)] = _HEX[np.frombuffer(b"ABCDEF", np.uint8)] = np.arange(10, 16)
+_TENS = 10 ** np.arange(6 + _DIGITS, dtype=np.int64)
+_DIRECTIONS = np.frombuffer(b"RTrt", np.uint8)
+
+Text = NDArray[np.uint8]
+
+
+class Parsed(NamedTuple):
+    """The frames in some lines, in their order."""
+
+    frames: FrameBlock
+    lines: Ints
+    """Line of each frame (N,)"""
+    channels: Ints
+    """Of each frame (N,): which of the names"""
+    names: tuple[str, ...]
+    errors: Ints
+    """Lines that are error frames (E,)"""
+    odd: Ints
+    """Lines that are something else (M,)"""
+
+
+class _Marks(NamedTuple):
+    """Where the parts of lines are in a text; each (N,)."""
+
+    start: Ints
+    stamp_end: Ints
+    name_end: Ints
+    id_end: Ints
+    data: Ints
+    end: Ints
+
+
+def parse_lines(text: bytes) -> Parsed:
+    """The frames in whole lines, each with its end."""
+    letters = np.frombuffer(text, np.uint8)
+    letters = np.where(letters == ord("\t"), np.uint8(ord(" ")), letters)
+    ends = np.flatnonzero(letters == ord("\n"))
+    starts = np.concatenate(([0], ends[:-1] + 1))
+    lines, marks = _marked(letters, starts, ends)
+    t_us, timed = _times(letters, marks)
+    ids, known = _ids(letters, marks)
+    length = marks.end - marks.data
+    wide = letters[marks.data - 2] == ord("#")
+    sound = timed & known & (length % 2 == 0) & (length >= 0)
+    sound &= length <= np.where(wide, 2 * FD_BYTES, 2 * CLASSIC_BYTES)
+    width = FD_BYTES if (length[sound] > 2 * CLASSIC_BYTES).any() else CLASSIC_BYTES
+    data, paired = _bytes(letters, marks.data, np.minimum(length, 2 * width), width)
+    name, named = _names(letters, marks)
+    sound &= paired & named
+    errors = sound & (ids & ERROR != 0) & (marks.id_end - marks.name_end > 4)
+    good = sound & ~errors
+    records = np.zeros(int(np.count_nonzero(good)), FD_RECORD if width > CLASSIC_BYTES else CLASSIC_RECORD)
+    extended = marks.id_end - marks.name_end > 4
+    records["t_us"], records["length"] = t_us[good], length[good] // 2
+    records["id"] = np.where(extended, ids & _ID | EXTENDED, ids)[good]
+    records["flags"] = np.where(wide, letters[marks.data - 1] - ord("0"), 0)[good]
+    records["data"] = data[good]
+    odd = np.ones(len(ends), np.bool_)
+    odd[lines[sound]] = False
+    names, channels = _numbered(name[good])
+    return Parsed(FrameBlock(records), lines[good], channels, names, lines[errors], np.flatnonzero(odd))
+
+
+def _marked(letters: Text, starts: Ints, ends: Ints) -> tuple[Ints, _Marks]:
+    """The lines with the right number of blanks and marks, and where their parts are."""
+    blanks, hashes = np.flatnonzero(letters == ord(" ")), np.flatnonzero(letters == ord("#"))
+    blank, mark = np.searchsorted(blanks, starts), np.searchsorted(hashes, starts)
+    ends = ends - (letters[ends - 1] == ord("\r"))
+    of_blanks, of_hashes = np.diff(blank, append=len(blanks)), np.diff(mark, append=len(hashes))
+    lines = np.flatnonzero(((of_blanks == 2) | (of_blanks == 3)) & ((of_hashes == 1) | (of_hashes == 2)))
+    start, end, blank, mark = starts[lines], ends[lines], blank[lines], mark[lines]
+    with_direction, wide = of_blanks[lines] == 3, of_hashes[lines] == 2
+    stamp_end, name_end, id_end = blanks[blank], blanks[blank + 1], hashes[mark]
+    direction = blanks[np.where(with_direction, blank + 2, blank)]
+    good = np.where(with_direction, (direction == end - 2) & np.isin(letters[end - 1], _DIRECTIONS), True)
+    end = np.where(with_direction, direction, end)
+    good &= np.where(wide, hashes[np.where(wide, mark + 1, mark)] == id_end + 1, True)
+    data = id_end + np.where(wide, 3, 1)
+    good &= np.where(wide, _HEX[letters[np.minimum(id_end + 2, len(letters) - 1)]] < 10, True)
+    good &= (letters[start] == ord("(")) & (stamp_end >= start + 10) & (id_end > name_end) & (end >= data)
+    return lines[good], _Marks(*(part[good] for part in (start, stamp_end, name_end, id_end, data, end)))
+
+
+def _times(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
+    """Whole microseconds, and where that is what the brackets hold: seconds with six decimals."""
+    places = np.arange(6 + _DIGITS)
+    at = marks.stamp_end[:, np.newaxis] - 2 - places - (places >= 6)
+    inside = at > marks.start[:, np.newaxis]
+    digits = np.where(inside, _HEX[letters[np.maximum(at, 0)]], 0)
+    good = (letters[marks.stamp_end - 1] == ord(")")) & (letters[marks.stamp_end - 8] == ord("."))
+    good &= (digits < 10).all(axis=1) & (marks.stamp_end - 9 - marks.start <= _DIGITS)
+    return digits.astype(np.int64) @ _TENS, good
+
+
+def _ids(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
+    """Ids, and where they have three or eight digits."""
+    length, places = marks.id_end - marks.name_end - 1, np.arange(8)
+    at = marks.id_end[:, np.newaxis] - 1 - places
+    digits = np.where(places < length[:, np.newaxis], _HEX[letters[at]], 0)
+    good = ((length == 3) | (length == 8)) & (digits < 16).all(axis=1)
+    return digits.astype(np.int64) @ (1 << 4 * places), good
+
+
+def _bytes(letters: Text, start: Ints, length: Ints, width: int) -> tuple[Text, Bools]:
+    """Data (N, width), zero from its end on, and where all digits are ones."""
+    places = np.arange(2 * width)
+    at = np.minimum(start[:, np.newaxis] + places, len(letters) - 1)
+    digits = np.where(places < length[:, np.newaxis], _HEX[letters[at]], 0).astype(np.uint8)
+    good = np.asarray((digits < 16).all(axis=1), np.bool_)
+    return (digits[:, ::2] << 4 | digits[:, 1::2]).astype(np.uint8), good
+
+
+def _names(letters: Text, marks: _Marks) -> tuple[NDArray[np.bytes_], Bools]:
+    """Names of the buses, and where they are neither empty nor long."""
+    length, places = marks.name_end - marks.stamp_end - 1, np.arange(_NAME)
+    at = np.minimum(marks.stamp_end[:, np.newaxis] + 1 + places, len(letters) - 1)
+    name = np.where(places < length[:, np.newaxis], letters[at], np.uint8(0))
+    return np.ascontiguousarray(name).view(f"S{_NAME}")[:, 0], (length > 0) & (length <= _NAME)
+
+
+def _numbered(name: NDArray[np.bytes_]) -> tuple[tuple[str, ...], Ints]:
+    """The different names, and which of them each is."""
+    if len(name) and (name == name[0]).all():
+        return (_as_text(name[0]),), np.zeros(len(name), np.int64)
+    names, channels = np.unique(name, return_inverse=True)
+    return tuple(map(_as_text, names)), channels.astype(np.int64)
+
+
+def _as_text(name: bytes) -> str:
+    text = name.decode("utf-8", "replace")
+    return str(int(text)) if text.isdigit() else text  # as python-can has numbers

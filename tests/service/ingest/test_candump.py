@@ -1,0 +1,142 @@
+"""Candump logs are read many lines at once, to the frames that python-can reads line by line."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from service.can import log_files
+from service.can.candump import parse_lines
+from service.can.frames import Frame
+from service.can.log_files import CanLog
+from service.can.receivers import frame_of
+from service.can.user_errors import RecordError
+
+Entry = tuple[str, Frame]
+
+good_stamps = st.integers(0, 4_000_000_000_000_000).map(lambda us: f"({us // 10**6}.{us % 10**6:06d})")
+odd_stamps = st.sampled_from(
+    ["(1.5)", "(1760000000)", "(0.0)", "(12345678901.000000)", "(-1.000000)", "1.000000", "(1.00000x)"]
+)
+names = st.sampled_from(["can0", "can0", "vcan1", "3", "a-bus-with-a-long-name", "x"])
+good_ids = st.one_of(
+    st.integers(0, 0x7FF).map(lambda n: f"{n:03X}"), st.integers(0, 0x1FFFFFFF).map(lambda n: f"{n:08x}")
+)
+odd_ids = st.sampled_from(["20000044", "200000A0", "FFF", "1234", "12", "", "12G", "80000123", "C0000123"])
+good_content = st.one_of(
+    st.binary(max_size=8).map(lambda data: "#" + data.hex()),
+    st.binary(max_size=64).map(lambda data: "##1" + data.hex()),
+)
+odd_content = st.sampled_from(
+    ["#R", "#R8", "#0", "#012", "##", "##A00", "#" + "00" * 9, "##3" + "11" * 65, "#0g", "", "#11#22", "#."]
+)
+good_ends = st.sampled_from(["", " R", " T", " t"])
+odd_ends = st.sampled_from([" X", "  ", "\r", " R\r", " 1 2"])
+good_blanks, odd_blanks = st.sampled_from([" ", "\t"]), st.just("  ")
+
+
+@st.composite
+def lines(draw: st.DrawFn) -> str:
+    """A line of candump; often with an odd part, seldom with none that is right."""
+    if draw(st.integers(0, 29)) == 0:
+        return draw(st.text(max_size=30)).replace("\n", "").replace("\r", "")
+    good = (good_stamps, good_blanks, names, good_blanks, good_ids, good_content, good_ends)
+    odd = (odd_stamps, odd_blanks, names, odd_blanks, odd_ids, odd_content, odd_ends)
+    wrong = draw(st.integers(0, 20))
+    return "".join(draw(odd[k] if k == wrong else part) for k, part in enumerate(good))
+
+
+def one_by_one(text: bytes) -> tuple[list[Entry], int | None, int]:
+    """The frames by python-can, the line from 1 that it does not understand, and how many are error frames."""
+    found, errors = list[Entry](), 0
+    for number, line in enumerate(text.split(b"\n"), 1):
+        try:
+            for message in entries(line):
+                frame = frame_of(message, stored=True)
+                if frame == "error_frame" or is_error(line):
+                    errors += 1
+                elif isinstance(frame, Frame):
+                    found.append((str(message.channel), frame))
+        except (ValueError, LookupError, OverflowError):
+            return found, number, errors
+    return found, None, errors
+
+
+def is_error(line: bytes) -> bool:
+    """python-can takes some error frames for data."""
+    name = line.decode("utf-8", "replace").split()[2].partition("#")[0]
+    return len(name) > 3 and int(name, 16) & 0x20000000 != 0
+
+
+def entries(line: bytes) -> Iterator[can.Message]:
+    text = line.decode("utf-8", "replace").replace("\t", " ")
+    return iter(can.CanutilsLogReader(io.StringIO(text + "\n")))
+
+
+@settings(max_examples=200)
+@given(content=st.lists(lines(), max_size=25), piece=st.integers(1, 300), ended=st.booleans())
+def test_all_lines_are_read_as_one_by_one(
+    content: list[str], piece: int, ended: bool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("candump") / "a.log"
+    text = ("\n".join(content) + "\n" * ended).encode()
+    path.write_bytes(text)
+    expected, wrong, errors = one_by_one(text)
+    torn = wrong is not None and not ended and wrong == len(text.split(b"\n"))
+    log, found, problem = CanLog(path), list[Entry](), ""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(log_files, "_PIECE", piece)
+        try:
+            for block in log.blocks():
+                channels = (block.names[channel] for channel in block.channels.tolist())
+                found += zip(channels, block.frames.frames(), strict=True)
+        except RecordError as error:
+            problem = str(error)
+    assert found == expected
+    if wrong is not None and not torn:
+        assert f", line {wrong}: not understood: " in problem
+        assert f"({len(expected)} frames were read before it)" in problem
+        return
+    assert problem.endswith("no CAN frames in it") == (not expected)
+    assert log.dropped["error_frame"] == errors
+    assert log.dropped["not_a_frame"] == torn
+
+
+def test_a_log_with_an_odd_line_among_many(tmp_path: Path) -> None:
+    """Every frame at its place."""
+    regular = [f"(1760000000.{k:06d}) can{k % 2} {k:03X}#{k:04X}" for k in range(2000)]
+    regular[700] = "(1760000000.0007) can7 2BC#0002"
+    (tmp_path / "a.log").write_text("\n".join([*regular, ""]), encoding="utf-8")
+    blocks = list(CanLog(tmp_path / "a.log").blocks())
+    assert [t for block in blocks for t in block.frames.t_us.tolist()] == [
+        1760000000_000000 + k for k in range(2000)
+    ]
+    names = [block.names[channel] for block in blocks for channel in block.channels.tolist()]
+    assert names == [f"can{7 if k == 700 else k % 2}" for k in range(2000)]
+
+
+def test_lines_as_programs_write_them_need_no_second_look(tmp_path: Path) -> None:
+    text = [
+        "(1629633295.088890)\tcan0\t0D2#00000000000CD18B",
+        "(1629633295.088891) can0 123#",
+        "(1629633295.088892) vcan12 18FF0100#0011aaBB T",
+        "(0000000005.000001) can0 7FF##1" + "0F" * 64 + " R",
+        "(1629633295.088893) can0 20000044#0030000000008081",
+    ]
+    parsed = parse_lines("\n".join([*text, ""]).encode())
+    assert parsed.odd.size == 0
+    assert parsed.lines.tolist() == [0, 1, 2, 3]
+    assert parsed.errors.tolist() == [4]
+    assert parsed.frames.records["flags"].tolist() == [0, 0, 0, 1]
+    assert list(parsed.frames.frames()) == [
+        Frame(1629633295_088890, 0x0D2, False, bytes.fromhex("00000000000CD18B")),
+        Frame(1629633295_088891, 0x123, False, b""),
+        Frame(1629633295_088892, 0x18FF0100, True, bytes.fromhex("0011AABB")),
+        Frame(5_000001, 0x7FF, False, b"\x0f" * 64),
+    ]
