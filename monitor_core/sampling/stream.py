@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from monitor_core.sampling.controller_clocks import (
     Clock,
     count_time,
     counter_clock,
+    cyclic_clock,
     read_cycle,
     release_held,
 )
@@ -80,11 +82,16 @@ def room_for_samples(stream: Stream, number: int) -> NDArray[np.void]:
     return np.zeros(number + waiting + 1, SAMPLE)
 
 
-def compile_stream() -> None:
-    """Compile what the frames of any axis need, or load it from its cache."""
-    clocks = counter_clock(1.0, 1), counter_clock(1.0, 1)
+def compile_stream(cyclic: bool = False) -> None:
+    """Compile what the frames of an axis need, or load it from its cache.
+
+    Args:
+        cyclic: for the clock that is fitted to the cycles; otherwise for a counter and for times of receipt.
+    """
+    clock = (cyclic_clock if cyclic else partial(counter_clock, bits=1))(1.0)
     pairing = new_pairing(1.0, 0.1, 1.0, 1.0, (1.0, 1.0))
-    stream, none = Stream(RECEIPT, clocks, pairing, new_meter(1.0), new_scratch()), np.zeros(0)
+    kind = CYCLIC if cyclic else RECEIPT
+    stream, none = Stream(kind, (clock, clock), pairing, new_meter(1.0), new_scratch()), np.zeros(0)
     values = FrameValues(
         none.astype(np.int64), none.astype(np.int64), none, none, none, none.astype(np.uint8)
     )
@@ -93,7 +100,6 @@ def compile_stream() -> None:
     flush_frames(stream, samples)
 
 
-@entry
 def take_frames(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> int:
     """Take frames in the order of receipt; returns how many samples are complete.
 
@@ -102,23 +108,30 @@ def take_frames(stream: Stream, values: FrameValues, samples: NDArray[np.void]) 
         values: of the frames.
         samples: room for the samples (at least N and those that wait), of SAMPLE.
     """
-    number, value = 0, stream.scratch[0]
+    return int((_take_cyclic if stream.clock == CYCLIC else _take)(stream, values, samples))
+
+
+def flush_frames(stream: Stream, samples: NDArray[np.void]) -> int:
+    """End of the frames: the samples of held values; values without a partner are counted."""
+    if stream.clock == CYCLIC:
+        return int(_flush_cyclic(stream, samples))
+    _flush(stream.pairing)
+    return 0
+
+
+# Two entries for each: only axes that need the cyclic clock wait for its compilation.
+
+
+@entry
+def _take(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any:
+    """Frames with a counter, or with times of receipt."""
+    number: Any = np.int64(0)
+    value = stream.scratch[0]
     for k in range(len(values.places)):
-        has = values.has[k]
-        value.place, value.received_us = values.places[k], values.received_us[k]
-        value.torque, value.motion = values.torque[k], values.motion[k]
-        value.has_torque, value.has_motion = has & HAS_TORQUE != 0, has & HAS_MOTION != 0
-        if not (value.has_torque or value.has_motion):
+        if not _read_frame(stream, values, k):
             continue
-        if value.has_motion:
-            frame_received(stream.meter[0], value.received_us)
-        if stream.clock == CYCLIC:
-            clock = stream.clocks[1] if value.has_motion else stream.clocks[0]
-            read_cycle(clock.state[0], clock.values, value)
-            number = _take_ready(stream, clock, samples, number)
-            continue
-        sample_us = NO_TIME
-        if stream.clock == COUNTER and has & HAS_COUNT != 0:
+        sample_us: Any = np.int64(NO_TIME)
+        if stream.clock == COUNTER and values.has[k] & HAS_COUNT != 0:
             sample_us, reason = count_time(stream.clocks[0].state[0], value.received_us, values.counter[k])
             if reason != GIVEN:
                 stream.pairing.state[0].dropped[reason] += value.has_torque + value.has_motion
@@ -129,21 +142,48 @@ def take_frames(stream: Stream, values: FrameValues, samples: NDArray[np.void]) 
 
 
 @entry
-def flush_frames(stream: Stream, samples: NDArray[np.void]) -> int:
-    """End of the frames: the samples of held values; values without a partner are counted."""
-    number = 0
-    if stream.clock == CYCLIC:
-        for clock in stream.clocks:
-            if clock.state[0].runs:
-                clock.state[0].ready = 0
-                release_held(clock.state[0], clock.values)
-                number = _take_ready(stream, clock, samples, number)
+def _take_cyclic(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any:
+    number: Any = np.int64(0)
+    value = stream.scratch[0]
+    for k in range(len(values.places)):
+        if _read_frame(stream, values, k):
+            clock = stream.clocks[1] if value.has_motion else stream.clocks[0]
+            read_cycle(clock.state[0], clock.values, value)
+            number = _take_ready(stream, clock, samples, number)
+    return number
+
+
+@entry
+def _flush(pairing: Pairing) -> None:
+    flush_pairing(pairing.state[0], pairing.waiting)
+
+
+@entry
+def _flush_cyclic(stream: Stream, samples: NDArray[np.void]) -> Any:
+    number: Any = np.int64(0)
+    for clock in stream.clocks:
+        if clock.state[0].runs:
+            clock.state[0].ready = 0
+            release_held(clock.state[0], clock.values)
+            number = _take_ready(stream, clock, samples, number)
     flush_pairing(stream.pairing.state[0], stream.pairing.waiting)
     return number
 
 
 @outlined
-def _take_ready(stream: Stream, clock: Clock, samples: NDArray[np.void], number: int) -> int:
+def _read_frame(stream: Stream, values: FrameValues, k: int) -> bool:
+    """The values of a frame into the record of the last one; whether there are any."""
+    has, value = values.has[k], stream.scratch[0]
+    value.place, value.received_us = values.places[k], values.received_us[k]
+    value.torque, value.motion = values.torque[k], values.motion[k]
+    value.has_torque, value.has_motion = has & HAS_TORQUE != 0, has & HAS_MOTION != 0
+    if value.has_motion:
+        frame_received(stream.meter[0], value.received_us)
+    return bool(value.has_torque or value.has_motion)
+
+
+@outlined
+def _take_ready(stream: Stream, clock: Clock, samples: NDArray[np.void], number: Any) -> Any:
     """The samples completed by values whose times are known now."""
     for k in range(clock.state[0].ready):
         value = clock.values[READY, k]
@@ -152,21 +192,21 @@ def _take_ready(stream: Stream, clock: Clock, samples: NDArray[np.void], number:
             continue
         if value.has_motion:
             sample_timed(stream.meter[0], value.received_us, value.time_us)
-        number = _assemble(stream, value, value.time_us, NO_TIME, samples, number)
+        number = _assemble(stream, value, value.time_us, np.int64(NO_TIME), samples, number)
     return number
 
 
 @outlined
 def _assemble(
-    stream: Stream, value: Any, t_us: int, sample_us: int, samples: NDArray[np.void], number: int
-) -> int:
+    stream: Stream, value: Any, t_us: int, sample_us: Any, samples: NDArray[np.void], number: Any
+) -> Any:
     p, waiting, sample = stream.pairing.state[0], stream.pairing.waiting, samples[number]
     if value.has_torque and value.has_motion:
         found = add_pair(p, waiting, t_us, value.torque, value.motion, sample_us, sample)
-    elif value.has_torque:
-        found = add_value(p, waiting, TORQUE, t_us, value.torque, sample_us, sample)
-    else:
-        found = add_value(p, waiting, MOTION, t_us, value.motion, sample_us, sample)
+    else:  # of variable kind: numba would compile what gets a constant once more
+        kind: Any = np.int64(TORQUE if value.has_torque else MOTION)
+        found_value = value.torque if value.has_torque else value.motion
+        found = add_value(p, waiting, kind, t_us, found_value, sample_us, sample)
     if found:
         sample.place, sample.received_us = stream.scratch[0].place, stream.scratch[0].received_us
         return number + 1

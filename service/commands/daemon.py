@@ -15,7 +15,7 @@ from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.warming import EARLY, HYPOTHESES, CacheFiller
+from service.pipeline.warming import CYCLIC_CLOCK, EARLY, HYPOTHESES, CacheFiller
 from service.pipeline.worker import BusIntake, Compiled, Recording, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
@@ -97,7 +97,8 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     def compile_kernel() -> None:
         try:
             monitors = AxisMonitors(config.axes)
-            if filler.fill(monitors.batch_sizes):
+            cyclic = any(axis.config.time.clock == "cyclic" for axis in config.axes)
+            if filler.fill([*monitors.batch_sizes, *([CYCLIC_CLOCK] if cyclic else [])]):
                 monitors.compile()
                 compiled.estimates.set_result(None)
             if filler.fill([HYPOTHESES] if monitors.multimodel else []):

@@ -30,8 +30,8 @@ os._exit(0)  # the cache is written; to take the compiler's memory apart would t
 """
 
 
-HYPOTHESES = 0
-"""Instead of a number of axes: the kernel of the multi-model detector."""
+HYPOTHESES, CYCLIC_CLOCK = 0, -1
+"""Instead of a number of axes: the kernel of the multi-model detector; the clock that is fitted to a cycle."""
 FEW_AXES = 1
 """What nearly every daemon needs first: a robot has few axes."""
 FEW = "few-axes"
@@ -49,7 +49,9 @@ def compile_kernel(lanes: int) -> None:
     from monitor_core.sampling import compile_stream
     from monitor_core.settings import Settings
 
-    if lanes == HYPOTHESES:
+    if lanes == CYCLIC_CLOCK:
+        compile_stream(cyclic=True)
+    elif lanes == HYPOTHESES:
         bank = HypothesisBank(reference_model(), Settings(interval_s=INTERVAL_S))
         bank.run(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
     else:
@@ -61,14 +63,14 @@ def compile_kernel(lanes: int) -> None:
 
 
 def compile_update(lanes: int) -> None:
-    """Compile the way from frames to samples, then the second half of a sample only.
+    """Compile the second half of a sample, then the way from frames to samples.
 
     This is beside ``compile_kernel``, which then finds both in the cache.
     """
     from monitor_core.sampling import compile_stream
 
-    compile_stream()
     _batch(lanes).compile_update()
+    compile_stream()
 
 
 def _batch(lanes: int) -> AxisBatch:
@@ -80,10 +82,10 @@ def _batch(lanes: int) -> AxisBatch:
 
 
 def compile_all() -> None:
-    """Compile all shapes of the kernel: few axes, many axes, multi-model detector."""
+    """Compile everything that a daemon may need: few axes, many axes, multi-model detector, cyclic clock."""
     from monitor_core.monitoring import FEWEST_LANES
 
-    for lanes in (FEW_AXES, FEWEST_LANES, HYPOTHESES):
+    for lanes in (FEW_AXES, FEWEST_LANES, HYPOTHESES, CYCLIC_CLOCK):
         compile_kernel(lanes)
 
 
@@ -179,7 +181,7 @@ def _effort(lanes: int) -> dict[str, str]:
     until the first estimate, and the code is as fast.  The other shapes are slower with it.
     """
     least = {"NUMBA_OPT": "1", "NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}
-    return dict(os.environ) | (least if _shape(lanes) == FEW else {})
+    return dict(os.environ) | (least if lanes == CYCLIC_CLOCK or _shape(lanes) == FEW else {})
 
 
 def _is_cached(lanes: int) -> bool:
@@ -195,8 +197,9 @@ def _mark(lanes: int) -> Path | None:
 
 
 def _shape(lanes: int) -> str:
-    if lanes in (FEW_AXES, HYPOTHESES):
-        return "hypotheses" if lanes == HYPOTHESES else FEW
+    named = {FEW_AXES: FEW, HYPOTHESES: "hypotheses", CYCLIC_CLOCK: "cyclic-clock"}
+    if lanes in named:
+        return named[lanes]
     from monitor_core.monitoring import FEWEST_LANES
 
     return FEW if lanes < FEWEST_LANES else "many-axes"

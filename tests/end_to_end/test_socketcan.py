@@ -84,11 +84,11 @@ def test_a_process_that_is_stopped_for_two_seconds_loses_nothing(tmp_path: Path)
             wait_for(lambda: d.axis()["samples"] > before["samples"] + 700)
             simulated.send_signal(signal.SIGINT)
             assert simulated.wait(60) == 0
-        said = re.search(
+        reported = re.search(
             r"^(\d+) frames sent", (tmp_path / "robot.log").read_text(encoding="utf-8"), re.MULTILINE
         )
-        assert said
-        wait_for(lambda: d.axis()["samples"] == int(said[1]))
+        assert reported
+        wait_for(lambda: d.axis()["samples"] == int(reported[1]))
         after = d.axis()
         assert {name: count for name, count in after["dropped"].items() if count and name != "missing"} == {}
         # The robot of a slow machine may have left out samples itself.
