@@ -38,7 +38,8 @@ def refused(code: int, words: Sequence[str], *command: object) -> None:
 @pytest.mark.parametrize("command", ["run", "listen", "simulate", "play"])
 def test_a_bus_that_cannot_be_opened(command: str, config: Path, record: Path) -> None:
     bus = ('interface = "virtual"\nchannel = "mistakes"', 'interface = "socketcan"\nchannel = "can9"')
-    given = [record] if command == "play" else []
+    given: list[Path | str] = [record] if command == "play" else []
+    given += ["--yes"] if command in ("play", "simulate") else []
     refused(3, ["bus can0:", "can9"], command, "--config", edit(config, bus), *given)
 
 
