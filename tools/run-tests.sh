@@ -41,7 +41,7 @@ processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
 main=$?
 
 # These tests are one process in a kernel with one processor: mypy has the other one.
-.venv/bin/mypy >.cache/mypy.log 2>&1 &
+nice -n 10 .venv/bin/mypy >.cache/mypy.log 2>&1 &
 types=$!
 
 echo
