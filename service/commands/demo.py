@@ -23,8 +23,9 @@ from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 log = structlog.get_logger(__name__)
 
 _MOST_AXES = 6
-_LATEST_S = 60.0
-"""Samples may be sent so late [s]: their times are kept, so a busy machine lags behind and loses nothing."""
+_LATEST_S, _CATCH_UP = 60.0, 0.25
+"""Samples may be sent so late [s], and follow each other by so many intervals: their times are kept, so a busy machine
+lags behind, loses nothing, and is soon in time again."""
 
 _FEW_AXES = 2
 """With --commission: more take longer."""
@@ -150,7 +151,9 @@ def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: t
     ready.wait()
     try:
         with open_buses(config.bus) as buses:
-            sent = run_robot(robot, sender(config, buses), stop, _log_fault, latest_s=_LATEST_S)
+            sent = run_robot(
+                robot, sender(config, buses), stop, _log_fault, latest_s=_LATEST_S, catch_up=_CATCH_UP
+            )
     finally:
         stop.set()
     if sent.left_out:

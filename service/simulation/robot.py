@@ -101,7 +101,7 @@ def _try_out(fault: Fault, config: Config) -> None:
 # --- In real time on open buses ---------------------------------------------------------------------------------------
 
 
-_CATCH_UP = 0.7
+CATCH_UP = 0.7
 """Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
 
 LATEST_S = 0.4
@@ -150,10 +150,12 @@ def run_robot(
     happened: Callable[[Fault], None] = lambda _: None,
     duration_s: float | None = None,
     latest_s: float = LATEST_S,
+    catch_up: float = CATCH_UP,
 ) -> Sent:
     """Send the samples of a robot on a schedule that does not drift; those later than ``latest_s`` are left out.
 
-    It ends when ``stop`` is set, or after ``duration_s``.
+    Those that are late follow each other by at least ``catch_up`` intervals.  It ends when ``stop`` is set, or after
+    ``duration_s``.
     """
     start = time.monotonic()
     frames, left_out, sending = 0, 0, True
@@ -170,5 +172,5 @@ def run_robot(
         if wait_s > 0 and stop.wait(wait_s):
             break
         frames += send_moment(moment)
-        earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
+        earliest[moment.interval_s] = time.monotonic() + catch_up * moment.interval_s
     return Sent(frames, left_out)
