@@ -46,8 +46,9 @@ types=$!
 
 echo
 echo "SocketCAN tests, on vcan0 and vcan1:"
-# Everything is slow in there, imports above all: without a selection, collect only the files concerned.
-if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests); else files=(); fi
+# Everything is slow in there, imports above all: without a selection, collect only the files concerned.  Always in one
+# order, as a process that has grown is slower: what records in real time is before what simulates a robot of its own.
+if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests | sort); else files=(); fi
 tools/with-vcan.sh "${PYTEST[@]}" "$@" -m "vcan and not soak" "${files[@]}"
 sock=$?
 
