@@ -156,7 +156,7 @@ class CanReader:
             self._fault(error)
         self._dropped["kernel_overflow"] = self._overflow_before + receiver.overflow
         self._frames += block.size
-        if block.size and not self._queue.put(block):
+        if block and not self._queue.put(block):
             self._dropped["queue_full"] += block.size
         if self._state != "up":  # frames may flow again without a pause in which nothing comes
             self._look_again()

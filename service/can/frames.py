@@ -106,6 +106,10 @@ class FrameBlock:
         """Number of frames N."""
         return len(self.records)
 
+    def __bool__(self) -> bool:
+        """Whether there are frames, as of a list."""
+        return self.size > 0
+
     def select(self, frames: slice | Ints | Bools) -> FrameBlock:
         """The block of these frames only: a slice, indices or a mask (N,)."""
         return FrameBlock(self.records[frames])

@@ -84,6 +84,11 @@ def run_daemon(
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
 
 
+def needs_cyclic_clock(config: Config) -> bool:
+    """Whether the clock of an axis is fitted to its cycles, as it has no sample counter."""
+    return any(axis.config.time.clock == "cyclic" for axis in config.axes)
+
+
 def _in_background(config: Config, stack: ExitStack) -> Compiled:
     """Compile the kernel, or load it from its cache, during the start: that of the estimates first.
 
@@ -97,8 +102,7 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     def compile_kernel() -> None:
         try:
             monitors = AxisMonitors(config.axes)
-            cyclic = any(axis.config.time.clock == "cyclic" for axis in config.axes)
-            if filler.fill([*monitors.batch_sizes, *([CYCLIC_CLOCK] if cyclic else [])]):
+            if filler.fill([*monitors.batch_sizes, *([CYCLIC_CLOCK] if needs_cyclic_clock(config) else [])]):
                 monitors.compile()
                 compiled.estimates.set_result(None)
             if filler.fill([HYPOTHESES] if monitors.multimodel else []):

@@ -122,7 +122,7 @@ def _from_bus(dbc: Path, bus: BusConfig, seconds: float, output: Path) -> None:
     read_dbc(dbc)  # a mistake in it is reported before anything is waited for
     console.print(f"Listening to {where} for {seconds:g} s; the robot should move ...", markup=False)
     frames = _heard(bus, seconds)
-    if not frames.size:
+    if not frames:
         raise RecordError(
             f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
             " termination and bit rate right?"

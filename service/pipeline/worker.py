@@ -91,7 +91,7 @@ class BusIntake:
     def take(self, most: int) -> FrameBlock:
         """The waiting frames, recorded."""
         frames = self._reader.take(most)
-        if frames.size:
+        if frames:
             self._recording.write(self.name, frames)
         return frames
 

@@ -9,12 +9,14 @@ from pathlib import Path
 import pytest
 import structlog
 
-from service.commands.daemon import run_daemon
+from service.commands.daemon import needs_cyclic_clock, run_daemon
 from service.commands.exit_codes import DaemonFailedError
+from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.warming import HYPOTHESES, CacheFiller
 from service.store.journal import Journal
 from tests.conftest import ROOT
+from tests.end_to_end.processes import demo_config, edit
 from tests.service.pipeline.robots import demo
 
 
@@ -73,12 +75,24 @@ def test_the_kernel_of_the_estimates_is_compiled_first(
     assert order == ["estimates", "compiled", "multi-model detector"]
 
 
+def test_the_cyclic_clock_is_compiled_where_an_axis_has_one(tmp_path: Path) -> None:
+    file = demo_config(tmp_path, axes=2)
+    assert not needs_cyclic_clock(load(file, {}))
+    edit(file, ('counter_message = "Axis2State"\ncounter_signal = "Counter"', 'clock = "cyclic"'))
+    assert needs_cyclic_clock(load(file, {}))
+
+
 STARTS = [
     (
         "import service.commands.run, service.commands.demo, service.commands.daemon, service.web.app",
         "scipy.stats scipy.optimize scipy.signal sympy matplotlib pymoca pyarrow scipy.io",
     ),
     ("import service.commands.main, service.commands.run, service.commands.excite", "matplotlib"),
+    (
+        "from importlib import import_module; from service.commands.main import COMMANDS;"
+        "[import_module(f'service.commands.{name}') for name in COMMANDS]",
+        "scipy.stats scipy.signal scipy.optimize sympy matplotlib",
+    ),
     (
         "from service.config import load; from service.config.drive_sources import shipped;"
         "from service.pipeline.axis_monitors import AxisMonitors;"
@@ -88,7 +102,9 @@ STARTS = [
 ]
 
 
-@pytest.mark.parametrize(("program", "slow"), STARTS, ids=["daemon", "commands", "drive of the library"])
+@pytest.mark.parametrize(
+    ("program", "slow"), STARTS, ids=["daemon", "commands", "help", "drive of the library"]
+)
 def test_a_start_does_not_wait_for_what_is_never_used(program: str, slow: str) -> None:
     """They take longer to import than all the rest."""
     command = [sys.executable, "-c", f"{program}; import sys; print(*sys.modules, sep='\\n')"]

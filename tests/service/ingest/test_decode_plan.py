@@ -205,6 +205,12 @@ def test_frames_of_any_length_are_joined_and_come_out_again(seed: int) -> None:
     assert list(concatenate_frames([]).frames()) == []
 
 
+def test_a_block_without_frames_is_false() -> None:
+    frame = Frame(1, 0x100, False, b"x")
+    assert FrameBlock.from_frames([frame])
+    assert not FrameBlock.from_frames([])
+
+
 def test_a_database_without_the_page_of_a_frame(tmp_path: Path) -> None:
     """Wanted or not, a multiplexer with an unknown value makes the frame undecodable, as for cantools."""
     message = Message(
