@@ -15,7 +15,7 @@ from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.warming import CYCLIC_CLOCK, EARLY, HYPOTHESES, CacheFiller
+from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Recording, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
@@ -102,10 +102,13 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     def compile_kernel() -> None:
         try:
             monitors = AxisMonitors(config.axes)
-            if filler.fill([*monitors.batch_sizes, *([CYCLIC_CLOCK] if needs_cyclic_clock(config) else [])]):
+            shapes = {batch_shape(lanes) for lanes in monitors.batch_sizes}
+            if needs_cyclic_clock(config):
+                shapes.add(Shape.CYCLIC_CLOCK)
+            if filler.fill(shapes):
                 monitors.compile()
                 compiled.estimates.set_result(None)
-            if filler.fill([HYPOTHESES] if monitors.multimodel else []):
+            if filler.fill({Shape.MULTIMODEL} if monitors.multimodel else ()):
                 monitors.compile_multimodel()
                 compiled.multimodel.set_result(None)
         except BaseException as error:
