@@ -15,8 +15,9 @@ from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
-from service.pipeline.worker import BusIntake, Compiled, Recording, Worker
+from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 from service.texts import now_us
@@ -139,7 +140,7 @@ def _worker(
     stop: threading.Event,
 ) -> tuple[Worker, Journal]:
     """The worker with the files of the state directory, which are closed in the reverse order."""
-    recording = Recording(FrameRecorder(record) if record else None)
+    recording = Recording(FrameRecorder(record) if record else None, _extracts(config))
     stack.callback(recording.close)
     journal = Journal(config.service.state_dir / "alarms.sqlite")
     stack.callback(journal.close)
@@ -158,6 +159,15 @@ def _worker(
         config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
     )
     return worker, journal
+
+
+def _extracts(config: Config) -> Extracts | None:
+    """What writes the frames around alarms, unless the configuration leaves no room for them."""
+    kept = config.service
+    if not kept.recordings_mb:
+        return None
+    folder = RecordingFolder(kept.state_dir / "recordings", round(kept.recordings_mb * 1e6))
+    return Extracts(folder, kept.recording_before_s, kept.recording_after_s, now_us)
 
 
 def _shown(host: str) -> str:
