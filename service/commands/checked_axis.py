@@ -115,15 +115,16 @@ class Checked:
         return whole_numbers(self.raw(signal))
 
     def unit_text(self, signal: Signal) -> str:
-        """What names the unit: the column, or the unit in the DBC."""
+        """What names the unit: the column, or the unit in the description of the bus."""
         config = self.axis.config
         source: SignalConfig = config.torque if signal == "torque" else config.motion
         if self.in_tables:
             return source.column or ""
-        from service.can.dbc import find_message, find_signal, read_dbc
+        from service.can.message_files import read_messages
+        from service.can.messages import find_signal
 
         bus = next(bus for bus in self.config.bus if bus.name == config.bus)
-        return find_signal(find_message(read_dbc(bus.dbc), source.message), source.signal).unit or ""
+        return find_signal(read_messages(bus.messages), source.message, source.signal)[1].unit or ""
 
 
 def fastest(records: Sequence[Record]) -> float:

@@ -37,7 +37,7 @@ _SAME_ANGLE = 6.0
 
 
 def by_name(checked: Checked) -> Iterator[Correction]:
-    """The unit is in the name of the column or in the DBC, and the factor is not that of it."""
+    """The unit is in the name of the column or in the description of the bus, and the factor is not that of it."""
     if checked.agrees:
         return
     for signal in SIGNALS:
@@ -45,7 +45,7 @@ def by_name(checked: Checked) -> Iterator[Correction]:
         unit = unit_in(checked.unit_text(signal), quantity)
         if unit is None or unit.factor is None or abs(checked.factor(signal)) != 1 or unit.factor == 1:
             continue
-        place = "the column" if checked.in_tables else "the DBC"
+        place = "the column" if checked.in_tables else "the description of the bus"
         reason = f"{place} says that the {quantity} is in {unit.words}: {checked.unit_text(signal)}"
         yield Correction(checked.key(signal), checked.factor(signal) * unit.factor, reason)
 

@@ -1,11 +1,12 @@
-"""Cross-checks of names, buses and DBC files: references exist, and no signal is used twice."""
+"""Cross-checks of names, buses and their messages: references exist, and no signal is used twice."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from monitor_core.wording import did_you_mean
 from service.can.bus import interface_names
-from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
+from service.can.message_files import read_messages
+from service.can.messages import DescriptionError, find_counter, find_signal
 from service.config.base_table import Table
 from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
@@ -73,7 +74,7 @@ def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
 
 
 def usable_bus(bus: BusConfig) -> Iterator[Finding]:
-    """Python-can has the interface, options do not repeat keys of the bus, and the DBC can be read."""
+    """Python-can has the interface, options do not repeat keys of the bus, and its messages can be read."""
     if bus.interface not in interface_names():
         hint = did_you_mean(bus.interface, interface_names())
         yield Finding(("interface",), f"python-can has no such interface: {hint}")
@@ -81,9 +82,9 @@ def usable_bus(bus: BusConfig) -> Iterator[Finding]:
         if key in bus.options:
             yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
     try:
-        read_dbc(bus.dbc)
-    except DbcError as error:
-        yield Finding(("dbc",), str(error))
+        read_messages(bus.messages)
+    except DescriptionError as error:
+        yield Finding(("messages",), str(error))
 
 
 # --- The signals that axes use ----------------------------------------------------------------------------------------
@@ -131,21 +132,18 @@ def _further(config: Config) -> Iterator[_Use]:
                 yield _Use(axis, (*path, "signal", n), s.message, s.signal)
 
 
-def dbc_names(config: Config) -> Iterator[Finding]:
-    """Each message and each signal is in the DBC of the axis's bus."""
-    files = {bus.name: bus.dbc for bus in config.bus}
+def message_names(config: Config) -> Iterator[Finding]:
+    """Each message and each signal is known on the axis's bus."""
+    files = {bus.name: bus.messages for bus in config.bus}
     for use in (*_values(config), *_counters(config), *_further(config)):
         try:
-            database = read_dbc(files[use.axis.bus])
-        except (KeyError, DbcError):  # reported with the bus
+            known = read_messages(files[use.axis.bus])
+        except (KeyError, DescriptionError):  # reported with the bus
             continue
-        path = use.message_path
         try:
-            message = find_message(database, use.message)
-            path = use.signal_path
-            (find_counter if use.counter else find_signal)(message, use.signal)
-        except DbcError as error:
-            yield Finding(path, str(error))
+            (find_counter if use.counter else find_signal)(known, use.message, use.signal)
+        except DescriptionError as error:
+            yield Finding(use.signal_path if error.signal else use.message_path, str(error))
 
 
 def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
@@ -159,7 +157,7 @@ def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
 
 def counters_beside_values(config: Config) -> Iterator[Finding]:
     """A sample counter is in the message of the torque or of the motion."""
-    wrong = {finding.path for finding in dbc_names(config)}
+    wrong = {finding.path for finding in message_names(config)}
     for counter in _counters(config):
         values = [use for use in _values(config) if use.axis is counter.axis]
         if len(values) < 2 or wrong & {use.message_path for use in (*values, counter)}:
@@ -172,5 +170,12 @@ def counters_beside_values(config: Config) -> Iterator[Finding]:
             )
 
 
-CONFIG_RULES = (names, bus_references, sources, dbc_names, one_axis_for_each_signal, counters_beside_values)
+CONFIG_RULES = (
+    names,
+    bus_references,
+    sources,
+    message_names,
+    one_axis_for_each_signal,
+    counters_beside_values,
+)
 BUS_RULES = (usable_bus,)

@@ -47,7 +47,7 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
     calibration replaces them, and they may no longer fit.
 
     Raises:
-        ConfigErrors: all problems of the file, of the overrides and of the DBC files.
+        ConfigErrors: all problems of the file, of the overrides and of the descriptions of the buses.
     """
     text = _text(path)
     values = _values(path, text)

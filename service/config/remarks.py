@@ -9,7 +9,8 @@ from monitor_core.drive import LOAD, AxisModel
 from monitor_core.monitoring import short_memory, unidentifiable_words
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
-from service.can.dbc import find_message, find_signal, read_dbc
+from service.can.message_files import read_messages
+from service.can.messages import find_signal
 from service.config.axis_settings import (
     Detectors,
     axis_settings,
@@ -32,7 +33,7 @@ def remarks(config: Config) -> Iterator[str]:
 
     Raises:
         AxisError: an axis cannot be monitored as configured.
-        DbcError: a DBC cannot be used.
+        DescriptionError: the description of a bus cannot be used.
     """
     yield from _unsaid(config)
     for axis in config.axes:
@@ -115,7 +116,7 @@ def _least_noise(config: Config, axis: AxisConfig) -> float | None:
     if (noise := step_noise(axis)) is not None or axis.records_only:
         return noise
     bus = next(bus for bus in config.bus if bus.name == axis.bus)
-    signal = find_signal(find_message(read_dbc(bus.dbc), axis.motion.message), axis.motion.signal)
+    _, signal = find_signal(read_messages(bus.messages), axis.motion.message, axis.motion.signal)
     return None if signal.is_float else rounded(float(signal.scale) * axis.motion.factor)
 
 

@@ -26,7 +26,7 @@ class SignalConfig(Table):
     """[robot.axis.torque], .angle, .speed: source of a quantity; without a bus only ``column`` is given."""
 
     message: Text = ""
-    """name of the message in the DBC"""
+    """name of the message on the bus"""
     signal: Text = ""
     """name of the signal in that message"""
     factor: Real = 1.0
@@ -63,7 +63,7 @@ class FurtherConfig(Table):
     axis: Text | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
     message: Text | None = None
-    """name of the message in the DBC"""
+    """name of the message on the bus"""
     signal: Text | None = None
     """name of the signal in that message"""
     column: Text | None = None
@@ -154,8 +154,8 @@ class BusConfig(Table):
     """python-can interface: socketcan, virtual, pcan, ..."""
     channel: Text
     """channel of that interface, e.g. can0"""
-    dbc: FilePath
-    """DBC file of the messages on the bus, relative to this file"""
+    messages: FilePath
+    """file that describes the messages on the bus: .dbc, .kcd, .sym or .arxml, relative to this file"""
     queue_frames: Annotated[int, Field(strict=True)] = Field(100_000, ge=100, le=10_000_000)
     """frames that may wait for the worker before some are dropped"""
     options: dict[str, Any] = Field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Encodes values of axes to frames by the DBC, the inverse of decoding, for play and simulate."""
+"""Encodes values of axes to frames by the messages of the bus, the inverse of decoding, for play and simulate."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import NamedTuple
 
-from service.can.dbc import CodingError, Message, Signal
 from service.can.frames import FrameKey
+from service.can.messages import CodingError, Message, Signal
 from service.can.user_errors import IngestError
 from service.config.schema import Config
 from service.ingest.axis_input import AxisInput
@@ -36,7 +36,7 @@ class FrameEncoder:
     Signals that no axis needs have their initial value, or the raw value 0.
 
     Raises:
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
 
     def __init__(self, config: Config, bus: str) -> None:

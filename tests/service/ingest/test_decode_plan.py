@@ -17,9 +17,11 @@ from cantools.database.errors import DecodeError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.can.dbc import Decoder, read_dbc
 from service.can.decode_plan import MessagePlan
+from service.can.decoder import Decoder
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, FrameKey, concatenate_frames
+from service.can.message_files import read_messages
+from service.can.messages import MessageSet
 from tests.service.ingest.plant import DBC
 
 FRAMES = 12
@@ -151,10 +153,10 @@ def in_blocks(decoder: Decoder, frames: list[Frame]) -> Any:
     return found
 
 
-def check_database(dbc: Path, seed: int, count: int) -> None:
-    """Random frames of all messages of a file, some of them too short, too long or with another kind of id."""
-    rng, decoder, wanted = random.Random(seed), Decoder(dbc), dict[FrameKey, list[str]]()
-    for message in read_dbc(dbc).messages:
+def check_messages(known: MessageSet, seed: int, count: int) -> None:
+    """Random frames of all messages, some of them too short, too long or with another kind of id."""
+    rng, decoder, wanted = random.Random(seed), Decoder(known), dict[FrameKey, list[str]]()
+    for message in known.messages:
         for signal in message.signals:
             key = decoder.want(message.name, signal.name)
             wanted.setdefault(key, []).append(signal.name)
@@ -174,12 +176,12 @@ def check_database(dbc: Path, seed: int, count: int) -> None:
 def test_a_plant(tmp_path: Path, seed: int) -> None:
     """With extended ids, floats, CAN FD, names of values, and pages that are in the database or not."""
     (tmp_path / "plant.dbc").write_text(DBC, encoding="utf-8")
-    check_database(tmp_path / "plant.dbc", seed, 1000)
+    check_messages(read_messages(tmp_path / "plant.dbc"), seed, 1000)
 
 
 @pytest.mark.records
 def test_a_drive_that_can_be_bought(records_dir: Path, seed: int) -> None:
-    check_database(records_dir / "can" / "odrive-cansimple.dbc", seed, 3000)
+    check_messages(read_messages(records_dir / "can" / "odrive-cansimple.dbc"), seed, 3000)
 
 
 def test_frames_of_any_length_are_joined_and_come_out_again(seed: int) -> None:

@@ -1,0 +1,89 @@
+"""The messages of a bus, whatever describes them: a file, a table in the configuration, drives that speak CANopen.
+
+Every description is brought into one shape, the messages and signals of cantools.  Whatever decodes, encodes or
+looks at a bus reads this shape only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cantools.database.can import Message, Signal
+from cantools.database.errors import Error as CodingError
+
+from monitor_core.wording import did_you_mean
+from service.can.frames import FrameKey
+
+__all__ = ["CodingError", "DescriptionError", "Message", "MessageSet", "Signal"]
+
+
+class DescriptionError(Exception):
+    """A description that cannot be used, or a name that it does not have, in words for the user.
+
+    ``signal``: what is wrong is the name of the signal, and that of the message is right.
+    """
+
+    def __init__(self, text: str, signal: bool = False) -> None:
+        super().__init__(text)
+        self.signal = signal
+
+
+class MessageSet(NamedTuple):
+    """The messages of a bus.
+
+    Faults in unused messages are ignored; ``find_signal`` checks the ones that are used.
+    """
+
+    messages: tuple[Message, ...]
+    source: str
+    """What describes them, as in "robot.dbc" """
+
+
+def key_of_message(message: Message) -> FrameKey:
+    """The frames that carry a message."""
+    return FrameKey(message.frame_id, message.is_extended_frame)
+
+
+def find_signal(known: MessageSet, message: str, signal: str) -> tuple[Message, Signal]:
+    """A signal, after its message, by their names.
+
+    Raises:
+        DescriptionError: there is none, the signals do not fit into the message, or another one has its identifier.
+    """
+    found = _message(known, message)
+    by_name = {entry.name: entry for entry in found.signals}
+    if signal not in by_name:
+        hint = did_you_mean(signal, by_name)
+        raise DescriptionError(f'no signal "{signal}" in message {found.name}: {hint}', signal=True)
+    return found, by_name[signal]
+
+
+def _message(known: MessageSet, name: str) -> Message:
+    by_name = {message.name: message for message in known.messages}
+    if name not in by_name:
+        raise DescriptionError(f'no message "{name}" in {known.source}: {did_you_mean(name, by_name)}')
+    message = by_name[name]
+    try:
+        message.refresh(strict=True)
+    except CodingError as error:
+        raise DescriptionError(f"{known.source} is wrong about this message: {error}") from None
+    for other in known.messages:
+        if other is not message and key_of_message(other) == key_of_message(message):
+            raise DescriptionError(
+                f"{known.source} gives its identifier {message.frame_id:#x} to {other.name}, too"
+            )
+    return message
+
+
+def find_counter(known: MessageSet, message: str, signal: str) -> tuple[Message, Signal]:
+    """A counter, after its message, by their names.
+
+    Raises:
+        DescriptionError: there is none, or it is no whole number that goes up by one.
+    """
+    owner, counter = find_signal(known, message, signal)
+    if counter.is_float or counter.scale != 1:
+        found = "a float" if counter.is_float else f"an integer with factor {counter.scale:g}"
+        text = f"a sample counter must be an integer with factor 1; in {known.source} {signal} is {found}"
+        raise DescriptionError(text, signal=True)
+    return owner, counter
