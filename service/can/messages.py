@@ -6,9 +6,11 @@ looks at a bus reads this shape only.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 from cantools.database.can import Message, Signal
+from cantools.database.conversion import BaseConversion
 from cantools.database.errors import Error as CodingError
 
 from monitor_core.wording import did_you_mean
@@ -37,6 +39,54 @@ class MessageSet(NamedTuple):
     messages: tuple[Message, ...]
     source: str
     """What describes them, as in "robot.dbc" """
+
+
+Kind = Literal["unsigned", "signed", "float"]
+ByteOrder = Literal["little", "big"]
+
+
+class Bits(NamedTuple):
+    """A signal as a table of ids has it: where its bits are, and value = factor * number + offset."""
+
+    name: str
+    start_bit: int
+    """The lowest bit, in big endian the highest; 8 * byte + bit, where bit 0 of a byte is its lowest"""
+    length: int
+    kind: Kind = "unsigned"
+    byte_order: ByteOrder = "little"
+    factor: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def bytes_needed(self) -> int:
+        """Of the message, so that the signal fits."""
+        if self.byte_order == "little":
+            return (self.start_bit + self.length + 7) // 8
+        return self.start_bit // 8 + (self.length + 7 - self.start_bit % 8 + 7) // 8
+
+
+def message_of(name: str, key: FrameKey, signals: Sequence[Bits]) -> Message:
+    """The message with these signals, as long as they need.
+
+    Raises:
+        DescriptionError: the identifier has too many bits.
+    """
+    found = [
+        Signal(
+            bits.name,
+            bits.start_bit,
+            bits.length,
+            byte_order="little_endian" if bits.byte_order == "little" else "big_endian",
+            is_signed=bits.kind == "signed",
+            conversion=BaseConversion.factory(bits.factor, bits.offset, None, bits.kind == "float"),
+        )
+        for bits in signals
+    ]
+    length = max(bits.bytes_needed for bits in signals)
+    try:
+        return Message(key.can_id, name, length, found, is_extended_frame=key.extended, strict=False)
+    except CodingError as error:
+        raise DescriptionError(str(error)) from None
 
 
 def key_of_message(message: Message) -> FrameKey:

@@ -12,6 +12,7 @@ from service.commands.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
 from service.config.axis_settings import detectors_in_words
 from service.config.base_table import SUFFIX
+from service.config.bus_messages import messages_of
 from service.config.drives import not_identified
 from service.config.remarks import remarks
 from service.config.schema import SignalConfig
@@ -38,7 +39,10 @@ def _buses(config: Config) -> Table:
     table = Table("bus", "interface", "channel", "read by", "messages", title="Buses", title_justify="left")
     for bus in config.bus:
         table.add_row(
-            *map(escape, (bus.name, bus.interface, bus.channel, reader_of(bus.interface), bus.messages.name))
+            *map(
+                escape,
+                (bus.name, bus.interface, bus.channel, reader_of(bus.interface), messages_of(bus).source),
+            )
         )
     return table
 

@@ -119,13 +119,13 @@ def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, st
 
 
 def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
-    from service.can.message_files import read_messages
     from service.can.messages import key_of_message
+    from service.config.bus_messages import messages_of
 
     for bus in config.bus:
         traffic, state, lost = heard.traffic[bus.name], heard.states[bus.name], heard.lost[bus.name]
         where = f"bus {bus.name} ({bus.interface} {bus.channel})"
-        described = read_messages(bus.messages)
+        described = messages_of(bus)
         known = set(map(key_of_message, described.messages))
         if state != "up":
             yield f"{where} is {state}"

@@ -84,7 +84,7 @@ def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) 
         unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
         yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
     yield _MODEL
-    remark = axis.sureness + ("; a current: factor is the torque constant [N m/A]" if axis.current else "")
+    remark = axis.sureness + ("; a current: add kT_Nm_per_A, the torque constant" if axis.current else "")
     sign = -1.0 if axis.turned else 1.0
     yield f"torque = {_column(axis.torque, 'torque', sign)}  # {remark}"
     yield f"{axis.output} = {_column(axis.motion, axis.output)}"
@@ -141,7 +141,7 @@ def _source(role: SignalRole) -> str:
 
 def _unit_words(role: SignalRole) -> str:
     if role.current:
-        return "a current; factor is the torque constant [N m/A]"
+        return "a current: add kT_Nm_per_A, the torque constant"
     if not role.unit:
         return (
             f"by its name; it has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"

@@ -125,7 +125,8 @@ def by_inertia(checked: Checked) -> Iterator[Correction]:
     shows = f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal"
     counted = {signal: checked.in_whole_numbers(signal) for signal in SIGNALS}
     torque = _torque_times(checked, times) if counted["torque"] else 1.0
-    if counted["torque"] and _PER_MILLE[0] < torque < _PER_MILLE[1]:
+    is_torque = checked.axis.config.torque.kT_Nm_per_A is None
+    if counted["torque"] and is_torque and _PER_MILLE[0] < torque < _PER_MILLE[1]:
         yield _per_mille(checked, torque, f"{shows}, and the torque is in whole numbers")
     elif counted["motion"] and times < _COUNTED:
         yield _counts(

@@ -3,13 +3,26 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from monitor_core.wording import did_you_mean
+from monitor_core.wording import did_you_mean, listed
 from service.can.bus import interface_names
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
 from service.config.base_table import Table
+from service.config.bus_messages import bits_of, messages_of
 from service.config.problems import Finding, Keys
-from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
+from service.config.schema import (
+    FLOAT_BITS,
+    LAST_STANDARD_ID,
+    MAX_BYTES,
+    AxisConfig,
+    BitsConfig,
+    BusConfig,
+    Config,
+    FurtherConfig,
+    MessageConfig,
+    RobotConfig,
+    SignalConfig,
+)
 
 QUANTITIES = ("torque", "angle", "speed")
 _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"
@@ -24,7 +37,8 @@ def names(config: Config) -> Iterator[Finding]:
 
 
 def same_names(
-    key: str, tables: Sequence[BusConfig | RobotConfig | AxisConfig | FurtherConfig]
+    key: str,
+    tables: Sequence[BusConfig | MessageConfig | BitsConfig | RobotConfig | AxisConfig | FurtherConfig],
 ) -> Iterator[Finding]:
     """No two tables of an array have one name."""
     first: dict[str, int] = {}
@@ -81,10 +95,33 @@ def usable_bus(bus: BusConfig) -> Iterator[Finding]:
     for key in ("interface", "channel"):
         if key in bus.options:
             yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
+    yield from _table_of_ids(bus)
     try:
-        read_messages(bus.messages)
+        if bus.messages is not None:
+            read_messages(bus.messages)
     except DescriptionError as error:
         yield Finding(("messages",), str(error))
+
+
+def _table_of_ids(bus: BusConfig) -> Iterator[Finding]:
+    """The messages that no file describes can be."""
+    if bus.messages is None and not bus.message:
+        yield Finding(("messages",), f"{_missing(BusConfig, 'messages')}; or give [[bus.message]]")
+    yield from same_names("message", bus.message)
+    for i, message in enumerate(bus.message):
+        path: Keys = ("message", i)
+        if message.id > LAST_STANDARD_ID and not message.is_extended:
+            yield Finding((*path, "id"), "has more than 11 bits: extended = true, or leave extended out")
+        yield from (finding.inside(path) for finding in same_names("signal", message.signal))
+        for k, signal in enumerate(message.signal):
+            yield from (finding.inside((*path, "signal", k)) for finding in _bits(signal))
+
+
+def _bits(signal: BitsConfig) -> Iterator[Finding]:
+    if signal.kind == "float" and signal.length not in FLOAT_BITS:
+        yield Finding(("length",), f"a float has {listed([str(n) for n in FLOAT_BITS], 'or')} bits")
+    if bits_of(signal).bytes_needed > MAX_BYTES:
+        yield Finding(("length",), f"the signal ends after {MAX_BYTES} bytes, where every frame has ended")
 
 
 # --- The signals that axes use ----------------------------------------------------------------------------------------
@@ -134,10 +171,10 @@ def _further(config: Config) -> Iterator[_Use]:
 
 def message_names(config: Config) -> Iterator[Finding]:
     """Each message and each signal is known on the axis's bus."""
-    files = {bus.name: bus.messages for bus in config.bus}
+    buses = {bus.name: bus for bus in config.bus}
     for use in (*_values(config), *_counters(config), *_further(config)):
         try:
-            known = read_messages(files[use.axis.bus])
+            known = messages_of(buses[use.axis.bus])
         except (KeyError, DescriptionError):  # reported with the bus
             continue
         try:

@@ -198,7 +198,8 @@ def _remove(axis: Any, table: str, keys: Sequence[str]) -> None:
 def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
     """Where the configuration names files that stay where they are."""
     for bus in document.get("bus", ()):
-        yield bus, "messages"
+        if "messages" in bus:
+            yield bus, "messages"
     for robot in document["robot"]:
         for axis in (*robot["axis"], robot.get(DEFAULTS, {})):
             model = axis.get("model", {})

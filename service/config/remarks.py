@@ -9,7 +9,6 @@ from monitor_core.drive import LOAD, AxisModel
 from monitor_core.monitoring import short_memory, unidentifiable_words
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
-from service.can.message_files import read_messages
 from service.can.messages import find_signal
 from service.config.axis_settings import (
     Detectors,
@@ -20,6 +19,7 @@ from service.config.axis_settings import (
     step_noise,
     untold,
 )
+from service.config.bus_messages import messages_of
 from service.config.conditions import turning_torques, varying_of
 from service.config.drives import axis_model, not_identified
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
@@ -116,7 +116,7 @@ def _least_noise(config: Config, axis: AxisConfig) -> float | None:
     if (noise := step_noise(axis)) is not None or axis.records_only:
         return noise
     bus = next(bus for bus in config.bus if bus.name == axis.bus)
-    _, signal = find_signal(read_messages(bus.messages), axis.motion.message, axis.motion.signal)
+    _, signal = find_signal(messages_of(bus), axis.motion.message, axis.motion.signal)
     return None if signal.is_float else rounded(float(signal.scale) * axis.motion.factor)
 
 

@@ -9,7 +9,7 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameBlock, FrameKey
-from service.can.message_files import read_messages
+from service.config.bus_messages import messages_of
 from service.config.conditions import needed
 from service.config.schema import Config, Source
 from service.ingest.axis_input import AxisInput
@@ -54,9 +54,7 @@ class Ingest:
     def __init__(self, config: Config, bus: str, carried: Carried | None = None) -> None:
         signals = carried_by(config) if carried is None else carried
         axes = [axis for axis in config.axes if axis.config.bus == bus and axis.id in signals]
-        self.decoder = Decoder(
-            read_messages(next(known.messages for known in config.bus if known.name == bus))
-        )
+        self.decoder = Decoder(messages_of(next(known for known in config.bus if known.name == bus)))
         self.axes = {axis.id: AxisInput(axis, self.decoder, signals[axis.id]) for axis in axes}
         """The axes on this bus, by their names"""
 

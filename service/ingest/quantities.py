@@ -49,9 +49,7 @@ def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Q
     assert message is not None  # a cross-check of the configuration ensures it
     assert signal is not None
     wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
-    return Quantity(
-        name, decoder.want(message, signal), message, signal, source.factor, source.offset, wrap_period
-    )
+    return Quantity(name, decoder.want(message, signal), message, signal, *source.scale, wrap_period)
 
 
 class HeldSignal:

@@ -34,7 +34,7 @@ FRAMES = (
     Frame(
         "Drive", 0x181, False, 4, (Bits("Torque", 0, 16, 0.0625, "Nm"), Bits("Count", 16, 8, 1, "", False))
     ),
-    Frame("Motion", 0x18FF0100, True, 8, (Bits("Angle", 15, 32, 0.0009765625, "rad", big=True),)),
+    Frame("Motion", 0x18FF0200, True, 8, (Bits("Angle", 15, 32, 0.0009765625, "rad", big=True),)),
 )
 
 

@@ -56,7 +56,9 @@ def test_every_key_of_the_schema_is_in_the_example(everything: Config) -> None:
     shown = {(table, key) for table, keys in _tables(Config, tomllib.loads(EVERYTHING)) for key in keys}
     every = {(table, key) for table in {table for table, _ in shown} for key in table.model_fields}
     assert shown == every
-    assert {table.__name__ for table, _ in shown} == {table.__name__ for table in _kinds(Table)}
+    assert {table.__name__ for table, _ in shown} == {
+        table.__name__ for table in _kinds(Table) if not table.__subclasses__()
+    }
 
 
 def _kinds(table: type[Table]) -> set[type[Table]]:

@@ -73,7 +73,7 @@ def test_one_drive_in_four_formats_gives_the_same_samples(tmp_path: Path, seed: 
     for k in range(50):
         count = bytes([k])
         frames.append(Frame(5000 * k, 0x181, False, rng.randbytes(2) + count + b"\0"))
-        frames.append(Frame(5000 * k + 300, 0x18FF0100, True, bytes([7, 0, rng.randrange(9), k, 0, 0, 0, 0])))
+        frames.append(Frame(5000 * k + 300, 0x18FF0200, True, bytes([7, 0, rng.randrange(9), k, 0, 0, 0, 0])))
     axis = plant.axis("a", ("Drive", "Torque"), ("Motion", "Angle"), "angle")
     axis["time"] = {"counter_message": "Drive", "counter_signal": "Count"}
     found = dict[str, list[plant.Sample]]()

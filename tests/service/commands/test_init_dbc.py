@@ -81,7 +81,7 @@ def test_a_real_one(records_dir: Path) -> None:
     assert (first.torque.message, first.torque.signal) == ("Axis0_Get_Iq", "Iq_Measured")
     assert first.motion.signal == "Pos_Estimate"
     assert first.motion.factor == pytest.approx(2 * math.pi)
-    assert "factor is the torque constant [N m/A]" in Path("axis.toml").read_text(encoding="utf-8")
+    assert "a current: add kT_Nm_per_A" in Path("axis.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", TEXTS)

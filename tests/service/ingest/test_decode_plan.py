@@ -21,7 +21,7 @@ from service.can.decode_plan import MessagePlan
 from service.can.decoder import Decoder
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, FrameKey, concatenate_frames
 from service.can.message_files import read_messages
-from service.can.messages import MessageSet
+from service.can.messages import Bits, ByteOrder, Kind, MessageSet, message_of
 from tests.service.ingest.plant import DBC
 
 FRAMES = 12
@@ -115,6 +115,66 @@ def test_a_block_has_the_bits_of_cantools(message: Message, seed: int, extra: bo
     for k, frame in enumerate(frames):
         found = "undecodable" if not known[k] else float(values[k]) if present[k] else None
         assert bits(found) == bits(by_cantools(message, frame))
+
+
+MODERATE = NUMBERS.filter(lambda number: abs(number) < 1e100)
+
+
+@st.composite
+def table_signals(draw: st.DrawFn) -> list[Bits]:
+    """Signals of a table of ids, which may overlap."""
+    kinds: st.SearchStrategy[Kind] = st.sampled_from(["unsigned", "signed", "float"])
+    orders: st.SearchStrategy[ByteOrder] = st.sampled_from(["little", "big"])
+    found = []
+    for k in range(draw(st.integers(1, 4))):
+        kind, order = draw(kinds), draw(orders)
+        length = draw(st.sampled_from([16, 32, 64]) if kind == "float" else st.integers(1, 64))
+        first = draw(st.integers(0, 512 - length))
+        start = first if order == "little" else 8 * (first // 8) + 7 - first % 8
+        found.append(Bits(f"s{k}", start, length, kind, order, draw(MODERATE), draw(MODERATE)))
+    return found
+
+
+def by_the_bits(signal: Bits, data: bytes) -> float:
+    """The value, from the definition of a table's signal."""
+    number = 0
+    if signal.byte_order == "little":
+        number = int.from_bytes(data, "little") >> signal.start_bit & (1 << signal.length) - 1
+    else:
+        at = signal.start_bit
+        for _ in range(
+            signal.length
+        ):  # from the highest bit down, then on with the highest bit of the next byte
+            number = number << 1 | data[at // 8] >> at % 8 & 1
+            at = at - 1 if at % 8 else at + 15
+    if signal.kind == "float":
+        raw = number.to_bytes(signal.length // 8, "big")
+        real: float = struct.unpack(f">{ {16: 'e', 32: 'f', 64: 'd'}[signal.length] }", raw)[0]
+        return real * signal.factor + signal.offset
+    if signal.kind == "signed" and number >> signal.length - 1:
+        number -= 1 << signal.length
+    if signal.factor == int(signal.factor) and signal.offset == int(signal.offset):
+        return number * int(signal.factor) + int(signal.offset)  # exact, rounded once
+    return number * signal.factor + signal.offset
+
+
+@settings(max_examples=100)
+@given(table=table_signals(), seed=st.integers(0, 2**32))
+def test_a_table_of_ids_has_the_values_of_its_bits_and_of_cantools(table: list[Bits], seed: int) -> None:
+    rng = random.Random(seed)
+    message = message_of("M", FrameKey(1, False), table)
+    assert message.length == max(signal.bytes_needed for signal in table) <= 64
+    frames = [rng.randbytes(64) for _ in range(5)]
+    data = np.frombuffer(b"".join(frames), np.uint8).reshape(-1, 64)
+    columns, _ = MessagePlan(message, [signal.name for signal in table]).decode(data)
+    for signal in table:
+        alone = Message(1, "M", 64, [message.get_signal_by_name(signal.name)])  # cantools refuses any overlap
+        for k, frame in enumerate(frames):
+            found = bits(float(columns[signal.name].values[k]))
+            by_each_bit = by_the_bits(signal, frame)
+            assert found == bits(float(by_each_bit))
+            decoded = alone.decode_simple(frame, decode_choices=False)
+            assert found == bits(float(decoded[signal.name]))  # type: ignore[arg-type]
 
 
 def by_each(
