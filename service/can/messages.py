@@ -6,14 +6,15 @@ looks at a bus reads this shape only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
 from cantools.database.errors import Error as CodingError
 
-from monitor_core.wording import did_you_mean
+from monitor_core.wording import did_you_mean, listed
 from service.can.frames import FrameKey
 
 __all__ = ["CodingError", "DescriptionError", "Message", "MessageSet", "Signal"]
@@ -30,6 +31,18 @@ class DescriptionError(Exception):
         self.signal = signal
 
 
+class MessageGroup(NamedTuple):
+    """Messages whose signals are found under one name, whichever message has them."""
+
+    messages: tuple[Message, ...]
+    faults: Mapping[str, str]
+    """Of signals that are not sent: why, and what would be right"""
+    fault: str
+    """Of all other signals"""
+    names: Mapping[str, str]
+    """What signals are, where it is known"""
+
+
 class MessageSet(NamedTuple):
     """The messages of a bus.
 
@@ -39,6 +52,20 @@ class MessageSet(NamedTuple):
     messages: tuple[Message, ...]
     source: str
     """What describes them, as in "robot.dbc" """
+    groups: Mapping[str, MessageGroup] = MappingProxyType({})
+    """By their names"""
+    sync: Mapping[FrameKey, FrameKey] = MappingProxyType({})
+    """Messages whose values are sampled at a SYNC, and the frames of that"""
+
+
+def united(parts: Sequence[MessageSet]) -> MessageSet:
+    """The messages of several descriptions of one bus."""
+    return MessageSet(
+        tuple(message for part in parts for message in part.messages),
+        " and ".join(dict.fromkeys(part.source for part in parts)),
+        {name: group for part in parts for name, group in part.groups.items()},
+        {key: sync for part in parts for key, sync in part.sync.items()},
+    )
 
 
 Kind = Literal["unsigned", "signed", "float"]
@@ -100,6 +127,8 @@ def find_signal(known: MessageSet, message: str, signal: str) -> tuple[Message, 
     Raises:
         DescriptionError: there is none, the signals do not fit into the message, or another one has its identifier.
     """
+    if message in known.groups:
+        return _find_in(known, message, signal)
     found = _message(known, message)
     by_name = {entry.name: entry for entry in found.signals}
     if signal not in by_name:
@@ -108,10 +137,27 @@ def find_signal(known: MessageSet, message: str, signal: str) -> tuple[Message, 
     return found, by_name[signal]
 
 
+def _find_in(known: MessageSet, name: str, signal: str) -> tuple[Message, Signal]:
+    group = known.groups[name]
+    for message in group.messages:
+        if any(entry.name == signal for entry in message.signals):
+            return find_signal(known, message.name, signal)
+    sent = dict.fromkeys(entry.name for message in group.messages for entry in message.signals)
+    named = {
+        entry: f"{entry} ({group.names[entry]})" if entry in group.names else entry
+        for entry in (signal, *sent)
+    }
+    sends = listed([named[entry] for entry in sent]) or "nothing"
+    fault = group.faults.get(signal, group.fault)
+    raise DescriptionError(f"{name} does not send {named[signal]}: {fault}; it sends {sends}", signal=True)
+
+
 def _message(known: MessageSet, name: str) -> Message:
     by_name = {message.name: message for message in known.messages}
     if name not in by_name:
-        raise DescriptionError(f'no message "{name}" in {known.source}: {did_you_mean(name, by_name)}')
+        raise DescriptionError(
+            f'no message "{name}" in {known.source}: {did_you_mean(name, [*by_name, *known.groups])}'
+        )
     message = by_name[name]
     try:
         message.refresh(strict=True)

@@ -41,7 +41,13 @@ def _buses(config: Config) -> Table:
         table.add_row(
             *map(
                 escape,
-                (bus.name, bus.interface, bus.channel, reader_of(bus.interface), messages_of(bus).source),
+                (
+                    bus.name,
+                    bus.interface,
+                    bus.channel,
+                    reader_of(bus.interface),
+                    messages_of(config, bus.name).source,
+                ),
             )
         )
     return table

@@ -124,8 +124,7 @@ class Checked:
         from service.can.messages import find_signal
         from service.config.bus_messages import messages_of
 
-        bus = next(bus for bus in self.config.bus if bus.name == config.bus)
-        return find_signal(messages_of(bus), source.message, source.signal)[1].unit or ""
+        return find_signal(messages_of(self.config, config.bus), source.message, source.signal)[1].unit or ""
 
 
 def fastest(records: Sequence[Record]) -> float:

@@ -125,7 +125,7 @@ def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
     for bus in config.bus:
         traffic, state, lost = heard.traffic[bus.name], heard.states[bus.name], heard.lost[bus.name]
         where = f"bus {bus.name} ({bus.interface} {bus.channel})"
-        described = messages_of(bus)
+        described = messages_of(config, bus.name)
         known = set(map(key_of_message, described.messages))
         if state != "up":
             yield f"{where} is {state}"

@@ -1,40 +1,43 @@
-"""All messages of a bus: those of its file, and those of the table in the configuration."""
+"""All messages of a bus: those of its file, of the table in the configuration, and of the drives of its axes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from service.can.canopen_drives import read_drive
 from service.can.frames import FrameKey
 from service.can.message_files import read_messages
-from service.can.messages import Bits, DescriptionError, MessageSet, message_of
-from service.config.schema import BitsConfig, BusConfig, MessageConfig
+from service.can.messages import Bits, DescriptionError, Message, MessageSet, message_of, united
+from service.config.schema import BitsConfig, Config, MessageConfig
 
 
-def messages_of(bus: BusConfig) -> MessageSet:
-    """The messages of a bus.
+def messages_of(config: Config, bus: str) -> MessageSet:
+    """The messages of the bus of that name.
 
     Raises:
-        DescriptionError: its file cannot be used, or nothing describes them.
+        DescriptionError: a file cannot be used, or nothing describes them.
     """
-    parts = tuple(_parts(bus))
+    parts = tuple(_parts(config, bus))
     if not parts:
-        raise DescriptionError(f"nothing describes the messages of bus {bus.name}")
-    messages = tuple(message for part in parts for message in part.messages)
-    return MessageSet(messages, " and ".join(part.source for part in parts))
+        raise DescriptionError(f"nothing describes the messages of bus {bus}")
+    return united(parts)
 
 
-def _parts(bus: BusConfig) -> Iterator[MessageSet]:
-    if bus.messages is not None:
-        yield read_messages(bus.messages)
-    if bus.message:
-        yield MessageSet(
-            tuple(message_of(m.name, _key(m), [*map(bits_of, m.signal)]) for m in bus.message),
-            "[[bus.message]]",
-        )
+def _parts(config: Config, name: str) -> Iterator[MessageSet]:
+    for bus in config.bus:
+        if bus.name == name and bus.messages is not None:
+            yield read_messages(bus.messages)
+        if bus.name == name and bus.message:
+            yield MessageSet(tuple(map(_message, bus.message)), "[[bus.message]]")
+    drives = [axis.canopen for robot in config.robot for axis in robot.axis if axis.bus == name]
+    for eds, node_id in dict.fromkeys((drive.eds, drive.node_id) for drive in drives if drive is not None):
+        yield read_drive(eds, node_id)
 
 
-def _key(message: MessageConfig) -> FrameKey:
-    return FrameKey(message.id, message.is_extended)
+def _message(message: MessageConfig) -> Message:
+    return message_of(
+        message.name, FrameKey(message.id, message.is_extended), [*map(bits_of, message.signal)]
+    )
 
 
 def bits_of(s: BitsConfig) -> Bits:

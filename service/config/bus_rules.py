@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from monitor_core.wording import did_you_mean, listed
 from service.can.bus import interface_names
+from service.can.canopen_drives import node_name, read_drive
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
 from service.config.base_table import Table
@@ -58,6 +59,20 @@ def bus_references(config: Config) -> Iterator[Finding]:
             yield Finding((*path, "bus"), _missing(AxisConfig, "bus"))
 
 
+def descriptions(config: Config) -> Iterator[Finding]:
+    """The messages of each bus are described, and the files of drives can be read."""
+    drives = [(path, axis.bus, axis.canopen) for path, axis in _axes(config) if axis.canopen is not None]
+    for i, bus in enumerate(config.bus):
+        if bus.messages is None and not bus.message and bus.name not in [name for _, name, _ in drives]:
+            message = f"{_missing(BusConfig, 'messages')}; or give [[bus.message]], or canopen of its axes"
+            yield Finding(("bus", i, "messages"), message)
+    for path, _, drive in drives:
+        try:
+            read_drive(drive.eds, drive.node_id)
+        except DescriptionError as error:
+            yield Finding((*path, "canopen", "eds"), str(error))
+
+
 def sources(config: Config) -> Iterator[Finding]:
     """Torque and motion are in a message of the bus; without any bus, in a column."""
     for path, axis in _axes(config):
@@ -105,8 +120,6 @@ def usable_bus(bus: BusConfig) -> Iterator[Finding]:
 
 def _table_of_ids(bus: BusConfig) -> Iterator[Finding]:
     """The messages that no file describes can be."""
-    if bus.messages is None and not bus.message:
-        yield Finding(("messages",), f"{_missing(BusConfig, 'messages')}; or give [[bus.message]]")
     yield from same_names("message", bus.message)
     for i, message in enumerate(bus.message):
         path: Keys = ("message", i)
@@ -137,12 +150,19 @@ class _Use(NamedTuple):
     counter: bool = False
 
     @property
+    def drive_path(self) -> Keys | None:
+        """Where the drive is named, if the signal follows from that."""
+        drive = self.axis.canopen
+        follows = drive is not None and self.message == node_name(drive.node_id)
+        return (*self.table[:4], "canopen", "eds") if follows and self.table[4] in QUANTITIES else None
+
+    @property
     def message_path(self) -> Keys:
-        return (*self.table, "counter_message" if self.counter else "message")
+        return self.drive_path or (*self.table, "counter_message" if self.counter else "message")
 
     @property
     def signal_path(self) -> Keys:
-        return (*self.table, "counter_signal" if self.counter else "signal")
+        return self.drive_path or (*self.table, "counter_signal" if self.counter else "signal")
 
 
 def _values(config: Config) -> Iterator[_Use]:
@@ -171,11 +191,10 @@ def _further(config: Config) -> Iterator[_Use]:
 
 def message_names(config: Config) -> Iterator[Finding]:
     """Each message and each signal is known on the axis's bus."""
-    buses = {bus.name: bus for bus in config.bus}
     for use in (*_values(config), *_counters(config), *_further(config)):
         try:
-            known = messages_of(buses[use.axis.bus])
-        except (KeyError, DescriptionError):  # reported with the bus
+            known = messages_of(config, use.axis.bus)
+        except DescriptionError:  # reported with the bus
             continue
         try:
             (find_counter if use.counter else find_signal)(known, use.message, use.signal)
@@ -210,6 +229,7 @@ def counters_beside_values(config: Config) -> Iterator[Finding]:
 CONFIG_RULES = (
     names,
     bus_references,
+    descriptions,
     sources,
     message_names,
     one_axis_for_each_signal,

@@ -202,6 +202,8 @@ def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
             yield bus, "messages"
     for robot in document["robot"]:
         for axis in (*robot["axis"], robot.get(DEFAULTS, {})):
+            if "eds" in axis.get("canopen", {}):
+                yield axis["canopen"], "eds"
             model = axis.get("model", {})
             if str(model.get("drive", "")).endswith(SUFFIX):
                 yield model, "drive"

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
+from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
 from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
 
@@ -237,6 +238,8 @@ class AxisConfig(Table):
     """name of the axis: letters, digits, - and _"""
     bus: Text = ""
     """name of a [[bus]]; where there is only one, it is that"""
+    canopen: CanopenConfig | None = None
+    """its drive speaks CANopen (CiA 402), [robot.axis.canopen]: torque and motion follow from its EDS"""
     sample_interval_s: Positive = Field(ge=1e-5, le=1)
     """nominal sample interval [s]"""
     pairing_tolerance_s: Positive = Field(default_factory=intervals(0.4))

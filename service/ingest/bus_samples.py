@@ -54,7 +54,7 @@ class Ingest:
     def __init__(self, config: Config, bus: str, carried: Carried | None = None) -> None:
         signals = carried_by(config) if carried is None else carried
         axes = [axis for axis in config.axes if axis.config.bus == bus and axis.id in signals]
-        self.decoder = Decoder(messages_of(next(known for known in config.bus if known.name == bus)))
+        self.decoder = Decoder(messages_of(config, bus))
         self.axes = {axis.id: AxisInput(axis, self.decoder, signals[axis.id]) for axis in axes}
         """The axes on this bus, by their names"""
 

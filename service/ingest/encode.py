@@ -42,7 +42,7 @@ class FrameEncoder:
     def __init__(self, config: Config, bus: str) -> None:
         ingest = Ingest(config, bus)
         self._axes = ingest.axes
-        self._messages = {key: ingest.decoder.message(key) for key in ingest.keys}
+        self._messages = ingest.decoder.messages
         # A signal that is the motion of another axis is sent by that axis.
         own = {(q.key, q.signal) for axis in self._axes.values() for q in axis.sampled}
         self._further = {

@@ -124,7 +124,7 @@ def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
         t = np.asarray((found.t_us - began_us) * 1e-6, np.float64)
         for name, (values, there) in found.signals.items():
             if there.any():
-                series[f"{decoder.message(key).name}.{name}"] = Series(t[there], values[there])
+                series[f"{decoder.messages[key].name}.{name}"] = Series(t[there], values[there])
     return series
 
 

@@ -79,7 +79,8 @@ mutations = st.sampled_from(TEXTS).flatmap(_mutation)
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("mutations")
-    (folder / "robot.dbc").symlink_to(SHIPPED / "robot.dbc")
+    for name in ("robot.dbc", "drive.eds"):
+        (folder / name).symlink_to(SHIPPED / name)
     return folder / "a.toml"
 
 

@@ -42,7 +42,8 @@ def test_demo_is_six_reference_drives_and_the_example_has_both_outputs() -> None
 @pytest.fixture
 def everything(tmp_path: Path) -> Config:
     """The example with every optional key in force."""
-    (tmp_path / "robot.dbc").symlink_to(CONFIG / "robot.dbc")
+    for name in ("robot.dbc", "drive.eds"):
+        (tmp_path / name).symlink_to(CONFIG / name)
     (tmp_path / "a.toml").write_text(EVERYTHING, encoding="utf-8")
     axis = load(CONFIG / "reference.toml", {}).axes[0].config
     drawn = axis.model.model_copy(update={"drive_model": "ThreeMass"})

@@ -187,7 +187,7 @@ def by_each(
         if frame.key not in wanted:
             dropped["unwanted"] += 1
             continue
-        message = decoder.message(frame.key)
+        message = decoder.messages[frame.key]
         if len(frame.data) < message.length:
             dropped["too_short"] += 1
             continue
@@ -223,7 +223,7 @@ def check_messages(known: MessageSet, seed: int, count: int) -> None:
     keys, frames = list(wanted), list[Frame]()
     for k in range(count):
         can_id, extended = rng.choice(keys)
-        length = rng.choice([decoder.message(FrameKey(can_id, extended)).length, 8, rng.randrange(9), 64])
+        length = rng.choice([decoder.messages[FrameKey(can_id, extended)].length, 8, rng.randrange(9), 64])
         data = rng.choice([rng.randbytes(length), bytes(length), bytes([rng.randrange(4)]) * length])
         frames.append(Frame(1000 + k, can_id, extended ^ (rng.random() < 0.05), data))
     found, dropped = by_each(decoder, wanted, frames)
