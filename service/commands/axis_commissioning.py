@@ -235,13 +235,13 @@ def _mistakes() -> tuple[type[Exception], ...]:
     from monitor_core.excitation import ExcitationError
     from monitor_core.identification import IdentificationError
     from monitor_core.modeling import ModelError
-    from service.can.dbc import DbcError
+    from service.can.messages import DescriptionError
     from service.can.user_errors import IngestError, RecordError
     from service.config import ConfigErrors
     from service.config.axis_settings import AxisError
 
     return (
-        *(CalibrationError, IdentificationError, ModelError, DbcError, IngestError, RecordError),
+        *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError, RecordError),
         *(ConfigErrors, AxisError, ExcitationError),
     )
 

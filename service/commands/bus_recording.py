@@ -54,7 +54,7 @@ def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: 
 
     Raises:
         BusError: a bus cannot be opened.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
         RecordError: the file cannot be written; what was written is kept.
     """
     traffic = {bus.name: Counter[FrameKey]() for bus in config.bus}

@@ -125,7 +125,7 @@ def calibrate_axis(
     Raises:
         CalibrationError: these records yield no thresholds.
         AxisError: the axis cannot be monitored as configured.
-        RecordError, DbcError, IngestError: a record cannot be read.
+        RecordError, DescriptionError, IngestError: a record cannot be read.
     """
     from monitor_core.calibration import calibrate as find_thresholds
     from monitor_core.monitoring import ranges

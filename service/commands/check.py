@@ -12,13 +12,14 @@ from service.commands.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
 from service.config.axis_settings import detectors_in_words
 from service.config.base_table import SUFFIX
+from service.config.bus_messages import messages_of
 from service.config.drives import not_identified
 from service.config.remarks import remarks
 from service.config.schema import SignalConfig
 
 
 def check(config: ConfigPath) -> None:
-    """Check a configuration with its DBC files; name every problem by file and line."""
+    """Check a configuration with the messages of its buses; name every problem by file and line."""
     read = configuration(config, without_bus=True)
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
         notes = tuple(remarks(read))
@@ -35,10 +36,19 @@ def check(config: ConfigPath) -> None:
 def _buses(config: Config) -> Table:
     from service.can.receivers import reader_of
 
-    table = Table("bus", "interface", "channel", "read by", "DBC", title="Buses", title_justify="left")
+    table = Table("bus", "interface", "channel", "read by", "messages", title="Buses", title_justify="left")
     for bus in config.bus:
         table.add_row(
-            *map(escape, (bus.name, bus.interface, bus.channel, reader_of(bus.interface), bus.dbc.name))
+            *map(
+                escape,
+                (
+                    bus.name,
+                    bus.interface,
+                    bus.channel,
+                    reader_of(bus.interface),
+                    messages_of(config, bus.name).source,
+                ),
+            )
         )
     return table
 

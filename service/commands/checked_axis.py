@@ -106,24 +106,25 @@ class Checked:
     def raw(self, signal: Signal) -> Floats:
         """The values of all records as they are in the files."""
         config = self.axis.config
-        source = config.torque if signal == "torque" else config.motion
+        source: SignalConfig = config.torque if signal == "torque" else config.motion
         values = np.concatenate([r.u if signal == "torque" else r.y[r.measured] for r in self.records])
-        return np.asarray((values - source.offset) / source.factor)
+        factor, offset = source.scale
+        return np.asarray((values - offset) / factor)
 
     def in_whole_numbers(self, signal: Signal) -> bool:
         """Whether the signal counts something."""
         return whole_numbers(self.raw(signal))
 
     def unit_text(self, signal: Signal) -> str:
-        """What names the unit: the column, or the unit in the DBC."""
+        """What names the unit: the column, or the unit in the description of the bus."""
         config = self.axis.config
         source: SignalConfig = config.torque if signal == "torque" else config.motion
         if self.in_tables:
             return source.column or ""
-        from service.can.dbc import find_message, find_signal, read_dbc
+        from service.can.messages import find_signal
+        from service.config.bus_messages import messages_of
 
-        bus = next(bus for bus in self.config.bus if bus.name == config.bus)
-        return find_signal(find_message(read_dbc(bus.dbc), source.message), source.signal).unit or ""
+        return find_signal(messages_of(self.config, config.bus), source.message, source.signal)[1].unit or ""
 
 
 def fastest(records: Sequence[Record]) -> float:

@@ -47,7 +47,7 @@ def run_daemon(
         complete: called once everything is compiled and all detectors run, from another thread.
 
     Raises:
-        AxisError, DbcError, IngestError: the configuration cannot be used.
+        AxisError, DescriptionError, IngestError: the configuration cannot be used.
         BusError: a bus cannot be opened.
         StoreError: the state directory cannot be used.
         RecordError: the record cannot be written.

@@ -47,7 +47,7 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
     from monitor_core.calibration import CalibrationError
     from monitor_core.identification import IdentificationError
     from monitor_core.modeling import ModelError
-    from service.can.dbc import DbcError
+    from service.can.messages import DescriptionError
     from service.can.user_errors import BusError, IngestError
     from service.config.axis_settings import AxisError
     from service.simulation.robot import FaultError
@@ -56,7 +56,7 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
 
     mistakes += (
         IngestError,
-        DbcError,
+        DescriptionError,
         AxisError,
         FaultError,
         ModelError,

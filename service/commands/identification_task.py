@@ -149,7 +149,7 @@ def prepare(
     Raises:
         IdentificationError: an unknown name, parameters that cannot be distinguished, a record that is refused.
         ModelError: the axis has no drive.
-        RecordError, DbcError, IngestError: a record cannot be read.
+        RecordError, DescriptionError, IngestError: a record cannot be read.
     """
     space, drive, *_ = model_of_axis(axis.config)
     nominal, unknown = known_values(axis, drive)

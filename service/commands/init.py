@@ -1,4 +1,4 @@
-"""``axiswatch init``: a first configuration from the columns of a table, or from the signals of a DBC."""
+"""``axiswatch init``: a first configuration from the columns of a table, or from the signals of a bus."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ RecordFile = Annotated[
     Path,
     typer.Argument(
         metavar="FILE",
-        help="A table (.csv .parquet .mat) of the healthy, moving robot, or the DBC of its bus.",
+        help="A table (.csv .parquet .mat) of the healthy, moving robot, or the description of its"
+        " bus (.dbc .kcd .sym .arxml).",
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
@@ -41,34 +42,36 @@ def init(
     bus: BusOption = None,
     seconds: ListenFor = 10.0,
 ) -> None:
-    """Write a first configuration: which columns of a table, or signals of a DBC, are torque and motion of which axis.
+    """Write a first configuration: which columns of a table, or signals of a bus, are torque and motion of which axis.
 
     The names of the columns and their values are looked at; each proposal says how sure it is. Check it, then run
-    `axiswatch commission` with it. A table without names is understood by its values alone. Of a DBC the values are
-    those on the bus, while the robot moves, where --bus names it.
+    `axiswatch commission` with it. A table without names is understood by its values alone. Of a bus that a
+    file describes the values are those on the bus, while the robot moves, where --bus names it.
     """
     check_writable(output)
     if output.exists() and not force:
         raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
     with explained():
+        from service.can.message_files import KINDS
         from service.can.user_errors import RecordError
         from service.commands.proposed_configuration import table_lines
         from service.ingest.column_roles import roles
         from service.ingest.records import is_table
 
-        if record.suffix.lower() == ".dbc":
+        if record.suffix.lower() in KINDS:
             if bus is None:
-                _from_dbc(record, output)
+                _from_description(record, output)
             else:
                 _from_bus(record, bus_named(bus, record), seconds, output)
             return
         if bus is not None:
             raise typer.BadParameter(
-                f"{record} is no DBC: a bus needs one to be understood", param_hint="--bus"
+                f"{record} describes no bus: give its .dbc, .kcd, .sym or .arxml file", param_hint="--bus"
             )
         if not is_table(record):
             raise typer.BadParameter(
-                f"{record} is a CAN log: give the DBC of its bus in its place", param_hint="FILE"
+                f"{record} is a CAN log: give the description of its bus in its place (.dbc .kcd .sym .arxml)",
+                param_hint="FILE",
             )
         columns, interval_s = _read(record)
         found = roles(columns)
@@ -83,43 +86,46 @@ def init(
     console.print(f"Next: axiswatch commission {record} --config {output}", markup=False)
 
 
-def _from_dbc(dbc: Path, output: Path) -> None:
-    """Write a configuration for the bus of a DBC.
+def _from_description(description: Path, output: Path) -> None:
+    """Write a configuration for the bus that a file describes.
 
     Raises:
-        DbcError: the file cannot be used, or holds no axis.
+        DescriptionError: the file cannot be used, or holds no axis.
     """
-    from service.can.dbc import DbcError
+    from service.can.message_files import read_messages
+    from service.can.messages import DescriptionError
     from service.commands.proposed_configuration import bus_lines
-    from service.ingest.dbc_roles import axes_in, summary
+    from service.ingest.signal_roles import axes_in, summary
 
-    axes = axes_in(dbc)
+    axes = axes_in(read_messages(description).messages)
     if not axes:
-        raise DbcError(f"no torque and motion of an axis in {dbc}, by the names and units of its signals")
+        raise DescriptionError(
+            f"no torque and motion of an axis in {description}, by the names and units of its signals"
+        )
     console = Console(highlight=False, soft_wrap=True)
     for words in summary(axes):
         console.print(words, markup=False)
-    write_all([(output, "\n".join(bus_lines(axes, dbc, output)) + "\n")])
+    write_all([(output, "\n".join(bus_lines(axes, description, output)) + "\n")])
     console.print(f"Next: axiswatch commission RECORD.log --config {output}", markup=False)
 
 
-def _from_bus(dbc: Path, bus: BusConfig, seconds: float, output: Path) -> None:
+def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -> None:
     """Write a configuration for a bus, by what it sends.
 
     Raises:
-        DbcError: the file cannot be used.
+        DescriptionError: the file cannot be used.
         BusError: the bus cannot be opened.
-        RecordError: it is silent, or carries no axis of the DBC.
+        RecordError: it is silent, or carries no axis that the file describes.
     """
-    from service.can.dbc import read_dbc
+    from service.can.message_files import read_messages
     from service.can.user_errors import RecordError
     from service.commands.proposed_configuration import bus_lines
-    from service.ingest.dbc_roles import summary
     from service.ingest.live_roles import roles_on_bus
+    from service.ingest.signal_roles import summary
 
     console = Console(highlight=False, soft_wrap=True)
     where = f"{bus.interface} {bus.channel}"
-    read_dbc(dbc)  # a mistake in it is reported before anything is waited for
+    known = read_messages(description)  # a mistake in it is reported before anything is waited for
     console.print(f"Listening to {where} for {seconds:g} s; the robot should move ...", markup=False)
     frames = _heard(bus, seconds)
     if not frames:
@@ -127,22 +133,23 @@ def _from_bus(dbc: Path, bus: BusConfig, seconds: float, output: Path) -> None:
             f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
             " termination and bit rate right?"
         )
-    found = roles_on_bus(dbc, frames)
+    found = roles_on_bus(known, frames)
     if not found.came:
         raise RecordError(
-            f"{frames.size} frames on {where}, and none of their messages is in {dbc}: {_few(found.strange)}; is it the"
-            " DBC of this robot, and of this bus?"
+            f"{frames.size} frames on {where}, and none of their messages is in {description}: {_few(found.strange)};"
+            " does that describe this robot, and this bus?"
         )
     if not found.axes:
         raise RecordError(
-            f"no torque and motion of an axis on {where}: of {dbc} there came {_few(found.came)}; do the axes move?"
+            f"no torque and motion of an axis on {where}: of {description} there came {_few(found.came)};"
+            " do the axes move?"
         )
     for words in summary(found.axes):
         console.print(words, markup=False)
-    for what, names in (("never came", found.missing), ("not in the DBC", found.strange)):
+    for what, names in (("never came", found.missing), (f"not in {description.name}", found.strange)):
         if names:
             console.print(f"{what}: {_few(names)}", markup=False)
-    write_all([(output, "\n".join(bus_lines(found.axes, dbc, output, bus)) + "\n")])
+    write_all([(output, "\n".join(bus_lines(found.axes, description, output, bus)) + "\n")])
     console.print(f"Next: axiswatch commission --config {output} --minutes 10", markup=False)
 
 

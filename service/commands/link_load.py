@@ -42,7 +42,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         folder: where files may be written.
 
     Raises:
-        RecordError, DbcError, IngestError: a record cannot be read.
+        RecordError, DescriptionError, IngestError: a record cannot be read.
     """
     from service.ingest.identification_records import load
 

@@ -88,7 +88,7 @@ def live_buses(config: Config, everything: bool = False) -> Iterator[list[LiveBu
 
     Raises:
         BusError: a bus cannot be opened.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     opened = list[LiveBus]()
     try:

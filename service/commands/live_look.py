@@ -70,7 +70,7 @@ def look_at(
 
     Raises:
         BusError: a bus cannot be opened.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
         RecordError: the record cannot be written.
     """
     path = folder / LOOK
@@ -119,12 +119,14 @@ def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, st
 
 
 def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
-    from service.can.dbc import read_dbc
+    from service.can.messages import key_of_message
+    from service.config.bus_messages import messages_of
 
     for bus in config.bus:
         traffic, state, lost = heard.traffic[bus.name], heard.states[bus.name], heard.lost[bus.name]
         where = f"bus {bus.name} ({bus.interface} {bus.channel})"
-        known = {(m.frame_id, m.is_extended_frame) for m in read_dbc(bus.dbc).messages}
+        described = messages_of(config, bus.name)
+        known = set(map(key_of_message, described.messages))
         if state != "up":
             yield f"{where} is {state}"
         elif errors := lost.get("error_frame", 0):
@@ -136,8 +138,8 @@ def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
             )
         elif not known & set(traffic):
             yield (
-                f"{where}: {traffic.total()} frames, and none of their messages is in {bus.dbc.name}: {_ids(traffic)};"
-                " is it the DBC of this robot, and of this bus?"
+                f"{where}: {traffic.total()} frames, and none of their messages is in {described.source}:"
+                f" {_ids(traffic)}; does that describe this robot, and this bus?"
             )
         for reason, count in lost.items():
             if reason in ("queue_full", "kernel_overflow"):
@@ -169,7 +171,9 @@ def _missing(
 
 
 def _unusable(reason: str) -> str:
-    return f"its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the DBC"
+    return (
+        f"its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the messages"
+    )
 
 
 def _facts(axis: NamedAxis, inputs: AxisInput, found: Loaded) -> str:

@@ -60,7 +60,7 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
         typer.Exit: the user does not want to go on.
         BusError: a bus cannot be opened.
         RecordError: no axis has signals; the record is too short, or cannot be written.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     console = Console(highlight=False, soft_wrap=True)
     look_s = min(LOOK_S, seconds)

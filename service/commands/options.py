@@ -56,8 +56,8 @@ BusOption = Annotated[
     typer.Option(
         "--bus",
         metavar="INTERFACE:CHANNEL",
-        help="With a DBC: listen to this bus, so that values are looked at, too. Options of python-can follow after"
-        " commas: pcan:PCAN_USBBUS1,bitrate=500000.",
+        help="With a description of the bus: listen to this bus, so that values are looked at, too. Options of"
+        " python-can follow after commas: pcan:PCAN_USBBUS1,bitrate=500000.",
         show_default=False,
     ),
 ]
@@ -84,7 +84,7 @@ def names_in(text: str) -> tuple[str, ...]:
 
 _NO_BUS = (
     "no bus: this is for tables (`check`, `commission`, `identify`, `calibrate`, `replay`), `excite` and `model`;"
-    " add [[bus]] with its DBC and, to each axis, bus, and message and signal of torque and motion"
+    " add [[bus]] with its messages and, to each axis, bus, and message and signal of torque and motion"
 )
 
 
@@ -175,7 +175,7 @@ def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--a
     return found[0]
 
 
-def bus_named(text: str, dbc: Path) -> BusConfig:
+def bus_named(text: str, messages: Path) -> BusConfig:
     """The bus of "socketcan:can0", with further options after commas.
 
     Raises:
@@ -200,12 +200,12 @@ def bus_named(text: str, dbc: Path) -> BusConfig:
         "name": name,
         "interface": interface,
         "channel": channel,
-        "dbc": str(dbc.resolve()),
+        "messages": str(messages.resolve()),
         "options": options,
     }
     bus = BusConfig.model_validate(values, context=Reading(Path.cwd()))
     for finding in usable_bus(bus):
-        if finding.path != ("dbc",):  # that is reported as a file
+        if finding.path != ("messages",):  # that is reported as a file
             raise typer.BadParameter(f"{text}: {finding.message}", param_hint="--bus")
     return bus
 

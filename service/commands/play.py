@@ -31,10 +31,10 @@ TOO_SLOW = "this machine cannot keep up with the record, so the timing on the bu
 def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, yes: SendYes = False) -> None:
     """Send a record on the buses of a configuration, with its recorded timing.
 
-    A CAN log is sent unchanged; a table is encoded by the DBC, from the columns that the configuration names. The
-    daemon uses the receipt times of the frames: any speed other than 1 shows it another motion than that of the robot,
-    and serves to test the connection only. To evaluate a record fast, use `replay`. On a real CAN interface it asks
-    first.
+    A CAN log is sent unchanged; a table is encoded by the messages of the bus, from the columns that the configuration
+    names. The daemon uses the receipt times of the frames: any speed other than 1 shows it another motion than that of
+    the robot, and serves to test the connection only. To evaluate a record fast, use `replay`. On a real CAN interface
+    it asks first.
     """
     if not (math.isfinite(speed) and speed >= 0):
         raise typer.BadParameter("must be 0 or greater", param_hint="--speed")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from service.config.schema import BusConfig
 from service.ingest.column_roles import AxisRoles, TableRoles
-from service.ingest.dbc_roles import DbcAxis, SignalRole
+from service.ingest.signal_roles import BusAxis, SignalRole
 from service.ingest.unit_names import Quantity, unit_in
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
@@ -28,19 +28,19 @@ def table_lines(found: TableRoles, record: str, interval_s: float | None) -> Ite
 
 
 def bus_lines(
-    axes: Sequence[DbcAxis], dbc: Path, output: Path, bus: BusConfig | None = None
+    axes: Sequence[BusAxis], messages: Path, output: Path, bus: BusConfig | None = None
 ) -> Iterator[str]:
-    """The file ``output`` for the axes of a DBC.
+    """The file ``output`` for the axes of a bus.
 
     Args:
         axes: in their order.
-        dbc: of their bus.
+        messages: file that describes those of their bus.
         output: the file.
         bus: that was listened to; None: none was.
     """
-    yield f"# Proposed by `axiswatch init` from {dbc.name}."
+    yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
-    yield "# factor converts the unit of the DBC, -1 turns the sign; of the angle of an arm it is the gear ratio."
+    yield "# factor converts the unit on the bus, -1 turns the sign; of the angle of an arm it is the gear ratio."
     yield "[[bus]]"
     yield f"name = {_quoted(_BUS if bus is None else bus.name)}"
     if bus is None:
@@ -50,7 +50,7 @@ def bus_lines(
         yield f"channel = {_quoted(bus.channel)}"
         if bus.options:
             yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
-    yield f"dbc = {_quoted(os.path.relpath(dbc.resolve(), output.resolve().parent))}"
+    yield f"messages = {_quoted(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
     yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
 
@@ -84,7 +84,7 @@ def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) 
         unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
         yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
     yield _MODEL
-    remark = axis.sureness + ("; a current: factor is the torque constant [N m/A]" if axis.current else "")
+    remark = axis.sureness + ("; a current: add kT_Nm_per_A, the torque constant" if axis.current else "")
     sign = -1.0 if axis.turned else 1.0
     yield f"torque = {_column(axis.torque, 'torque', sign)}  # {remark}"
     yield f"{axis.output} = {_column(axis.motion, axis.output)}"
@@ -101,9 +101,9 @@ def _column(column: str, quantity: Quantity, sign: float = 1.0) -> str:
 # --- An axis on a bus -------------------------------------------------------------------------------------------------
 
 
-def _message_lines(axis: DbcAxis) -> Iterator[str]:
+def _message_lines(axis: BusAxis) -> Iterator[str]:
     if axis.interval_s is None:
-        yield f"sample_interval_s = {_INTERVAL_S:g}  # not in the DBC: correct it; `commission` measures it"
+        yield f"sample_interval_s = {_INTERVAL_S:g}  # not described: correct it; `commission` measures it"
     else:
         origin = "as measured" if axis.measured else "cycle time of the message"
         yield f"sample_interval_s = {axis.interval_s:g}  # {origin}"
@@ -113,7 +113,7 @@ def _message_lines(axis: DbcAxis) -> Iterator[str]:
     yield f"{axis.motion.quantity} = {_source(axis.motion)}"
 
 
-def _time_lines(axis: DbcAxis) -> Iterator[str]:
+def _time_lines(axis: BusAxis) -> Iterator[str]:
     if axis.counter is not None:
         message, signal = axis.counter
         # The times of a counter are whole intervals: nothing would show that the interval is wrong.
@@ -141,9 +141,11 @@ def _source(role: SignalRole) -> str:
 
 def _unit_words(role: SignalRole) -> str:
     if role.current:
-        return "a current; factor is the torque constant [N m/A]"
+        return "a current: add kT_Nm_per_A, the torque constant"
     if not role.unit:
-        return f"by its name; the DBC has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"
+        return (
+            f"by its name; it has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"
+        )
     if role.factor is None:
         what = (
             "rated torque / 1000 or / 100 [N m]"

@@ -13,7 +13,13 @@ def unknown_units(checked: Checked) -> Iterator[str]:
         if source.left_out:
             yield f"{len(source.left_out)} lines of {source.path} could not be read, {source.left_out[0]}: left out"
     settled = checked.agrees
-    if checked.in_whole_numbers("torque") and not settled and abs(checked.factor("torque")) == 1:
+    is_torque = checked.axis.config.torque.kT_Nm_per_A is None
+    if (
+        checked.in_whole_numbers("torque")
+        and is_torque
+        and not settled
+        and abs(checked.factor("torque")) == 1
+    ):
         yield (
             "the torque is in whole numbers, as in per mille of the rated torque (CiA 402, object 6077h): set"
             " torque.factor to the rated torque of the name plate / 1000 [N m]; until then all torques, inertias and"

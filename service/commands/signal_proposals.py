@@ -66,7 +66,7 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
         folder: where files may be written.
 
     Raises:
-        RecordError, DbcError, IngestError: a record cannot be read.
+        RecordError, DescriptionError, IngestError: a record cannot be read.
     """
     found: list[Correction] = []
     wrong: tuple[str, ...] = ()

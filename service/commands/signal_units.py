@@ -37,7 +37,7 @@ _SAME_ANGLE = 6.0
 
 
 def by_name(checked: Checked) -> Iterator[Correction]:
-    """The unit is in the name of the column or in the DBC, and the factor is not that of it."""
+    """The unit is in the name of the column or in the description of the bus, and the factor is not that of it."""
     if checked.agrees:
         return
     for signal in SIGNALS:
@@ -45,7 +45,7 @@ def by_name(checked: Checked) -> Iterator[Correction]:
         unit = unit_in(checked.unit_text(signal), quantity)
         if unit is None or unit.factor is None or abs(checked.factor(signal)) != 1 or unit.factor == 1:
             continue
-        place = "the column" if checked.in_tables else "the DBC"
+        place = "the column" if checked.in_tables else "the description of the bus"
         reason = f"{place} says that the {quantity} is in {unit.words}: {checked.unit_text(signal)}"
         yield Correction(checked.key(signal), checked.factor(signal) * unit.factor, reason)
 
@@ -125,7 +125,8 @@ def by_inertia(checked: Checked) -> Iterator[Correction]:
     shows = f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal"
     counted = {signal: checked.in_whole_numbers(signal) for signal in SIGNALS}
     torque = _torque_times(checked, times) if counted["torque"] else 1.0
-    if counted["torque"] and _PER_MILLE[0] < torque < _PER_MILLE[1]:
+    is_torque = checked.axis.config.torque.kT_Nm_per_A is None
+    if counted["torque"] and is_torque and _PER_MILLE[0] < torque < _PER_MILLE[1]:
         yield _per_mille(checked, torque, f"{shows}, and the torque is in whole numbers")
     elif counted["motion"] and times < _COUNTED:
         yield _counts(

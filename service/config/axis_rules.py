@@ -34,6 +34,12 @@ def defaults_without_name(robot: RobotConfig) -> Iterator[Finding]:
         yield Finding(("defaults", "name"), "remove this: each axis has a name of its own")
 
 
+def torque_constant(axis: AxisConfig) -> Iterator[Finding]:
+    """A current makes a torque."""
+    if axis.torque.kT_Nm_per_A == 0:
+        yield Finding(("torque", "kT_Nm_per_A"), "must not be 0: no current would make a torque")
+
+
 def times(axis: AxisConfig) -> Iterator[Finding]:
     """Delay, pairing tolerance and gap fit the sample interval."""
     h = axis.sample_interval_s
@@ -128,6 +134,7 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
 
 AXIS_RULES = (
     motion,
+    torque_constant,
     times,
     clock,
     wrapping_under_gravity,

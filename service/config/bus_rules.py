@@ -1,14 +1,29 @@
-"""Cross-checks of names, buses and DBC files: references exist, and no signal is used twice."""
+"""Cross-checks of names, buses and their messages: references exist, and no signal is used twice."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from monitor_core.wording import did_you_mean
+from monitor_core.wording import did_you_mean, listed
 from service.can.bus import interface_names
-from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
+from service.can.canopen_drives import node_name, read_drive
+from service.can.message_files import read_messages
+from service.can.messages import DescriptionError, find_counter, find_signal
 from service.config.base_table import Table
+from service.config.bus_messages import bits_of, messages_of
 from service.config.problems import Finding, Keys
-from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
+from service.config.schema import (
+    FLOAT_BITS,
+    LAST_STANDARD_ID,
+    MAX_BYTES,
+    AxisConfig,
+    BitsConfig,
+    BusConfig,
+    Config,
+    FurtherConfig,
+    MessageConfig,
+    RobotConfig,
+    SignalConfig,
+)
 
 QUANTITIES = ("torque", "angle", "speed")
 _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"
@@ -23,7 +38,8 @@ def names(config: Config) -> Iterator[Finding]:
 
 
 def same_names(
-    key: str, tables: Sequence[BusConfig | RobotConfig | AxisConfig | FurtherConfig]
+    key: str,
+    tables: Sequence[BusConfig | MessageConfig | BitsConfig | RobotConfig | AxisConfig | FurtherConfig],
 ) -> Iterator[Finding]:
     """No two tables of an array have one name."""
     first: dict[str, int] = {}
@@ -41,6 +57,20 @@ def bus_references(config: Config) -> Iterator[Finding]:
             yield Finding((*path, "bus"), f"no such bus: {hint}")
         elif known and not axis.bus:
             yield Finding((*path, "bus"), _missing(AxisConfig, "bus"))
+
+
+def descriptions(config: Config) -> Iterator[Finding]:
+    """The messages of each bus are described, and the files of drives can be read."""
+    drives = [(path, axis.bus, axis.canopen) for path, axis in _axes(config) if axis.canopen is not None]
+    for i, bus in enumerate(config.bus):
+        if bus.messages is None and not bus.message and bus.name not in [name for _, name, _ in drives]:
+            message = f"{_missing(BusConfig, 'messages')}; or give [[bus.message]], or canopen of its axes"
+            yield Finding(("bus", i, "messages"), message)
+    for path, _, drive in drives:
+        try:
+            read_drive(drive.eds, drive.node_id)
+        except DescriptionError as error:
+            yield Finding((*path, "canopen", "eds"), str(error))
 
 
 def sources(config: Config) -> Iterator[Finding]:
@@ -73,17 +103,38 @@ def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
 
 
 def usable_bus(bus: BusConfig) -> Iterator[Finding]:
-    """Python-can has the interface, options do not repeat keys of the bus, and the DBC can be read."""
+    """Python-can has the interface, options do not repeat keys of the bus, and its messages can be read."""
     if bus.interface not in interface_names():
         hint = did_you_mean(bus.interface, interface_names())
         yield Finding(("interface",), f"python-can has no such interface: {hint}")
     for key in ("interface", "channel"):
         if key in bus.options:
             yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
+    yield from _table_of_ids(bus)
     try:
-        read_dbc(bus.dbc)
-    except DbcError as error:
-        yield Finding(("dbc",), str(error))
+        if bus.messages is not None:
+            read_messages(bus.messages)
+    except DescriptionError as error:
+        yield Finding(("messages",), str(error))
+
+
+def _table_of_ids(bus: BusConfig) -> Iterator[Finding]:
+    """The messages that no file describes can be."""
+    yield from same_names("message", bus.message)
+    for i, message in enumerate(bus.message):
+        path: Keys = ("message", i)
+        if message.id > LAST_STANDARD_ID and not message.is_extended:
+            yield Finding((*path, "id"), "has more than 11 bits: extended = true, or leave extended out")
+        yield from (finding.inside(path) for finding in same_names("signal", message.signal))
+        for k, signal in enumerate(message.signal):
+            yield from (finding.inside((*path, "signal", k)) for finding in _bits(signal))
+
+
+def _bits(signal: BitsConfig) -> Iterator[Finding]:
+    if signal.kind == "float" and signal.length not in FLOAT_BITS:
+        yield Finding(("length",), f"a float has {listed([str(n) for n in FLOAT_BITS], 'or')} bits")
+    if bits_of(signal).bytes_needed > MAX_BYTES:
+        yield Finding(("length",), f"the signal ends after {MAX_BYTES} bytes, where every frame has ended")
 
 
 # --- The signals that axes use ----------------------------------------------------------------------------------------
@@ -99,12 +150,19 @@ class _Use(NamedTuple):
     counter: bool = False
 
     @property
+    def drive_path(self) -> Keys | None:
+        """Where the drive is named, if the signal follows from that."""
+        drive = self.axis.canopen
+        follows = drive is not None and self.message == node_name(drive.node_id)
+        return (*self.table[:4], "canopen", "eds") if follows and self.table[4] in QUANTITIES else None
+
+    @property
     def message_path(self) -> Keys:
-        return (*self.table, "counter_message" if self.counter else "message")
+        return self.drive_path or (*self.table, "counter_message" if self.counter else "message")
 
     @property
     def signal_path(self) -> Keys:
-        return (*self.table, "counter_signal" if self.counter else "signal")
+        return self.drive_path or (*self.table, "counter_signal" if self.counter else "signal")
 
 
 def _values(config: Config) -> Iterator[_Use]:
@@ -131,21 +189,17 @@ def _further(config: Config) -> Iterator[_Use]:
                 yield _Use(axis, (*path, "signal", n), s.message, s.signal)
 
 
-def dbc_names(config: Config) -> Iterator[Finding]:
-    """Each message and each signal is in the DBC of the axis's bus."""
-    files = {bus.name: bus.dbc for bus in config.bus}
+def message_names(config: Config) -> Iterator[Finding]:
+    """Each message and each signal is known on the axis's bus."""
     for use in (*_values(config), *_counters(config), *_further(config)):
         try:
-            database = read_dbc(files[use.axis.bus])
-        except (KeyError, DbcError):  # reported with the bus
+            known = messages_of(config, use.axis.bus)
+        except DescriptionError:  # reported with the bus
             continue
-        path = use.message_path
         try:
-            message = find_message(database, use.message)
-            path = use.signal_path
-            (find_counter if use.counter else find_signal)(message, use.signal)
-        except DbcError as error:
-            yield Finding(path, str(error))
+            (find_counter if use.counter else find_signal)(known, use.message, use.signal)
+        except DescriptionError as error:
+            yield Finding(use.signal_path if error.signal else use.message_path, str(error))
 
 
 def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
@@ -159,7 +213,7 @@ def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
 
 def counters_beside_values(config: Config) -> Iterator[Finding]:
     """A sample counter is in the message of the torque or of the motion."""
-    wrong = {finding.path for finding in dbc_names(config)}
+    wrong = {finding.path for finding in message_names(config)}
     for counter in _counters(config):
         values = [use for use in _values(config) if use.axis is counter.axis]
         if len(values) < 2 or wrong & {use.message_path for use in (*values, counter)}:
@@ -172,5 +226,13 @@ def counters_beside_values(config: Config) -> Iterator[Finding]:
             )
 
 
-CONFIG_RULES = (names, bus_references, sources, dbc_names, one_axis_for_each_signal, counters_beside_values)
+CONFIG_RULES = (
+    names,
+    bus_references,
+    descriptions,
+    sources,
+    message_names,
+    one_axis_for_each_signal,
+    counters_beside_values,
+)
 BUS_RULES = (usable_bus,)

@@ -198,9 +198,12 @@ def _remove(axis: Any, table: str, keys: Sequence[str]) -> None:
 def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
     """Where the configuration names files that stay where they are."""
     for bus in document.get("bus", ()):
-        yield bus, "dbc"
+        if "messages" in bus:
+            yield bus, "messages"
     for robot in document["robot"]:
         for axis in (*robot["axis"], robot.get(DEFAULTS, {})):
+            if "eds" in axis.get("canopen", {}):
+                yield axis["canopen"], "eds"
             model = axis.get("model", {})
             if str(model.get("drive", "")).endswith(SUFFIX):
                 yield model, "drive"

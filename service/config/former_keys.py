@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 RENAMED_KEYS: Mapping[str, str] = {
+    "dbc": "messages",
     "averaged": "interval_mean",
     "least_excitation": "min_excitation",
     "least_information": "information_floor",

@@ -18,6 +18,7 @@ from monitor_core.wording import did_you_mean
 from service.config.axis_rules import AXIS_RULES, defaults_without_name
 from service.config.base_table import Reading, Undecidable
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
+from service.config.canopen_rules import CANOPEN_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
@@ -47,7 +48,7 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
     calibration replaces them, and they may no longer fit.
 
     Raises:
-        ConfigErrors: all problems of the file, of the overrides and of the DBC files.
+        ConfigErrors: all problems of the file, of the overrides and of the descriptions of the buses.
     """
     text = _text(path)
     values = _values(path, text)
@@ -182,7 +183,7 @@ def crosscheck(config: Config) -> Iterator[Finding]:
         yield from _run((defaults_without_name, signals_of_axes), robot, ("robot", i))
         for k, axis in enumerate(robot.axis):
             path: Keys = ("robot", i, "axis", k)
-            yield from _run((*AXIS_RULES, *FILE_RULES), axis, path)
+            yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, path)
             yield from _run(MODEL_RULES, axis, path, last=complete_model)
             yield from _run(CONDITION_RULES, axis, path, last=values_at_ends)
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from monitor_core.drive import LOAD, AxisModel
 from monitor_core.monitoring import short_memory, unidentifiable_words
 from monitor_core.settings import Settings
-from monitor_core.wording import duration
-from service.can.dbc import find_message, find_signal, read_dbc
+from monitor_core.wording import duration, listed
+from service.can.messages import find_signal, key_of_message
 from service.config.axis_settings import (
     Detectors,
     axis_settings,
@@ -19,6 +19,7 @@ from service.config.axis_settings import (
     step_noise,
     untold,
 )
+from service.config.bus_messages import messages_of
 from service.config.conditions import turning_torques, varying_of
 from service.config.drives import axis_model, not_identified
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
@@ -32,9 +33,10 @@ def remarks(config: Config) -> Iterator[str]:
 
     Raises:
         AxisError: an axis cannot be monitored as configured.
-        DbcError: a DBC cannot be used.
+        DescriptionError: the description of a bus cannot be used.
     """
     yield from _unsaid(config)
+    yield from _by_events(config)
     for axis in config.axes:
         if not_identified(axis.config):
             yield (
@@ -110,12 +112,28 @@ def _small_noise(axis: NamedAxis, config: Config) -> Iterator[str]:
         )
 
 
+def _by_events(config: Config) -> Iterator[str]:
+    """Drives whose torque and motion are not sampled at one moment."""
+    for axis in config.axes:
+        if axis.config.canopen is None or axis.config.records_only:
+            continue
+        known = messages_of(config, axis.config.bus)
+        sources = axis.config.torque, axis.config.motion
+        messages = [find_signal(known, source.message, source.signal)[0] for source in sources]
+        late = [message.name for message in messages if key_of_message(message) not in known.sync]
+        if late:
+            yield (
+                f"{axis.id}: {listed(list(dict.fromkeys(late)))} is sent by events, not after a SYNC: torque and motion"
+                " are of different moments, and none come while they do not change; set transmission type 1 (object"
+                " 0x1800.2) with the tool of the drive, and let the master send a SYNC each cycle"
+            )
+
+
 def _least_noise(config: Config, axis: AxisConfig) -> float | None:
     """The noise of the encoder's resolution, or, if that is not given, of that of its signal on the bus."""
     if (noise := step_noise(axis)) is not None or axis.records_only:
         return noise
-    bus = next(bus for bus in config.bus if bus.name == axis.bus)
-    signal = find_signal(find_message(read_dbc(bus.dbc), axis.motion.message), axis.motion.signal)
+    _, signal = find_signal(messages_of(config, axis.bus), axis.motion.message, axis.motion.signal)
     return None if signal.is_float else rounded(float(signal.scale) * axis.motion.factor)
 
 

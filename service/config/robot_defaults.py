@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping
 from typing import Any
 
+from service.config.canopen_axis import with_sources
 from service.config.problems import Keys
 
 DEFAULTS = "defaults"
@@ -46,7 +47,12 @@ def _merged(shared: Mapping[str, Any], own: Any) -> Any:
 
 
 def _with_derived(axis: Any, bus: str | None) -> Any:
-    """The axis on the only bus, if it reads messages and names no bus; its counter in the message of the motion."""
+    """The axis with the signals of its drive, on the only bus, if it reads messages and names none.
+
+    Its counter is in the message of the motion.
+    """
+    if isinstance(axis, dict):
+        axis = with_sources(axis)
     match axis:
         case {"torque": {"message": _}} if bus is not None and "bus" not in axis:
             axis = {**axis, "bus": bus}

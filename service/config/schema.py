@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
+from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
 from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
 
@@ -23,10 +24,10 @@ NEVER_IDENTIFIED = {"kT", "r"}
 
 
 class SignalConfig(Table):
-    """[robot.axis.torque], .angle, .speed: source of a quantity; without a bus only ``column`` is given."""
+    """[robot.axis.angle], .speed, .torque: source of a quantity; without a bus only ``column`` is given."""
 
     message: Text = ""
-    """name of the message in the DBC"""
+    """name of the message on the bus"""
     signal: Text = ""
     """name of the signal in that message"""
     factor: Real = 1.0
@@ -35,6 +36,24 @@ class SignalConfig(Table):
     """SI value = factor * signal + offset"""
     column: Text | None = None
     """column (.csv, .parquet) or variable (.mat) in records"""
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Factor and offset to the SI value."""
+        return self.factor, self.offset
+
+
+class TorqueConfig(SignalConfig):
+    """[robot.axis.torque]: the motor torque."""
+
+    kT_Nm_per_A: Real | None = None
+    """torque constant, where the signal is the motor current: torque = kT * (factor * signal + offset) [N m/A]"""
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Factor and offset to N m."""
+        kT = 1.0 if self.kT_Nm_per_A is None else self.kT_Nm_per_A
+        return kT * self.factor, kT * self.offset
 
 
 class AngleConfig(SignalConfig):
@@ -63,7 +82,7 @@ class FurtherConfig(Table):
     axis: Text | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
     message: Text | None = None
-    """name of the message in the DBC"""
+    """name of the message on the bus"""
     signal: Text | None = None
     """name of the signal in that message"""
     column: Text | None = None
@@ -74,6 +93,11 @@ class FurtherConfig(Table):
     """value = factor * signal + offset"""
     max_age_s: Positive = 10.0
     """a value received longer ago than this is no longer believed [s]"""
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Factor and offset to its own unit."""
+        return self.factor, self.offset
 
 
 Source = FurtherConfig
@@ -151,6 +175,49 @@ class WebConfig(Table):
     """TCP port; 0 for any free one"""
 
 
+MAX_BYTES = 64
+"""Of the longest frame"""
+LAST_STANDARD_ID, _LAST_ID = 0x7FF, 0x1FFFFFFF
+FLOAT_BITS = (16, 32, 64)
+
+
+class BitsConfig(Table):
+    """[[bus.message.signal]]: a signal by its bits."""
+
+    name: Text
+    """name of the signal"""
+    start_bit: Annotated[int, Field(strict=True)] = Field(ge=0, lt=8 * MAX_BYTES)
+    """lowest bit, of big endian the highest: 8 * byte + bit, both from 0, bit 0 of a byte is its lowest"""
+    length: Annotated[int, Field(strict=True)] = Field(ge=1, le=64)
+    """number of bits"""
+    kind: Literal["unsigned", "signed", "float"] = "unsigned"
+    """kind of number: "unsigned", "signed" or "float" (16, 32 or 64 bits)"""
+    byte_order: Literal["little", "big"] = "little"
+    """"little": lowest byte first (Intel); "big": highest byte first (Motorola)"""
+    factor: Real = 1.0
+    """value = factor * number + offset"""
+    offset: Real = 0.0
+    """value = factor * number + offset"""
+
+
+class MessageConfig(Table):
+    """[[bus.message]]: a message by its identifier."""
+
+    name: Text
+    """name by which axes refer to the message"""
+    id: Annotated[int, Field(strict=True)] = Field(ge=0, le=_LAST_ID)
+    """identifier, as 0x181"""
+    extended: Annotated[bool, Field(strict=True)] | None = None
+    """the identifier has 29 bits; default: it is above 0x7FF"""
+    signal: tuple[BitsConfig, ...] = Field(min_length=1)
+    """its signals, [[bus.message.signal]]"""
+
+    @property
+    def is_extended(self) -> bool:
+        """Whether its identifier has 29 bits."""
+        return self.id > LAST_STANDARD_ID if self.extended is None else self.extended
+
+
 class BusConfig(Table):
     """[[bus]]: one CAN bus."""
 
@@ -160,8 +227,10 @@ class BusConfig(Table):
     """python-can interface: socketcan, virtual, pcan, ..."""
     channel: Text
     """channel of that interface, e.g. can0"""
-    dbc: FilePath
-    """DBC file of the messages on the bus, relative to this file"""
+    messages: FilePath | None = None
+    """file that describes the messages on the bus: .dbc, .kcd, .sym or .arxml, relative to this file"""
+    message: tuple[MessageConfig, ...] = ()
+    """messages that no file describes, [[bus.message]]"""
     queue_frames: Annotated[int, Field(strict=True)] = Field(100_000, ge=100, le=10_000_000)
     """frames that may wait for the worker before some are dropped"""
     options: dict[str, Any] = Field(default_factory=dict)
@@ -175,6 +244,8 @@ class AxisConfig(Table):
     """name of the axis: letters, digits, - and _"""
     bus: Text = ""
     """name of a [[bus]]; where there is only one, it is that"""
+    canopen: CanopenConfig | None = None
+    """its drive speaks CANopen (CiA 402), [robot.axis.canopen]: torque and motion follow from its EDS"""
     sample_interval_s: Positive = Field(ge=1e-5, le=1)
     """nominal sample interval [s]"""
     pairing_tolerance_s: Positive = Field(default_factory=intervals(0.4))
@@ -185,8 +256,8 @@ class AxisConfig(Table):
     """no estimation for this time after a restart [s]; default from the model"""
     torque_delay_s: Real = Field(0.0, ge=0)
     """delay of the torque after its sample [s], at most one interval"""
-    torque: SignalConfig
-    """motor torque; factor and offset make it N m"""
+    torque: TorqueConfig
+    """motor torque; factor and offset make it N m, or, with kT_Nm_per_A, A"""
     angle: AngleConfig | None = None
     """motor angle; factor and offset make it rad"""
     speed: SpeedConfig | None = None

@@ -109,4 +109,5 @@ class AxisColumns:
 
 
 def _si(source: SignalConfig, values: Floats) -> Floats:
-    return np.asarray(source.factor * values + source.offset, np.float64)
+    factor, offset = source.scale
+    return np.asarray(factor * values + offset, np.float64)

@@ -31,8 +31,9 @@ from monitor_core.sampling import (
     room_for_samples,
     take_frames,
 )
-from service.can.dbc import DbcError, Decoded, Decoder, find_counter
+from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
+from service.can.messages import DescriptionError, find_counter
 from service.can.user_errors import IngestError
 from service.config.schema import NamedAxis, Source
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
@@ -51,7 +52,7 @@ class AxisInput:
         signals: the auxiliary signals that the samples carry.
 
     Raises:
-        DbcError: the DBC has no such message or signal.
+        DescriptionError: the bus has no such message or signal.
         IngestError: the counter or the tolerance of this axis cannot be used.
     """
 
@@ -159,8 +160,8 @@ class AxisInput:
                 f"{self.motion.message}"
             )
         try:
-            signal = find_counter(decoder.message(counter.key), counter.signal)
-        except DbcError as error:
+            _, signal = find_counter(decoder.known, counter.message, counter.signal)
+        except DescriptionError as error:
             raise IngestError(f"axis {self.id}: {error}") from None
         return counter_clock(interval_s, signal.length, signal.offset)
 

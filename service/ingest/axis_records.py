@@ -82,7 +82,7 @@ def silent_in(path: Path, config: Config) -> dict[str, Mapping[str, int]]:
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     if is_table(path) or not config.bus:
         return {}
@@ -113,7 +113,7 @@ def axis_record(
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     if is_table(path):
         record = _table_record(path, axis, signals, progress)
@@ -131,7 +131,7 @@ def _log_record(
 ) -> AxisRecord:
     if axis.config.records_only:
         raise RecordError(
-            f"{path} is a CAN log, and there is no [[bus]] in the configuration that tells its DBC"
+            f"{path} is a CAN log, and there is no [[bus]] in the configuration that describes its messages"
         )
     log = LogRecord(path, config, {axis.id: signals})
     block = samples_of(log, axis.id, progress)

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock
-from service.can.dbc import Decoded, Decoder
+from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameBlock, FrameKey
+from service.config.bus_messages import messages_of
 from service.config.conditions import needed
 from service.config.schema import Config, Source
 from service.ingest.axis_input import AxisInput
@@ -32,7 +33,7 @@ class Values(NamedTuple):
     t_us: Ints
     """(N,)"""
     physical: Floats
-    """(N,) as the DBC says"""
+    """(N,) as the description of the bus says"""
     si: Floats
     """(N,) N m, rad or rad/s on the motor side; of a further signal, its own unit"""
 
@@ -46,14 +47,14 @@ class Ingest:
         carried: axes and their signals; None: as the monitoring needs them.
 
     Raises:
-        DbcError: the DBC cannot be read, or has no such message or signal.
+        DescriptionError: the messages of the bus cannot be read, or it has no such message or signal.
         IngestError: settings of an axis contradict each other.
     """
 
     def __init__(self, config: Config, bus: str, carried: Carried | None = None) -> None:
         signals = carried_by(config) if carried is None else carried
         axes = [axis for axis in config.axes if axis.config.bus == bus and axis.id in signals]
-        self.decoder = Decoder(next(described.dbc for described in config.bus if described.name == bus))
+        self.decoder = Decoder(messages_of(config, bus))
         self.axes = {axis.id: AxisInput(axis, self.decoder, signals[axis.id]) for axis in axes}
         """The axes on this bus, by their names"""
 
@@ -64,7 +65,7 @@ class Ingest:
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Frames that yielded nothing, or not all, by service.can.dbc.FRAME_REASONS."""
+        """Frames that yielded nothing, or not all, by service.can.decoder.FRAME_REASONS."""
         return dict(self.decoder.dropped)
 
     def feed(self, frames: FrameBlock) -> dict[str, SampleBlock]:

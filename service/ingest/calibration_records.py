@@ -55,7 +55,7 @@ def read(
 
     Raises:
         RecordError: a file cannot be read, or has no samples of the axis.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     samples, sources = [], []
     for number, text in enumerate(texts):

@@ -1,4 +1,4 @@
-"""Encodes values of axes to frames by the DBC, the inverse of decoding, for play and simulate."""
+"""Encodes values of axes to frames by the messages of the bus, the inverse of decoding, for play and simulate."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import NamedTuple
 
-from service.can.dbc import CodingError, Message, Signal
 from service.can.frames import FrameKey
+from service.can.messages import CodingError, Message, Signal
 from service.can.user_errors import IngestError
 from service.config.schema import Config
 from service.ingest.axis_input import AxisInput
@@ -36,13 +36,13 @@ class FrameEncoder:
     Signals that no axis needs have their initial value, or the raw value 0.
 
     Raises:
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
 
     def __init__(self, config: Config, bus: str) -> None:
         ingest = Ingest(config, bus)
         self._axes = ingest.axes
-        self._messages = {key: ingest.decoder.message(key) for key in ingest.keys}
+        self._messages = ingest.decoder.messages
         # A signal that is the motion of another axis is sent by that axis.
         own = {(q.key, q.signal) for axis in self._axes.values() for q in axis.sampled}
         self._further = {

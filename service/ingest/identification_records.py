@@ -68,7 +68,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
 
     Raises:
         RecordError: no such axis; the file cannot be read, is damaged, or holds too few samples of the axis.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     want, axis = wanted(text), _axis_named(config, axis_id)
     signals = _signals_in(want.path, axis)

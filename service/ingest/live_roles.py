@@ -1,4 +1,4 @@
-"""What a bus sends, by the DBC: which signals are torque and motion of which axis, by names and by values.
+"""What a bus sends, by its description: which signals are torque and motion of which axis, by names and by values.
 
 Names and units are looked at as without a bus; the values decide as in the columns of a table.
 """
@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import wrap_of
-from service.can.dbc import DbcError, Decoder, Message, Signal, read_dbc
+from service.can.decoder import Decoder
 from service.can.frames import FrameBlock, FrameKey
+from service.can.messages import DescriptionError, Message, MessageSet, Signal
 from service.ingest.column_roles import AxisRoles, Named, axes_by_values, changes, role_of
-from service.ingest.dbc_roles import (
-    DbcAxis,
+from service.ingest.signal_roles import (
+    BusAxis,
     SignalRole,
     axes_in,
     counts,
@@ -38,7 +38,7 @@ _ALIKE = 1.3
 """Intervals of signals that are compared differ by less than this factor."""
 _BITS = 8  # a number of fewer bits is a state
 _CYCLE = 0.02
-"""Relative: a measured interval this close to the cycle in the DBC is that."""
+"""Relative: a measured interval this close to the cycle in the description is that."""
 _ACCURATE = 0.003
 """Relative: of an interval that is measured in some seconds."""
 _COUNTS_ON = 0.9
@@ -78,42 +78,39 @@ class Series(NamedTuple):
 class BusRoles(NamedTuple):
     """What was found on a bus."""
 
-    axes: tuple[DbcAxis, ...]
+    axes: tuple[BusAxis, ...]
     came: tuple[str, ...]
-    """Messages of the DBC that came"""
+    """Described messages that came"""
     missing: tuple[str, ...]
-    """Messages of the DBC that never came, with their identifiers"""
+    """Described messages that never came, with their identifiers"""
     strange: tuple[str, ...]
-    """Identifiers of frames that the DBC does not have"""
+    """Identifiers of frames that are not described"""
 
 
-def roles_on_bus(dbc: Path, frames: FrameBlock) -> BusRoles:
+def roles_on_bus(known: MessageSet, frames: FrameBlock) -> BusRoles:
     """The axes that a bus carries.
 
     Args:
-        dbc: of the bus.
+        known: messages of the bus.
         frames: all that were received, in the order of time.
-
-    Raises:
-        DbcError: the file cannot be read or is no DBC.
     """
-    decoder, messages = _decoder(dbc)
+    decoder, messages = _decoder(known)
     keys = frames.counts()
     came = tuple(m.name for key, m in messages.items() if key in keys)
     missing = tuple(f"{m.name} (0x{key.can_id:x})" for key, m in messages.items() if key not in keys)
     strange = tuple(f"0x{key.can_id:x}" for key in sorted(keys.keys() - messages.keys()))
     series = _series(decoder, frames)
-    return BusRoles(tuple(_axes(dbc, messages.values(), series)), came, missing, strange)
+    return BusRoles(tuple(_axes(known, messages.values(), series)), came, missing, strange)
 
 
-def _decoder(dbc: Path) -> tuple[Decoder, dict[FrameKey, Message]]:
+def _decoder(known: MessageSet) -> tuple[Decoder, dict[FrameKey, Message]]:
     """A decoder of all messages that can be decoded, and these."""
-    decoder, messages = Decoder(dbc), dict[FrameKey, Message]()
-    for message in read_dbc(dbc).messages:
+    decoder, messages = Decoder(known), dict[FrameKey, Message]()
+    for message in known.messages:
         try:
             for signal in message.signals:
                 messages[decoder.want(message.name, signal.name)] = message
-        except DbcError:
+        except DescriptionError:
             continue  # a fault in a message that may not be needed; `check` names it where it is
     return decoder, messages
 
@@ -127,14 +124,14 @@ def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
         t = np.asarray((found.t_us - began_us) * 1e-6, np.float64)
         for name, (values, there) in found.signals.items():
             if there.any():
-                series[f"{decoder.message(key).name}.{name}"] = Series(t[there], values[there])
+                series[f"{decoder.messages[key].name}.{name}"] = Series(t[there], values[there])
     return series
 
 
 # --- The axes: by values where they move, else by names ---------------------------------------------------------------
 
 
-def _axes(dbc: Path, messages: Iterable[Message], series: Mapping[str, Series]) -> Iterator[DbcAxis]:
+def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, Series]) -> Iterator[BusAxis]:
     signals = {f"{m.name}.{s.name}": (m, s) for m in messages for s in m.signals}
     by_name = {name: role for name, (m, s) in signals.items() if (role := role_in(m, s)) is not None}
     candidates = {
@@ -149,9 +146,9 @@ def _axes(dbc: Path, messages: Iterable[Message], series: Mapping[str, Series]) 
             motion = by_name.get(pair.motion) or _guess(*signals[pair.motion], pair.output)
             motion = _looked(motion, group[pair.motion])
             torque = torque._replace(turned=pair.turned)
-            axis = DbcAxis(pair.name, torque, motion, None, None, explained=pair.explained)
+            axis = BusAxis(pair.name, torque, motion, None, None, explained=pair.explained)
             yield _timed(axis, signals[pair.torque][0], series)
-    for axis in axes_in(dbc):
+    for axis in axes_in(known.messages):
         own = {f"{role.message}.{role.signal}" for role in (axis.torque, axis.motion)}
         if own <= series.keys() and not own & taken and axis.name not in numbers:
             message = signals[f"{axis.torque.message}.{axis.torque.signal}"][0]
@@ -213,7 +210,7 @@ def _guess(message: Message, signal: Signal, quantity: Quantity) -> SignalRole:
     return SignalRole(message.name, signal.name, quantity, signal.unit or "", None, False, "guess", None)
 
 
-def _timed(axis: DbcAxis, message: Message, series: Mapping[str, Series]) -> DbcAxis:
+def _timed(axis: BusAxis, message: Message, series: Mapping[str, Series]) -> BusAxis:
     """With the interval as measured, and the sample counter beside the torque, if it counts."""
     own = [series[f"{role.message}.{role.signal}"] for role in (axis.torque, axis.motion)]
     measured_s, counter = max(s.interval_s for s in own), None

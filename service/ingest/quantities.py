@@ -13,7 +13,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import forward_fill
-from service.can.dbc import Column, Decoded, Decoder
+from service.can.decode_plan import Column
+from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
 from service.config.schema import AngleConfig, SignalConfig, Source
 
@@ -42,15 +43,13 @@ def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Q
     """The quantity in a message of the bus, which the decoder decodes from now on.
 
     Raises:
-        DbcError: the DBC has no such message or signal.
+        DescriptionError: the bus has no such message or signal.
     """
     message, signal = source.message, source.signal
     assert message is not None  # a cross-check of the configuration ensures it
     assert signal is not None
     wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
-    return Quantity(
-        name, decoder.want(message, signal), message, signal, source.factor, source.offset, wrap_period
-    )
+    return Quantity(name, decoder.want(message, signal), message, signal, *source.scale, wrap_period)
 
 
 class HeldSignal:

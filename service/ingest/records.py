@@ -51,7 +51,7 @@ def read_record(path: Path, config: Config) -> Record:
 
     Raises:
         RecordError: it cannot be read, has an unknown suffix or lacks a column.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     return TableRecord(path, config) if is_table(path) else LogRecord(path, config)
 
@@ -140,14 +140,14 @@ class LogRecord:
 
     Raises:
         RecordError: it cannot be opened, or there is no bus.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
 
     def __init__(self, path: Path, config: Config, carried: Carried | None = None) -> None:
         if not config.bus:
             raise RecordError(
-                f"{path} is a CAN log, and the configuration has no bus: add [[bus]] with its DBC and, to each axis,"
-                " bus, and message and signal of torque and motion"
+                f"{path} is a CAN log, and the configuration has no bus: add [[bus]] with its messages and,"
+                " to each axis, bus, and message and signal of torque and motion"
             )
         self.path = path
         self._config = config

@@ -1,4 +1,4 @@
-"""Units by the words in names of columns, and by the unit of a signal in a DBC: how much of the SI unit they are."""
+"""Units by the words in names of columns, and by the unit of a signal on a bus: how much of the SI unit they are."""
 
 from __future__ import annotations
 

@@ -230,7 +230,7 @@ class FramePipeline:
 
     Raises:
         AxisError: an axis cannot be monitored as configured.
-        DbcError, IngestError: a bus cannot be decoded as configured.
+        DescriptionError, IngestError: a bus cannot be decoded as configured.
     """
 
     def __init__(self, config: Config) -> None:

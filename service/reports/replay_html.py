@@ -37,7 +37,7 @@ REASONS: Mapping[str, str] = {
     "ambiguous": "more than half a turn since the sample before: which way is not known",
     "unwanted": "no axis asks for them",
     "too_short": "shorter than their message",
-    "undecodable": "contradict the DBC file",
+    "undecodable": "contradict the description of the bus",
     "signal_absent": "of a multiplexed message, without the signal that was wanted",
     "other_bus": "of a bus that the configuration does not have",
     "clock_reanchored": "the time line of the samples restarted",

@@ -32,11 +32,11 @@ class PlayFrame(NamedTuple):
 
 
 def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
-    """The frames of a record: those of a CAN log unchanged, those of a table encoded by the DBC.
+    """The frames of a record: those of a CAN log unchanged, those of a table encoded by the messages of the bus.
 
     Raises:
         RecordError: the record cannot be read, or a value does not fit into its signal.
-        DbcError, IngestError: the configuration cannot be used.
+        DescriptionError, IngestError: the configuration cannot be used.
     """
     if is_table(path):
         return encode_table(read_record(path, config), config)

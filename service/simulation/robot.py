@@ -117,7 +117,7 @@ def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
 
     Raises:
         BusError: a bus does not take a frame.
-        DbcError, IngestError: the configuration cannot be used, or a value does not fit into its signal.
+        DescriptionError, IngestError: the configuration cannot be used, or a value does not fit into its signal.
     """
     encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
     began_s: float | None = None

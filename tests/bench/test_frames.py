@@ -7,8 +7,8 @@ from pathlib import Path
 
 import can
 import pytest
+from cantools.database.can import Database
 
-from service.can.dbc import read_dbc
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.log_files import CanLog, FrameRecorder
 from service.ingest.bus_samples import Ingest
@@ -31,7 +31,8 @@ def test_a_frame(tmp_path: Path, seed: int, say: Say) -> None:
     frames = concatenate_frames(list(blocks(config, SECONDS, seed)))
     with FrameRecorder(log) as recorder:
         recorder.write(bus.name, frames)
-    database = read_dbc(bus.dbc)
+    database = Database()
+    database.add_dbc_file(str(bus.messages))
     messages = [
         can.Message(timestamp=f.t_us / 1e6, arbitration_id=f.can_id, is_extended_id=f.extended, data=f.data)
         for f in frames.frames()

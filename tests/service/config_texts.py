@@ -90,7 +90,7 @@ HEAD = """\
 [[bus]]
 name = "can0"
 channel = "can0"
-dbc = "demo.dbc"
+messages = "demo.dbc"
 [[robot]]
 name = "r"
 [[robot.axis]]

@@ -32,7 +32,7 @@ def test_a_right_file(file: Path) -> None:
     assert (first.pairing_tolerance_s, first.max_gap_s) == pytest.approx((0.002, 0.06))
     assert (second.pairing_tolerance_s, second.max_gap_s) == pytest.approx((0.0016, 0.04))
     assert config.service.state_dir == file.parent / "kept"
-    assert config.bus[0].dbc == file.parent / "robot.dbc"
+    assert config.bus[0].messages == file.parent / "robot.dbc"
     assert config.bus[0].options == {"receive_own_messages": True}
 
 

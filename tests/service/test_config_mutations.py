@@ -54,6 +54,11 @@ class Mutation(NamedTuple):
         return self.rows[self.header - 1] == "[robot.axis.model.limits]"
 
     @property
+    def is_description(self) -> bool:
+        """What describes the messages: beside another description it may be left out."""
+        return self.entry["key"] == "messages"
+
+    @property
     def is_component(self) -> bool:
         """Components have names of the user's own, and a drive without one of them may be a drive, too."""
         return self.rows[self.header - 1] == "[robot.axis.model.components]"
@@ -74,7 +79,8 @@ mutations = st.sampled_from(TEXTS).flatmap(_mutation)
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("mutations")
-    (folder / "robot.dbc").symlink_to(SHIPPED / "robot.dbc")
+    for name in ("robot.dbc", "drive.eds"):
+        (folder / name).symlink_to(SHIPPED / name)
     return folder / "a.toml"
 
 
@@ -99,6 +105,8 @@ def found(file: Path, text: str) -> list[Problem]:
 @given(mutations)
 def test_a_deleted_key_is_missed_where_its_table_is(file: Path, mutation: Mutation) -> None:
     problems = found(file, mutation.with_row())
+    if mutation.is_description:  # of its messages, and not of the key, others say that they are missing
+        return
     assert not problems or mutation.is_component or mutation.header in [problem.line for problem in problems]
 
 

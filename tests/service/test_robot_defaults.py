@@ -45,7 +45,7 @@ def robot() -> dict[str, Any]:
             "detector": {"alpha_1": 3.0, "alpha_2": 20.0 + (n == 1)},
         }
         axes.append(axis)
-    bus = {"name": "can0", "channel": "can0", "dbc": "a.dbc"}
+    bus = {"name": "can0", "channel": "can0", "messages": "a.dbc"}
     return {"bus": [bus], "robot": [{"name": "cell", "axis": axes}]}
 
 
@@ -130,7 +130,7 @@ HEAD = f"""\
 [[bus]]
 name = "can0"
 channel = "can0"
-dbc = "{CONFIG / "robot.dbc"}"
+messages = "{CONFIG / "robot.dbc"}"
 [[robot]]
 name = "cell"
 [robot.defaults]

@@ -33,7 +33,7 @@ BUS = f"""\
 name = "can0"
 interface = "virtual"
 channel = "warming"
-dbc = "{Path(__file__).resolve().parents[2] / "config" / "demo.dbc"}"
+messages = "{Path(__file__).resolve().parents[2] / "config" / "demo.dbc"}"
 """
 AXIS = f"""\
 [[robot]]

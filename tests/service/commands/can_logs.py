@@ -37,7 +37,7 @@ def dbc(path: Path, axes: int = 1, unit: str = "deg", more: str = "") -> Path:
 
 def configured(path: Path, file: Path, axes: int = 1) -> Path:
     """A configuration of these axes; their torques and angles as they are in the DBC."""
-    bus = f'[[bus]]\nname = "can0"\nchannel = "can0"\ndbc = "{file.name}"\n'
+    bus = f'[[bus]]\nname = "can0"\nchannel = "can0"\nmessages = "{file.name}"\n'
     robot = '[[robot]]\nname = "cell"\n' + "".join(_CONFIG_AXIS.format(n=n + 1) for n in range(axes))
     path.write_text(bus + robot, encoding="utf-8")
     return path

@@ -1,4 +1,4 @@
-"""``axiswatch init`` from a DBC: units and names tell what the signals are; the configuration can be checked."""
+"""``axiswatch init`` from a description of a bus: units and names tell what its signals are; `check` accepts it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from service.config.schema import NamedAxis
 from tests.conftest import ROOT
 from tests.service.command_line import refused, shown
 from tests.service.commands import can_logs
+from tests.service.drive_descriptions import TEXTS
 
 MORE = """
 BO_ 700 Joint1_Set: 8 Monitor
@@ -80,7 +81,17 @@ def test_a_real_one(records_dir: Path) -> None:
     assert (first.torque.message, first.torque.signal) == ("Axis0_Get_Iq", "Iq_Measured")
     assert first.motion.signal == "Pos_Estimate"
     assert first.motion.factor == pytest.approx(2 * math.pi)
-    assert "factor is the torque constant [N m/A]" in Path("axis.toml").read_text(encoding="utf-8")
+    assert "a current: add kT_Nm_per_A" in Path("axis.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_other_formats(name: str, folder: Path) -> None:
+    """The same drive in each of them gives the same axis."""
+    (folder / name).write_text(TEXTS[name](), encoding="utf-8")
+    _, (axis,) = proposed(folder / name)
+    torque, motion = axis.config.torque, axis.config.motion
+    assert (torque.message, torque.signal, torque.factor) == ("Drive", "Torque", 1)
+    assert (motion.message, motion.signal, axis.config.output) == ("Motion", "Angle", "angle")
 
 
 def test_no_axis_in_it(folder: Path) -> None:

@@ -104,7 +104,7 @@ def test_what_is_refused(folder: Path, rows: Path) -> None:
         "init", "robot.dbc", "--bus", "can0"
     )
     assert 'did you mean "socketcan"?' in refused("init", "robot.dbc", "--bus", "socketcna:can0")
-    assert "rows.csv is no DBC" in refused("init", rows, "--bus", bus)
+    assert "rows.csv describes no bus" in refused("init", rows, "--bus", bus)
     silent = axiswatch("init", "robot.dbc", "--bus", bus, "--seconds", 1)
     assert "is silent: no frame in 1 s" in silent.stderr
     gone = axiswatch("init", "robot.dbc", "--bus", "socketcan:can77", "--seconds", 1)
@@ -113,5 +113,5 @@ def test_what_is_refused(folder: Path, rows: Path) -> None:
     (folder / "other.dbc").write_text(other, encoding="utf-8")
     with moving(rows, config):
         strange = axiswatch("init", "other.dbc", "--bus", bus, "--seconds", 1)
-    assert "none of their messages is in other.dbc: 0x181; is it the DBC" in strange.stderr
+    assert "none of their messages is in other.dbc: 0x181; does that describe this robot" in strange.stderr
     assert not Path("axis.toml").exists()

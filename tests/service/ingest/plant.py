@@ -150,7 +150,7 @@ def make_config(folder: Path, *axes: Axis, **bus: Any) -> Config:
         "name": "bus0",
         "interface": "virtual",
         "channel": f"ingest-test-{next(_CHANNELS)}",
-        "dbc": "plant.dbc",
+        "messages": "plant.dbc",
         **bus,
     }
     values = {"bus": [bus0], "robot": [{"name": "r", "axis": list(axes)}]}

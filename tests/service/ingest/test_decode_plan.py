@@ -17,9 +17,11 @@ from cantools.database.errors import DecodeError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.can.dbc import Decoder, read_dbc
 from service.can.decode_plan import MessagePlan
+from service.can.decoder import Decoder
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, FrameKey, concatenate_frames
+from service.can.message_files import read_messages
+from service.can.messages import Bits, ByteOrder, Kind, MessageSet, message_of
 from tests.service.ingest.plant import DBC
 
 FRAMES = 12
@@ -115,6 +117,66 @@ def test_a_block_has_the_bits_of_cantools(message: Message, seed: int, extra: bo
         assert bits(found) == bits(by_cantools(message, frame))
 
 
+MODERATE = NUMBERS.filter(lambda number: abs(number) < 1e100)
+
+
+@st.composite
+def table_signals(draw: st.DrawFn) -> list[Bits]:
+    """Signals of a table of ids, which may overlap."""
+    kinds: st.SearchStrategy[Kind] = st.sampled_from(["unsigned", "signed", "float"])
+    orders: st.SearchStrategy[ByteOrder] = st.sampled_from(["little", "big"])
+    found = []
+    for k in range(draw(st.integers(1, 4))):
+        kind, order = draw(kinds), draw(orders)
+        length = draw(st.sampled_from([16, 32, 64]) if kind == "float" else st.integers(1, 64))
+        first = draw(st.integers(0, 512 - length))
+        start = first if order == "little" else 8 * (first // 8) + 7 - first % 8
+        found.append(Bits(f"s{k}", start, length, kind, order, draw(MODERATE), draw(MODERATE)))
+    return found
+
+
+def by_the_bits(signal: Bits, data: bytes) -> float:
+    """The value, from the definition of a table's signal."""
+    number = 0
+    if signal.byte_order == "little":
+        number = int.from_bytes(data, "little") >> signal.start_bit & (1 << signal.length) - 1
+    else:
+        at = signal.start_bit
+        for _ in range(
+            signal.length
+        ):  # from the highest bit down, then on with the highest bit of the next byte
+            number = number << 1 | data[at // 8] >> at % 8 & 1
+            at = at - 1 if at % 8 else at + 15
+    if signal.kind == "float":
+        raw = number.to_bytes(signal.length // 8, "big")
+        real: float = struct.unpack(f">{ {16: 'e', 32: 'f', 64: 'd'}[signal.length] }", raw)[0]
+        return real * signal.factor + signal.offset
+    if signal.kind == "signed" and number >> signal.length - 1:
+        number -= 1 << signal.length
+    if signal.factor == int(signal.factor) and signal.offset == int(signal.offset):
+        return number * int(signal.factor) + int(signal.offset)  # exact, rounded once
+    return number * signal.factor + signal.offset
+
+
+@settings(max_examples=100)
+@given(table=table_signals(), seed=st.integers(0, 2**32))
+def test_a_table_of_ids_has_the_values_of_its_bits_and_of_cantools(table: list[Bits], seed: int) -> None:
+    rng = random.Random(seed)
+    message = message_of("M", FrameKey(1, False), table)
+    assert message.length == max(signal.bytes_needed for signal in table) <= 64
+    frames = [rng.randbytes(64) for _ in range(5)]
+    data = np.frombuffer(b"".join(frames), np.uint8).reshape(-1, 64)
+    columns, _ = MessagePlan(message, [signal.name for signal in table]).decode(data)
+    for signal in table:
+        alone = Message(1, "M", 64, [message.get_signal_by_name(signal.name)])  # cantools refuses any overlap
+        for k, frame in enumerate(frames):
+            found = bits(float(columns[signal.name].values[k]))
+            by_each_bit = by_the_bits(signal, frame)
+            assert found == bits(float(by_each_bit))
+            decoded = alone.decode_simple(frame, decode_choices=False)
+            assert found == bits(float(decoded[signal.name]))  # type: ignore[arg-type]
+
+
 def by_each(
     decoder: Decoder, wanted: Mapping[FrameKey, list[str]], frames: list[Frame]
 ) -> tuple[Any, dict[str, int]]:
@@ -125,7 +187,7 @@ def by_each(
         if frame.key not in wanted:
             dropped["unwanted"] += 1
             continue
-        message = decoder.message(frame.key)
+        message = decoder.messages[frame.key]
         if len(frame.data) < message.length:
             dropped["too_short"] += 1
             continue
@@ -151,17 +213,17 @@ def in_blocks(decoder: Decoder, frames: list[Frame]) -> Any:
     return found
 
 
-def check_database(dbc: Path, seed: int, count: int) -> None:
-    """Random frames of all messages of a file, some of them too short, too long or with another kind of id."""
-    rng, decoder, wanted = random.Random(seed), Decoder(dbc), dict[FrameKey, list[str]]()
-    for message in read_dbc(dbc).messages:
+def check_messages(known: MessageSet, seed: int, count: int) -> None:
+    """Random frames of all messages, some of them too short, too long or with another kind of id."""
+    rng, decoder, wanted = random.Random(seed), Decoder(known), dict[FrameKey, list[str]]()
+    for message in known.messages:
         for signal in message.signals:
             key = decoder.want(message.name, signal.name)
             wanted.setdefault(key, []).append(signal.name)
     keys, frames = list(wanted), list[Frame]()
     for k in range(count):
         can_id, extended = rng.choice(keys)
-        length = rng.choice([decoder.message(FrameKey(can_id, extended)).length, 8, rng.randrange(9), 64])
+        length = rng.choice([decoder.messages[FrameKey(can_id, extended)].length, 8, rng.randrange(9), 64])
         data = rng.choice([rng.randbytes(length), bytes(length), bytes([rng.randrange(4)]) * length])
         frames.append(Frame(1000 + k, can_id, extended ^ (rng.random() < 0.05), data))
     found, dropped = by_each(decoder, wanted, frames)
@@ -174,12 +236,12 @@ def check_database(dbc: Path, seed: int, count: int) -> None:
 def test_a_plant(tmp_path: Path, seed: int) -> None:
     """With extended ids, floats, CAN FD, names of values, and pages that are in the database or not."""
     (tmp_path / "plant.dbc").write_text(DBC, encoding="utf-8")
-    check_database(tmp_path / "plant.dbc", seed, 1000)
+    check_messages(read_messages(tmp_path / "plant.dbc"), seed, 1000)
 
 
 @pytest.mark.records
 def test_a_drive_that_can_be_bought(records_dir: Path, seed: int) -> None:
-    check_database(records_dir / "can" / "odrive-cansimple.dbc", seed, 3000)
+    check_messages(read_messages(records_dir / "can" / "odrive-cansimple.dbc"), seed, 3000)
 
 
 def test_frames_of_any_length_are_joined_and_come_out_again(seed: int) -> None:

@@ -20,7 +20,7 @@ from monitor_core.monitoring import UNSEEN, AxisMonitor, Fleet, standard_deviati
 from monitor_core.samples import SampleBlock
 from monitor_core.sampling import DROP_REASONS as DROPPED
 from monitor_core.settings import Threshold
-from service.can.dbc import FRAME_REASONS
+from service.can.decoder import FRAME_REASONS
 from service.ingest.unwrap import AMBIGUOUS
 from service.reports import replay_course as rows
 from service.reports.replay_course import PAUSE_S, SIGMAS, Course, Timeline, Times, time_unit

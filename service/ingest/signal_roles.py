@@ -1,4 +1,4 @@
-"""Which signals of a DBC are torque and motion of which axis: by their units, and by the words in their names.
+"""Which signals of a bus are torque and motion of which axis: by their units, and by the words in their names.
 
 Nothing is received yet, so there are no values to compare: a unit says what a signal is, a name says it less surely.
 """
@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Literal, NamedTuple
 
-from service.can.dbc import Message, Signal, read_dbc
+from service.can.messages import Message, Signal
 from service.ingest.column_roles import LIKELY, SURE, role_of, words_in
 from service.ingest.unit_names import Quantity, unit_in
 
@@ -57,7 +56,7 @@ class SignalRole(NamedTuple):
     """It has the wrong sign, by its values"""
 
 
-class DbcAxis(NamedTuple):
+class BusAxis(NamedTuple):
     """The signals of an axis."""
 
     name: str
@@ -83,13 +82,8 @@ class DbcAxis(NamedTuple):
         return min((self.torque.sureness, self.motion.sureness), key=grades.index)
 
 
-def axes_in(dbc: Path) -> list[DbcAxis]:
-    """The axes that a DBC carries, in its order.
-
-    Raises:
-        DbcError: the file cannot be read or is no DBC.
-    """
-    messages = list(read_dbc(dbc).messages)
+def axes_in(messages: Sequence[Message]) -> list[BusAxis]:
+    """The axes that these messages carry, in their order."""
     by_axis: dict[str, list[SignalRole]] = {}
     for message in messages:
         for signal in message.signals:
@@ -161,7 +155,7 @@ def number_in(message: str, signal: str) -> str:
     return ""
 
 
-def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]) -> DbcAxis | None:
+def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]) -> BusAxis | None:
     torque = _best([role for role in roles if role.quantity == "torque"])
     motion = _best([r for r in roles if r.quantity == "angle"]) or _best(
         [r for r in roles if r.quantity == "speed"]
@@ -171,7 +165,7 @@ def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]
     message = messages[torque.message]
     counters = [s.name for s in message.signals if counts(s)]
     cycle = message.cycle_time
-    return DbcAxis(
+    return BusAxis(
         f"axis{number}",
         torque,
         motion,
@@ -195,7 +189,7 @@ def _best(roles: Sequence[SignalRole]) -> SignalRole | None:
     return max(roles, key=grade, default=None)
 
 
-def summary(axes: Sequence[DbcAxis]) -> Iterator[str]:
+def summary(axes: Sequence[BusAxis]) -> Iterator[str]:
     """What was found, a line for each axis."""
     for axis in axes:
         torque, motion = (

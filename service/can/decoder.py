@@ -1,0 +1,106 @@
+"""Decoding of the wanted signals in blocks of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Ints
+from service.can.decode_plan import Column, MessagePlan
+from service.can.frames import FrameBlock, FrameKey
+from service.can.messages import Message, MessageSet, find_signal, key_of_message
+from service.can.sync_cycle import SyncCycle
+
+FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
+"""Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Decoder.dropped``."""
+
+
+class Decoded(NamedTuple):
+    """The wanted signals of the frames of one message in a block; each frame has at least one of them."""
+
+    places: Ints
+    """Of the frames in the block (N,)"""
+    t_us: Ints
+    """Times of receipt (N,), of what a SYNC has sampled that of the SYNC"""
+    signals: Mapping[str, Column]
+    """By name, each (N,)"""
+
+
+class Decoder:
+    """Decodes the wanted signals of a bus."""
+
+    def __init__(self, known: MessageSet) -> None:
+        self.known = known
+        self._messages: dict[FrameKey, Message] = {}
+        self._wanted: dict[FrameKey, tuple[str, ...]] = {}
+        self._plans: dict[FrameKey, MessagePlan] = {}
+        self._sync: dict[FrameKey, SyncCycle] = {}
+        self.dropped = dict.fromkeys(FRAME_REASONS, 0)
+        """Frames by reason"""
+
+    def want(self, message: str, signal: str) -> FrameKey:
+        """Decode that signal from now on; returns which frames carry it.
+
+        Raises:
+            DescriptionError: there is no such message or signal.
+        """
+        found, _ = find_signal(self.known, message, signal)
+        key = key_of_message(found)
+        self._messages[key] = found
+        self._wanted[key] = tuple(dict.fromkeys((*self._wanted.get(key, ()), signal)))
+        self._plans.pop(key, None)
+        if (sync := self.known.sync.get(key)) is not None:
+            self._sync.setdefault(sync, SyncCycle(sync))
+        return key
+
+    @property
+    def keys(self) -> tuple[FrameKey, ...]:
+        """The frames with wanted signals, and the SYNC that times them: for the filters of the bus."""
+        return (*self._messages, *self._sync)
+
+    @property
+    def messages(self) -> Mapping[FrameKey, Message]:
+        """The messages with wanted signals, by their frames."""
+        return self._messages
+
+    def decode(self, frames: FrameBlock) -> dict[FrameKey, Decoded]:
+        """The wanted signals in these frames, by message; counts the frames where some or all are missing."""
+        found: dict[FrameKey, Decoded] = {}
+        left, ids = frames.size, frames.ids
+        left -= sum(cycle.take(frames) for cycle in self._sync.values())
+        for key in self._messages:
+            places = np.flatnonzero(ids == key.record_id)
+            if places.size:
+                left -= places.size
+                decoded = self._decoded(key, frames, places)
+                if decoded.places.size:
+                    found[key] = decoded
+        self.dropped["unwanted"] += left
+        return found
+
+    def _decoded(self, key: FrameKey, frames: FrameBlock, places: Ints) -> Decoded:
+        t_us = frames.t_us[places]
+        if (sync := self.known.sync.get(key)) is not None:
+            t_us = self._sync[sync].times_us(key, frames, places)
+        if key not in self._plans:
+            self._plans[key] = MessagePlan(self._messages[key], self._wanted[key])
+        plan = self._plans[key]
+        long = frames.lengths[places] >= plan.length
+        if not long.all():
+            self.dropped["too_short"] += int(np.count_nonzero(~long))
+            places, t_us = places[long], t_us[long]
+        if not places.size:
+            return Decoded(places, np.zeros(0, np.int64), {})
+        signals, known = plan.decode(frames.data[places])
+        if not plan.multiplexed:
+            return Decoded(places, t_us, signals)
+        present = np.array([column.present for column in signals.values()]) & known
+        self.dropped["undecodable"] += int(np.count_nonzero(~known))
+        self.dropped["signal_absent"] += int(np.count_nonzero(known & ~present.all(axis=0)))
+        some = present.any(axis=0)
+        if not some.all():
+            places, t_us = places[some], t_us[some]
+            signals = {name: Column(c.values[some], c.present[some]) for name, c in signals.items()}
+        return Decoded(places, t_us, signals)

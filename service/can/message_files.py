@@ -1,0 +1,61 @@
+"""Files that describe the messages of a bus: DBC, KCD, SYM and ARXML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+
+import cantools.database
+from cantools.database.can import Database
+
+from monitor_core.wording import listed
+from service.can.messages import CodingError, DescriptionError, MessageSet
+
+KINDS: Mapping[str, str] = MappingProxyType({".dbc": "DBC", ".kcd": "KCD", ".sym": "SYM", ".arxml": "ARXML"})
+"""Formats by the suffix of a file"""
+
+
+def read_messages(path: Path) -> MessageSet:
+    """The messages that a file describes, cached until the file changes; its suffix tells the format.
+
+    Raises:
+        DescriptionError: the file cannot be read, or is not of that format.
+    """
+    kind = KINDS.get(path.suffix.lower())
+    if kind is None:
+        raise DescriptionError(
+            f"{path} describes no messages: its name must end with {listed(tuple(KINDS), 'or')}"
+        )
+    try:
+        state = path.stat()
+        return _read(path, kind, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise DescriptionError(f"cannot read {path}: {error.strerror}") from None
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, kind: str, _modified_ns: int, _size: int) -> MessageSet:
+    text = _text(path.read_bytes())
+    try:
+        database = cantools.database.load_string(text, kind.lower(), strict=False)
+    except CodingError as error:
+        raise DescriptionError(f"{path} is no valid {kind}: {_reason(error, kind)}") from None
+    assert isinstance(database, Database)  # the other class belongs to another file format
+    return MessageSet(tuple(database.messages), path.name)
+
+
+def _reason(error: CodingError, kind: str) -> str:
+    """What cantools has said, or, where it has only stumbled over something, that."""
+    original = getattr(error, f"e_{kind.lower()}", None)
+    if isinstance(original, TypeError | AttributeError | LookupError):
+        return f"an entry is missing or wrong ({original})"
+    return str(error).removeprefix(f'{kind}: "').removesuffix('"').replace(">>!<<", "<here>")
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:  # most tools write the Western code page
+        return data.decode("cp1252", errors="replace")
