@@ -126,13 +126,7 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
     console = Console(highlight=False, soft_wrap=True)
     where = f"{bus.interface} {bus.channel}"
     known = read_messages(description)  # a mistake in it is reported before anything is waited for
-    console.print(f"Listening to {where} for {seconds:g} s; the robot should move ...", markup=False)
-    frames = _heard(bus, seconds)
-    if not frames:
-        raise RecordError(
-            f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
-            " termination and bit rate right?"
-        )
+    frames = heard_on(bus, seconds, console)
     found = roles_on_bus(known, frames)
     if not found.came:
         raise RecordError(
@@ -161,11 +155,20 @@ def _few(names: Sequence[str]) -> str:
     return ", ".join(names[:_NAMED]) + more
 
 
-def _heard(bus: BusConfig, seconds: float) -> FrameBlock:
-    """All frames on a bus; Ctrl-C ends it early."""
+def heard_on(bus: BusConfig, seconds: float, console: Console) -> FrameBlock:
+    """All frames on a bus in that time; Ctrl-C ends it early.
+
+    Raises:
+        BusError: the bus cannot be opened.
+        RecordError: it is silent.
+    """
     from service.can.bus_reader import CanReader
     from service.can.frames import concatenate_frames
+    from service.can.user_errors import RecordError
     from service.commands.listen import rounds
+
+    where = f"{bus.interface} {bus.channel}"
+    console.print(f"Listening to {where} for {seconds:g} s; the robot should move ...", markup=False)
 
     blocks: list[FrameBlock] = []
     reader = CanReader(bus, None)
@@ -177,7 +180,13 @@ def _heard(bus: BusConfig, seconds: float) -> FrameBlock:
                 blocks.append(block)
     finally:
         reader.close()
-    return concatenate_frames(blocks)
+    frames = concatenate_frames(blocks)
+    if not frames:
+        raise RecordError(
+            f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
+            " termination and bit rate right?"
+        )
+    return frames
 
 
 def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:

@@ -16,6 +16,7 @@ from service.pipeline.warming import EARLY, Shape
 COMMANDS = (
     "demo",
     "init",
+    "discover",
     "check",
     "model",
     "excite",
@@ -76,9 +77,8 @@ def main() -> None:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     choose(os.environ)
     if sys.argv[1:2] in (["demo"], ["run"]) and {"-h", "--help"}.isdisjoint(sys.argv):
-        EARLY.begin(
-            Shape.FEW_AXES
-        )  # a cold start: the compiler need not wait for the libraries of this process
+        # A cold start: the compiler need not wait for the libraries of this process.
+        EARLY.begin(Shape.FEW_AXES)
     app()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from service.config.schema import BusConfig
 from service.ingest.column_roles import AxisRoles, TableRoles
 from service.ingest.signal_roles import BusAxis, SignalRole
 from service.ingest.unit_names import Quantity, unit_in
+from service.ingest.unknown_messages import UnknownMessage
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
 """Of every axis: from the motion of production, springs are seldom determined."""
@@ -41,18 +43,53 @@ def bus_lines(
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts the unit on the bus, -1 turns the sign; of the angle of an arm it is the gear ratio."
-    yield "[[bus]]"
-    yield f"name = {_quoted(_BUS if bus is None else bus.name)}"
-    if bus is None:
-        yield f'channel = "{_BUS}"  # of the interface; the name in a log'
-    else:
-        yield f"interface = {_quoted(bus.interface)}"
-        yield f"channel = {_quoted(bus.channel)}"
-        if bus.options:
-            yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
+    yield from _bus_table(_BUS if bus is None else bus.name, bus)
     yield f"messages = {_quoted(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
     yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
+
+
+def unknown_bus_lines(
+    axes: Sequence[BusAxis], messages: Sequence[UnknownMessage], name: str, bus: BusConfig | None = None
+) -> Iterator[str]:
+    """The file for the axes of a bus that nothing describes: with the numbers in its messages.
+
+    Args:
+        axes: in their order.
+        messages: that carry them.
+        name: of the bus, as in a log.
+        bus: that was listened to; None: none was.
+    """
+    yield "# Proposed by `axiswatch discover`: what the numbers mean is a guess by their values."
+    yield "# Put in the units: the factor of a torque makes it N m, that of a motion rad or rad/s, both of the motor."
+    yield from _bus_table(name if re.fullmatch(r"[\w-]+", name, re.ASCII) else _BUS, bus, name)
+    for message in messages:
+        yield ""
+        yield "[[bus.message]]"
+        yield f"name = {_quoted(message.name)}"
+        yield f"id = 0x{message.key.can_id:x}"
+        if message.key.extended:
+            yield "extended = true"
+        yield "signal = ["
+        for bits in message.bits:
+            order = "" if bits.byte_order == "little" else ', byte_order = "big"'
+            place = f"start_bit = {bits.start_bit}, length = {bits.length}"
+            yield f'  {{ name = {_quoted(bits.name)}, {place}, kind = "{bits.kind}"{order} }},'
+        yield "]"
+    yield ""
+    yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
+
+
+def _bus_table(name: str, bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
+    yield "[[bus]]"
+    yield f"name = {_quoted(name)}"
+    if bus is None:
+        yield f"channel = {_quoted(channel)}  # of the interface; the name in a log"
+        return
+    yield f"interface = {_quoted(bus.interface)}"
+    yield f"channel = {_quoted(bus.channel)}"
+    if bus.options:
+        yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
 
 
 def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
@@ -142,6 +179,9 @@ def _source(role: SignalRole) -> str:
 def _unit_words(role: SignalRole) -> str:
     if role.current:
         return "a current: add kT_Nm_per_A, the torque constant"
+    if not role.unit and role.sureness == "guess":
+        unit = {"torque": "N m", "angle": "rad", "speed": "rad/s"}[role.quantity]
+        return f"by its values; factor is {unit} for each count"
     if not role.unit:
         return (
             f"by its name; it has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"

@@ -1,0 +1,139 @@
+"""``axiswatch discover``: torque and motion on a bus that nothing describes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from service.commands.exit_codes import explained
+from service.commands.options import BusOption, Force, bus_named
+from service.commands.output_files import check_writable, write_all
+
+if TYPE_CHECKING:
+    from service.can.frames import FrameBlock
+    from service.can.inferred_layout import Field
+    from service.config.schema import BusConfig
+    from service.ingest.unknown_messages import UnknownMessage
+
+Log = Annotated[
+    Path | None,
+    typer.Argument(metavar="RECORD", help="A CAN log (.log .asc .blf .trc) of the moving robot."),
+]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
+ListenFor = Annotated[
+    float, typer.Option("--seconds", min=1.0, max=600.0, metavar="N", help="With --bus: how long.")
+]
+Channel = Annotated[
+    str | None,
+    typer.Option("--channel", metavar="NAME", help="Of a log of several buses: this one. Default: the busiest."),
+]  # fmt: skip
+
+
+def discover(
+    record: Log = None,
+    output: Output = Path("axis.toml"),
+    force: Force = False,
+    bus: BusOption = None,
+    seconds: ListenFor = 20.0,
+    channel: Channel = None,
+) -> None:
+    """Look at a bus that no file describes: which bits are torque and motion of which axis, with the reasons.
+
+    The robot must move, with changes of its speed, best as in production. Where the numbers are in a message follows
+    from their smoothness, which are torque and motion from how well the motion explains the torque. The units cannot be
+    seen: the proposed configuration says where to put them. If a DBC, an EDS or a table of the maker exists, that is
+    better: `axiswatch init`.
+    """
+    if (record is None) == (bus is None):
+        raise typer.BadParameter("give either a CAN log or --bus INTERFACE:CHANNEL", param_hint="RECORD")
+    check_writable(output)
+    if output.exists() and not force:
+        raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
+    console = Console(highlight=False, soft_wrap=True)
+    with explained():
+        from service.can.user_errors import RecordError
+        from service.commands.init import heard_on
+        from service.commands.proposed_configuration import unknown_bus_lines
+        from service.ingest.signal_roles import summary
+        from service.ingest.unknown_messages import discover_axes, used_messages
+
+        source: BusConfig | None = None
+        if record is not None:
+            name, frames = _logged(record, channel, console)
+        else:
+            source = bus_named(bus or "", None)
+            name, frames = source.name, heard_on(source, seconds, console)
+        found = discover_axes(frames)
+        console.print(_table(found.messages))
+        if not found.axes:
+            raise RecordError(
+                "no torque and motion of an axis among these numbers; record while the robot moves, for some"
+                " seconds at least, with changes of its speed; one axis after another is best"
+            )
+    for words in summary(found.axes):
+        console.print(words, markup=False)
+    lines = unknown_bus_lines(found.axes, used_messages(found), name, source)
+    write_all([(output, "\n".join(lines) + "\n")])
+    console.print(
+        f"{output} is written; put the units into it: they cannot be seen on the bus.", markup=False
+    )
+    what = f"{record}" if record is not None else "--minutes 10"
+    console.print(f"Next: axiswatch commission {what} --config {output}", markup=False)
+
+
+def _logged(record: Path, channel: str | None, console: Console) -> tuple[str, FrameBlock]:
+    """The name of a bus in a log and its frames."""
+    from service.can.frames import concatenate_frames
+    from service.can.log_files import LOG_SUFFIXES, CanLog
+    from service.can.user_errors import RecordError
+
+    if record.suffix.lower() not in LOG_SUFFIXES:
+        raise RecordError(
+            f"{record} is no CAN log ({' '.join(LOG_SUFFIXES)}); a table is for `axiswatch init {record}`"
+        )
+    blocks: dict[str, list[FrameBlock]] = {}
+    for block in CanLog(record).blocks():
+        for number, name in enumerate(block.names):
+            if part := block.frames.select(block.channels == number):
+                blocks.setdefault(name, []).append(part)
+    sizes = {name: sum(part.size for part in parts) for name, parts in blocks.items()}
+    if channel is not None and channel not in blocks:
+        raise RecordError(f"no channel {channel} in {record}; it has {', '.join(blocks)}")
+    chosen = max(sizes, key=sizes.__getitem__) if channel is None else channel
+    if len(blocks) > 1:
+        others = ", ".join(f"{name} ({sizes[name]} frames)" for name in blocks if name != chosen)
+        console.print(f"Looking at {chosen}; --channel chooses another one: {others}", markup=False)
+    return chosen, concatenate_frames(blocks[chosen])
+
+
+def _table(messages: tuple[UnknownMessage, ...]) -> Table:
+    table = Table("identifier", "frames/s", "bytes", "numbers in it", box=None, pad_edge=False)
+    for message in messages:
+        frames_per_s = f"{message.rate:.1f}"
+        table.add_row(f"0x{message.key.can_id:x}", frames_per_s, f"{message.length}", _contents(message))
+    return table
+
+
+def _contents(message: UnknownMessage) -> str:
+    if message.multiplexer is not None:
+        return (
+            f"byte {message.multiplexer} chooses between {message.pages} meanings of the others:"
+            " only a DBC can describe that"
+        )
+    if not message.fields:
+        return "too few frames to look at" if message.length else "no data"
+    return ", ".join(_words(field) for field in message.fields)
+
+
+def _words(field: Field) -> str:
+    last = field.first_byte + field.width - 1
+    place = f"{field.first_byte}" if field.width == 1 else f"{field.first_byte}-{last}"
+    if field.kind in ("constant", "random", "state"):
+        return f"{place} {field.kind}"
+    kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
+    order = "" if field.width == 1 else f" {field.byte_order}-endian"
+    return f"{place} {field.kind} ({kind}{order})"

@@ -1,0 +1,105 @@
+"""What a bus sends that nothing describes: the numbers in its messages, and which of them are torque and motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from service.can.frames import FrameBlock, FrameKey
+from service.can.inferred_layout import FEWEST_FRAMES, Field, find_multiplexer, infer_layout
+from service.can.messages import Bits, Kind, MessageSet, message_of
+from service.ingest.live_roles import roles_on_bus
+from service.ingest.signal_roles import BusAxis
+
+_FEWEST_VALUES, _CHANGES = 100, 0.2
+"""Of an axis that moves: different numbers, and the share of the frames with another one than before"""
+
+
+class UnknownMessage(NamedTuple):
+    """The frames of one id."""
+
+    key: FrameKey
+    rate: float
+    """Frames per second, in the middle half of them"""
+    length: int
+    """Bytes, of most of its frames"""
+    fields: tuple[Field, ...] = ()
+    """The numbers in it; none where too few frames came, or where a byte chooses what they mean"""
+    bits: tuple[Bits, ...] = ()
+    """Its counters, and its numbers that move, as the table of a configuration has them"""
+    pages: int = 0
+    """Values of that byte, the ``multiplexer``; 0: there is none"""
+    multiplexer: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the message in the proposed configuration."""
+        return f"x{self.key.can_id:x}"
+
+
+class Discovered(NamedTuple):
+    """What was found on a bus that nothing describes."""
+
+    messages: tuple[UnknownMessage, ...]
+    axes: tuple[BusAxis, ...]
+
+
+def discover_axes(frames: FrameBlock) -> Discovered:
+    """Look at all frames of a bus, in the order of their receipt."""
+    ids, places, counts = np.unique(frames.ids, return_inverse=True, return_counts=True)
+    order = np.argsort(places, kind="stable")
+    own = np.split(order, np.cumsum(counts)[:-1])
+    messages = tuple(_message(frames.select(part)) for part in own if ids.size)
+    described = [message_of(m.name, m.key, m.bits) for m in messages if m.bits]
+    found = roles_on_bus(MessageSet(tuple(described), "the frames"), frames).axes
+    axes = tuple(axis._replace(name=f"axis{number}") for number, axis in enumerate(found, 1))
+    return Discovered(messages, axes)
+
+
+def _message(frames: FrameBlock) -> UnknownMessage:
+    (key,) = frames.counts()
+    length = int(np.bincount(frames.lengths).argmax())
+    data = frames.select(frames.lengths == length).data[:, :length]
+    found = UnknownMessage(key, _rate(frames), length)
+    if data.shape[0] < FEWEST_FRAMES or not length:
+        return found
+    if (multiplexer := find_multiplexer(data)) is not None:
+        return found._replace(multiplexer=multiplexer, pages=np.unique(data[:, multiplexer]).size)
+    fields = infer_layout(data)
+    moving = (f for f in fields if f.kind == "counter" or (f.kind == "signal" and _moves(f.values(data))))
+    return found._replace(fields=fields, bits=tuple(map(_bits, moving)))
+
+
+def _moves(values: Floats) -> bool:
+    """Whether a number may be torque or motion of an axis that moves: no setting, no noise of an idle drive."""
+    return np.unique(values).size >= _FEWEST_VALUES and float(np.mean(np.diff(values) != 0)) > _CHANGES
+
+
+def _rate(frames: FrameBlock) -> float:
+    quarter = frames.size // 4
+    t = frames.t_us[quarter : frames.size - quarter]
+    span_s = float(t[-1] - t[0]) / 1e6
+    return (t.size - 1) / span_s if span_s > 0 else 0.0
+
+
+def _bits(field: Field) -> Bits:
+    """The name is a letter for the first byte: a digit would be taken for the number of an axis."""
+    what = "counter" if field.kind == "counter" else "value"
+    start_bit = 8 * field.first_byte + (7 if field.byte_order == "big" else 0)
+    kind: Kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
+    name = f"{what}_{_letters(field.first_byte)}"
+    return Bits(name, start_bit, 8 * field.width, kind, field.byte_order)
+
+
+def _letters(number: int) -> str:
+    first, last = divmod(number, 26)
+    return (chr(ord("a") + first - 1) if first else "") + chr(ord("a") + last)
+
+
+def used_messages(found: Discovered) -> Sequence[UnknownMessage]:
+    """The messages that carry the axes."""
+    names = {role.message for axis in found.axes for role in (axis.torque, axis.motion)}
+    return [message for message in found.messages if message.name in names]

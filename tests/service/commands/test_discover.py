@@ -1,0 +1,89 @@
+"""``discover`` on buses that nothing describes: the axes of simulated robots, and a real bus where nothing moves."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from service.can.frames import concatenate_frames
+from service.can.log_files import FrameRecorder
+from service.commands.exit_codes import MISTAKE
+from service.config import Config, load
+from service.ingest.unknown_messages import discover_axes
+from tests.conftest import ROOT
+from tests.service.command_line import axiswatch, refused, shown
+from tests.service.pipeline.robots import DEMO, blocks, demo
+
+
+def log_of(config: Config, path: Path, seed: int, seconds: float = 8.0) -> Path:
+    with FrameRecorder(path) as recorder:
+        for block in blocks(config, seconds, seed):
+            recorder.write("can0", block)
+    return path
+
+
+def separate_messages(folder: Path, axes: int) -> Config:
+    """The same robot with torques and angles in messages of their own, a speed beside each angle."""
+    text = DEMO.read_text(encoding="utf-8").replace("demo.dbc", str(ROOT / "config" / "robot.dbc"))
+    text = text.partition(f'[[robot.axis]]\nname = "axis{axes + 1}"')[0]
+    for what, message in (("torque", "Torque"), ("angle", "Angle")):
+        text = re.sub(rf'({what} = .*"Axis\d)State"', rf'\1{message}"', text)
+    file = folder / "robot.toml"
+    file.write_text(text, encoding="utf-8")
+    return load(file, {})
+
+
+def test_all_axes_of_the_demo_are_found_by_the_frames_alone(tmp_path: Path, seed: int) -> None:
+    frames = concatenate_frames(list(blocks(demo(tmp_path, 4), 8.0, seed)))
+    found = discover_axes(frames).axes
+    assert [axis.name for axis in found] == [f"axis{k}" for k in range(1, 5)]
+    for number, axis in enumerate(found, 1):
+        assert (axis.torque.message, axis.torque.signal) == (f"x18{number}", "value_a")
+        assert (axis.motion.message, axis.motion.signal) == (f"x18{number}", "value_c")
+        assert (axis.motion.quantity, axis.torque.turned, axis.interval_s) == ("angle", False, 0.005)
+        assert axis.counter == (f"x18{number}", "counter_g")
+
+
+def test_torque_and_angle_in_messages_of_their_own(tmp_path: Path, seed: int) -> None:
+    frames = concatenate_frames(list(blocks(separate_messages(tmp_path, 3), 8.0, seed)))
+    found = discover_axes(frames).axes
+    ids = [(axis.torque.message, axis.motion.message, axis.motion.signal) for axis in found]
+    assert ids == [("x101", "x201", "value_a"), ("x102", "x202", "value_a"), ("x103", "x203", "value_a")]
+
+
+def test_the_configuration_can_be_used_with_the_record(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = log_of(demo(tmp_path, 1), tmp_path / "unknown.log", seed)
+    monkeypatch.chdir(tmp_path)
+    text = shown("discover", log.name)
+    assert "0x181" in text
+    assert "0-1 signal (signed little-endian), 2-5 signal (signed little-endian), 6-7 counter" in text
+    assert "axis1: torque x181.value_a, angle x181.value_c" in text
+    assert f"Next: axiswatch commission {log.name} --config axis.toml" in text
+    assert "no problems" in shown("check", "--config", "axis.toml")
+    (bus,) = load(Path("axis.toml"), {}).bus
+    assert [(m.name, m.id, [s.start_bit for s in m.signal]) for m in bus.message] == [
+        ("x181", 0x181, [0, 16, 48])
+    ]
+    assert "axis.toml is there already; --force overwrites it" in refused("discover", log.name)
+
+
+@pytest.mark.records
+def test_where_nothing_moves_no_axis_is_made_up(records_dir: Path, tmp_path: Path) -> None:
+    result = axiswatch("discover", records_dir / "can/inverter_idle.log", "--output", tmp_path / "axis.toml")
+    assert result.exit_code == MISTAKE
+    assert "byte 0 chooses between 4 meanings of the others: only a DBC can describe that" in result.stdout
+    assert (
+        "no torque and motion of an axis among these numbers; record while the robot moves" in result.stderr
+    )
+    assert not (tmp_path / "axis.toml").exists()
+
+
+def test_mistakes(tmp_path: Path, seed: int) -> None:
+    log, output = log_of(demo(tmp_path, 1), tmp_path / "a.log", seed, 1.0), tmp_path / "axis.toml"
+    assert "give either a CAN log or --bus" in refused("discover")
+    assert "give either a CAN log or --bus" in refused("discover", log, "--bus", "virtual:x")
+    (tmp_path / "a.csv").write_text("t,u,y\n")
+    assert "is no CAN log" in refused("discover", tmp_path / "a.csv", "--output", output)
+    assert "no channel can7 in" in refused("discover", log, "--channel", "can7", "--output", output)
