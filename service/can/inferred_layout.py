@@ -69,7 +69,7 @@ def find_multiplexer(data: NDArray[np.uint8]) -> int | None:
     Args:
         data: as of ``infer_layout`` (N, W).
     """
-    whole = _total(infer_layout(data))
+    undivided = _total(infer_layout(data))
     best: tuple[float, int] | None = None
     for byte in range(data.shape[1]):
         pages, counts = np.unique(data[:, byte], return_counts=True)
@@ -78,7 +78,7 @@ def find_multiplexer(data: NDArray[np.uint8]) -> int | None:
         share = counts / data.shape[0]
         own = [_total(infer_layout(data[data[:, byte] == page])) for page in pages]
         bits = float(share @ own - share @ np.log2(share))
-        if bits < _MUCH_SHORTER * whole and (best is None or bits < best[0]):
+        if bits < _MUCH_SHORTER * undivided and (best is None or bits < best[0]):
             best = bits, byte
     return None if best is None else best[1]
 
@@ -150,7 +150,7 @@ def _float_cost(real: Floats) -> float:
 
 
 def _code_bits(x: Floats) -> float:
-    """Mean bits of whole numbers in a code that fits itself to them: the length of each, its other digits, its sign."""
+    """Mean bits of integers in a code that fits itself to them: the length of each, its other digits, its sign."""
     digits = np.frexp(np.abs(x))[1]  # 0 of 0, 1 of 1, 2 of 2 and 3, ...
     share = np.bincount(digits) / x.size
     share = share[share > 0]

@@ -25,8 +25,10 @@ def smooth(rng: np.random.Generator, largest: float, noise: float) -> NDArray[np
 
 
 def packed(form: str, *columns: NDArray[np.float64]) -> NDArray[np.uint8]:
-    whole = [c if kind in "fd" else np.rint(c).astype(int) for kind, c in zip(form[1:], columns, strict=True)]
-    rows = zip(*(c.tolist() for c in whole), strict=True)
+    integers = [
+        c if kind in "fd" else np.rint(c).astype(int) for kind, c in zip(form[1:], columns, strict=True)
+    ]
+    rows = zip(*(c.tolist() for c in integers), strict=True)
     return np.frombuffer(b"".join(struct.pack(form, *row) for row in rows), np.uint8).reshape(N, -1)
 
 
