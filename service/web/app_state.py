@@ -7,6 +7,7 @@ from importlib.metadata import version
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.journal import Journal
 from service.texts import now_us
+from service.web.access import Access
 from service.web.report_pages import ReportPages
 
 VERSION = version("axiswatch")
@@ -18,6 +19,7 @@ class AppState:
 
     snapshot: Callable[[], Snapshot]
     journal: Journal
+    access: Access
     now_us: Callable[[], int] = now_us
     reports: ReportPages | None = None
 

@@ -134,7 +134,14 @@ def alarm(a: RecordedAlarm) -> models.Alarm:
     )
 
 
-def service(snapshot: Snapshot, now_us: int, report: str | None = None) -> models.Service:
-    """The daemon itself; ``report`` is the address of that of its commissioning."""
+def service(snapshot: Snapshot, now_us: int, report: str | None, insecure: str | None) -> models.Service:
+    """The daemon itself; the address of the report of its commissioning; why it is not protected."""
     reasons = list(reasons_not_ready(snapshot, now_us))
-    return _body(models.Service, snapshot, version=VERSION, ready=not reasons, reasons=reasons, report=report)
+    own = {
+        "version": VERSION,
+        "ready": not reasons,
+        "reasons": reasons,
+        "report": report,
+        "insecure": insecure,
+    }
+    return _body(models.Service, snapshot, **own)

@@ -185,7 +185,7 @@ class Stage:
         return create_app(lambda: self.snapshot, self.journal, lambda: self.now_us, self.reports)
 
     def client(self) -> TestClient:
-        return TestClient(self.app())
+        return TestClient(self.app(), base_url="http://localhost")
 
     def record(self, axis: str, unit: str, nominal: float, alarm: Alarm) -> int:
         """The number of this alarm in the journal."""
