@@ -1,4 +1,4 @@
-"""Cross-checks of names, buses and DBC files: references exist, and no signal is used twice."""
+"""Cross-checks of names, buses, DBC files and the web: references exist, nothing is used twice, pairs are complete."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -8,7 +8,15 @@ from service.can.bus import interface_names
 from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 from service.config.base_table import Table
 from service.config.problems import Finding, Keys
-from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
+from service.config.schema import (
+    AxisConfig,
+    BusConfig,
+    Config,
+    FurtherConfig,
+    RobotConfig,
+    SignalConfig,
+    WebConfig,
+)
 
 QUANTITIES = ("torque", "angle", "speed")
 _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"
@@ -172,5 +180,21 @@ def counters_beside_values(config: Config) -> Iterator[Finding]:
             )
 
 
-CONFIG_RULES = (names, bus_references, sources, dbc_names, one_axis_for_each_signal, counters_beside_values)
+def certificate_and_key(config: Config) -> Iterator[Finding]:
+    """Neither comes alone.  Whether they fit is seen at the start: not everyone who reads this may read the key."""
+    web = config.web
+    if (web.certificate is None) != (web.key is None):
+        given, lacking = ("key", "certificate") if web.certificate is None else ("certificate", "key")
+        yield Finding(("web", given), f"needs {lacking} beside it ({WebConfig.meaning(lacking)})")
+
+
+CONFIG_RULES = (
+    certificate_and_key,
+    names,
+    bus_references,
+    sources,
+    dbc_names,
+    one_axis_for_each_signal,
+    counters_beside_values,
+)
 BUS_RULES = (usable_bus,)

@@ -26,7 +26,7 @@ TOKENS_FILE = "tokens.json"
 PREFIX = "axw_"
 """Every secret begins so: programs that look for secrets in files and logs find it."""
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
-LOCAL, ANYONE = "local", "anyone"
+LOCAL, ANYONE, NOBODY = "local", "anyone", "nobody"
 """Names of callers without a token; no token has one of them."""
 
 _SECRET_BYTES = 32

@@ -11,11 +11,12 @@ from urllib.parse import urlsplit
 import structlog
 from fastapi.responses import JSONResponse
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
 from starlette.requests import cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.store.database import StoreError
-from service.store.tokens import Caller
+from service.store.tokens import NOBODY, Caller
 from service.web.access import Access
 from service.web.models import Problem, problem_answer
 
@@ -23,6 +24,7 @@ log = structlog.get_logger(__name__)
 
 MOST_BODY_BYTES = 64 * 1024
 """Of a request; the largest that the API has is a comment of an operator."""
+_NO_ROOM = f"the body of a request may have {MOST_BODY_BYTES} bytes"
 LONGEST_REQUEST_S = 30.0
 """Until its body has arrived and its answer has begun."""
 REPORTS = "/reports/"
@@ -30,6 +32,8 @@ COOKIE = "axiswatch-token"
 """Holds the token for reports only: a link sends no Authorization header.  Nothing can be changed there."""
 
 _HOST = re.compile(r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<name>[^\s:/@\[\]]+))(?::\d{1,5})?")
+_NOBODY = Caller(NOBODY, frozenset())
+"""Who asks without a token where there are some."""
 _READING = ("GET", "HEAD", "OPTIONS")
 _LONGEST_PATH = 200
 _POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'"
@@ -49,10 +53,6 @@ def is_page(path: str) -> bool:
     return path in ("/", "/docs") or path.startswith("/static/")
 
 
-class _TooLargeError(Exception):
-    """More of a body has arrived than is accepted."""
-
-
 class Gate:
     """ASGI middleware around the application."""
 
@@ -66,20 +66,19 @@ class Gate:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        answer = _Answer(scope, send)
-        who = "nobody"
+        exchange = _Exchange(scope, receive, send)
+        who = _NOBODY
         try:
             refusal, caller = self._judged(scope)
-            if caller is not None:
-                who = caller.name
+            who = caller or _NOBODY
             if refusal is None:
-                await self._pass(scope, receive, answer, caller)
+                await self._pass(exchange, who)
             else:
-                await refusal(scope, receive, answer.send)
+                await refusal(scope, exchange.receive, exchange.send)
         finally:
             if scope["method"] not in _READING:
                 what = f"{scope['method']} {_written(scope)}"
-                log.info("write request", who=who, what=what, result=answer.status or 500)
+                log.info("write request", who=who.name, what=what, result=exchange.status or 500)
 
     def _judged(self, scope: Scope) -> tuple[JSONResponse | None, Caller | None]:
         """The refusal of a request, if it is refused; who sent it, if that is known."""
@@ -95,7 +94,8 @@ class Gate:
                 log.error("tokens", message=str(error))
             if path in self._open or is_page(path):
                 return None, None
-            return problem_answer(503, Problem(detail="the tokens cannot be read; the log says why")), None
+            problem = Problem(detail="the tokens cannot be read; the log of the daemon says why")
+            return problem_answer(503, problem), None
         if scope["method"] not in _READING and _of_another_page(headers):
             return problem_answer(
                 403, Problem(detail="a page of another host may change nothing here")
@@ -112,77 +112,70 @@ class Gate:
             host = found["v6"] or found["name"]
             if self._access.known_host(host) or host == (scope.get("server") or [""])[0]:
                 return None
-        detail = "this daemon has another name; add the host name of the request to hosts in [web]"
+        detail = "this daemon has another name than the host of the request; add it to hosts in [web]"
         return problem_answer(421, Problem(detail=detail))
 
-    async def _pass(self, scope: Scope, receive: Receive, answer: "_Answer", caller: Caller | None) -> None:
-        inner = {
-            **scope,
-            "state": {**scope.get("state", {}), "caller": caller or Caller("nobody", frozenset())},
-        }
-        if scope["method"] == "HEAD":
-            inner["method"] = "GET"
+    async def _pass(self, exchange: "_Exchange", who: Caller) -> None:
+        scope = exchange.scope
+        method = "GET" if scope["method"] == "HEAD" else scope["method"]
+        inner = {**scope, "method": method, "state": {**scope.get("state", {}), "caller": who}}
         try:
             async with asyncio.timeout(LONGEST_REQUEST_S):
-                await self._app(inner, _limited(receive), answer.send)
-        except _TooLargeError:
-            if answer.status is None:
-                await _no_room()(scope, receive, answer.send)
+                await self._app(inner, exchange.receive, exchange.send)
         except TimeoutError:
-            if answer.status is not None:
+            if exchange.status is not None:
                 raise
-            words = f"not complete, or not answered, within {LONGEST_REQUEST_S:g} s"
-            refusal = problem_answer(503, Problem(detail=words), {"Connection": "close"})
-            await refusal(scope, receive, answer.send)
+            detail = f"not complete, or not answered, within {LONGEST_REQUEST_S:g} s"
+            refusal = problem_answer(503, Problem(detail=detail), {"Connection": "close"})
+            await refusal(scope, exchange.receive, exchange.send)
 
 
-class _Answer:
-    """An answer on its way: with the headers of all, without a body if only the head was asked for."""
+class _Exchange:
+    """A request whose body has a limit, and its answer, with the headers of all; without a body to HEAD."""
 
-    def __init__(self, scope: Scope, send: Send) -> None:
-        self._scope, self._send = scope, send
+    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.scope, self._receive, self._send = scope, receive, send
         self.status: int | None = None
+        self._received = 0
+        self._endless = "transfer-encoding" in Headers(scope=scope)
+
+    async def receive(self) -> Message:
+        """The next part of the body.
+
+        Raises:
+            HTTPException: with it the body is too large; its length had not been given.
+        """
+        message = await self._receive()
+        self._received += len(message.get("body", b""))
+        if self._received > MOST_BODY_BYTES:
+            raise HTTPException(413, _NO_ROOM)
+        self._endless = self._endless and message.get("more_body", False)
+        return message
 
     async def send(self, message: Message) -> None:
-        """Pass a message on to the server."""
+        """Pass a part of the answer on to the server."""
         if message["type"] == "http.response.start":
             self.status = message["status"]
             headers = MutableHeaders(scope=message)
             for name, value in _HEADERS.items():
                 headers.setdefault(name, value)
             # Files change with the next version: the browser must ask each time.  Data is for nobody to keep.
-            headers.setdefault("cache-control", "no-cache" if is_page(self._scope["path"]) else "no-store")
-            if self._scope["scheme"] == "https":
+            headers.setdefault("cache-control", "no-cache" if is_page(self.scope["path"]) else "no-store")
+            if self.scope["scheme"] == "https":
                 headers["strict-transport-security"] = _HSTS
-        elif self._scope["method"] == "HEAD":
+            if self._endless:
+                headers["connection"] = "close"  # else the server would read all of what is not wanted
+        elif self.scope["method"] == "HEAD":
             message = {**message, "body": b""}
         await self._send(message)
 
 
-def _limited(receive: Receive) -> Receive:
-    """A body whose length is not known before ends where it is too large."""
-    received = 0
-
-    async def limited() -> Message:
-        nonlocal received
-        message = await receive()
-        received += len(message.get("body", b""))
-        if received > MOST_BODY_BYTES:
-            raise _TooLargeError
-        return message
-
-    return limited
-
-
 def _too_large(headers: Headers) -> JSONResponse | None:
+    """The connection is closed with the refusal: what is on its way is not read."""
     length = headers.get("content-length", "0")
-    return None if length.isdecimal() and int(length) <= MOST_BODY_BYTES else _no_room()
-
-
-def _no_room() -> JSONResponse:
-    """The connection is closed with it: what else of the body is on its way is not read."""
-    detail = f"a request may have {MOST_BODY_BYTES} bytes"
-    return problem_answer(413, Problem(detail=detail), {"Connection": "close"})
+    if length.isdecimal() and int(length) <= MOST_BODY_BYTES:
+        return None
+    return problem_answer(413, Problem(detail=_NO_ROOM), {"Connection": "close"})
 
 
 def _secret(headers: Headers, path: str) -> str | None:
