@@ -72,7 +72,7 @@ def create_app(
 def _probes(state: AppState) -> APIRouter:
     """Health for machines: /healthz (alive), /readyz (monitoring, else the reasons), /metrics."""
     probes = APIRouter(tags=["probes"])
-    registry = metrics.registry(state.snapshot, state.now_us)
+    written = metrics.Metrics(state.snapshot, state.now_us)
     protected = Depends(needs(Scope.READ))
 
     # These two answer on the event loop: they must not wait for a thread.
@@ -111,7 +111,7 @@ def _probes(state: AppState) -> APIRouter:
     )
     def scrape(accept: Annotated[str, Header()] = "") -> Response:
         """The Prometheus text format, or OpenMetrics if the client accepts it."""
-        body, content_type = metrics.render(registry, accept)
+        body, content_type = written.scrape(accept)
         return Response(body, headers={"Content-Type": content_type})
 
     return probes

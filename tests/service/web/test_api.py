@@ -53,6 +53,24 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert second["detectors"][0]["leading"] is None
 
 
+def test_all_axes_are_written_once_a_second_and_for_each_snapshot(client: TestClient, stage: Stage) -> None:
+    """While the worker hangs, too, the ages grow."""
+
+    def age() -> float:
+        return float(get(client, "/api/v1/axes")["axes"][0]["last_sample_age_s"])
+
+    assert age() == 0.65
+    stage.now_us += 900_000
+    assert age() == 0.65
+    stage.now_us += 200_000
+    assert age() == 1.75
+    stage.now_us += 100_000
+    stage.snapshot = replace(stage.snapshot, messages=())
+    assert age() == 1.85
+    stage.now_us -= 500_000  # the clock was set
+    assert age() == 1.35
+
+
 def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
     first, other = stage.snapshot.axes
     stage.snapshot = replace(stage.snapshot, axes=(replace(first, gated_by="mode = 2"), other))
