@@ -117,6 +117,7 @@ class Gate:
 
     async def _pass(self, exchange: "_Exchange", who: Caller) -> None:
         scope = exchange.scope
+        # To HEAD the server sends the head only; routes know nothing of it.
         method = "GET" if scope["method"] == "HEAD" else scope["method"]
         inner = {**scope, "method": method, "state": {**scope.get("state", {}), "caller": who}}
         try:
@@ -131,7 +132,7 @@ class Gate:
 
 
 class _Exchange:
-    """A request whose body has a limit, and its answer, with the headers of all; without a body to HEAD."""
+    """A request whose body has a limit, and its answer, with the headers of all."""
 
     def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
         self.scope, self._receive, self._send = scope, receive, send
@@ -165,8 +166,6 @@ class _Exchange:
                 headers["strict-transport-security"] = _HSTS
             if self._endless:
                 headers["connection"] = "close"  # else the server would read all of what is not wanted
-        elif self.scope["method"] == "HEAD":
-            message = {**message, "body": b""}
         await self._send(message)
 
 

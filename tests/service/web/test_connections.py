@@ -84,6 +84,14 @@ def test_a_body_without_an_end_is_not_read(length: str, request_line: str, serve
         assert b"connection: close" in found.lower()
 
 
+def test_to_head_only_the_head_is_sent(served: Served) -> None:
+    with served() as port, socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
+        connection.sendall(b"HEAD /api/v1/axes HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+        head, end, body = b"".join(iter(lambda: connection.recv(65536), b"")).partition(b"\r\n\r\n")
+        assert head.startswith(b"HTTP/1.1 200 OK")
+        assert (end, body) == (b"\r\n\r\n", b"")
+
+
 def test_who_forwards_cannot_say_that_he_is_somebody_else(served: Served) -> None:
     """Behind a proxy the scheme is that of the connection, whatever the request says."""
     with served() as port:
