@@ -182,10 +182,9 @@ def counters_beside_values(config: Config) -> Iterator[Finding]:
 
 def certificate_and_key(config: Config) -> Iterator[Finding]:
     """Neither comes alone.  Whether they fit is seen at the start: not everyone who reads this may read the key."""
-    web = config.web
-    if (web.certificate is None) != (web.key is None):
-        given, lacking = ("key", "certificate") if web.certificate is None else ("certificate", "key")
-        yield Finding(("web", given), f"needs {lacking} beside it ({WebConfig.meaning(lacking)})")
+    for given, lacking in (("certificate", "key"), ("key", "certificate")):
+        if getattr(config.web, given) is not None and getattr(config.web, lacking) is None:
+            yield Finding(("web", lacking), f"{_missing(WebConfig, lacking)}: {given} is given")
 
 
 CONFIG_RULES = (

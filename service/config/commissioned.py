@@ -199,6 +199,8 @@ def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
     """Where the configuration names files that stay where they are."""
     for bus in document.get("bus", ()):
         yield bus, "dbc"
+    web = document.get("web", {})
+    yield from ((web, key) for key in ("certificate", "key") if key in web)
     for robot in document["robot"]:
         for axis in (*robot["axis"], robot.get(DEFAULTS, {})):
             model = axis.get("model", {})

@@ -65,7 +65,7 @@ def with_routes(app: FastAPI) -> FastAPI:
 @pytest.fixture
 def asked(stage: Stage, tokens: TokenFile) -> TestClient:
     """A daemon on 127.0.0.1 with a file of tokens, if there is one."""
-    stage.access = Access(tokens, ["192.0.2.7", "Axiswatch.Plant.example", "2001:db8::7"])
+    stage.access = Access(tokens, ["0.0.0.0", "192.0.2.7", "Axiswatch.Plant.example", "2001:db8::7"])
     return TestClient(with_routes(stage.app()), base_url="http://localhost")
 
 
