@@ -2,6 +2,14 @@
 #   tools/build-image.sh
 #   docker run --network host -v /etc/axiswatch:/etc/axiswatch:ro -v axiswatch:/var/lib/axiswatch axiswatch
 # --network host: SocketCAN interfaces belong to the host's network namespace.
+#
+# In the configuration: state_dir = "/var/lib/axiswatch" in [service].
+# 127.0.0.1, the default of [web], is that of the host, and only the host reaches the page. For other machines:
+# host = "0.0.0.0", hosts, certificate and key in [web] of the mounted configuration (the user axiswatch must be able to
+# read the key), and a token:
+#   docker run --rm -v /etc/axiswatch:/etc/axiswatch:ro -v axiswatch:/var/lib/axiswatch axiswatch \
+#     axiswatch token new NAME --scope read --config /etc/axiswatch/axiswatch.toml
+# A published port (-p) reaches the container only by host = "0.0.0.0", too.
 
 # Any image with python3 (3.11 or newer), venv and pip.
 ARG BASE_IMAGE=python:3.11-slim
@@ -38,6 +46,9 @@ WORKDIR /var/lib/axiswatch
 RUN axiswatch warm
 VOLUME /var/lib/axiswatch
 EXPOSE 8080
+# Without TLS, or with it; the certificate is that of another name than 127.0.0.1, and this is the same machine.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=60s --retries=3 \
-  CMD ["python", "-c", "import urllib.request as r; r.urlopen('http://127.0.0.1:8080/healthz', timeout=4)"]
+  CMD for scheme in http https; do python -c "import ssl, sys, urllib.request as r; \
+      r.urlopen(sys.argv[1], timeout=2, context=ssl._create_unverified_context())" $scheme://127.0.0.1:8080/healthz \
+      2>/dev/null && exit 0; done; exit 1
 CMD ["axiswatch", "run", "--config", "/etc/axiswatch/axiswatch.toml"]

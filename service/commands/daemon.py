@@ -12,6 +12,7 @@ from service.can.bus_reader import CanReader
 from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
 from service.config import Config
+from service.config.schema import WebConfig
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
@@ -20,10 +21,12 @@ from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
+from service.store.tokens import TOKENS_FILE, TokenFile
 from service.texts import now_us
+from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages
-from service.web.server import serve
+from service.web.server import Certificate, is_remote, serve
 
 log = structlog.get_logger(__name__)
 
@@ -35,6 +38,7 @@ def run_daemon(
     stop: threading.Event | None = None,
     reports: Path | None = None,
     complete: Callable[[], None] = lambda: None,
+    insecure: bool = False,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -45,8 +49,11 @@ def run_daemon(
         stop: ends the daemon from another thread.
         reports: folder in which ``commission`` has left its report, if it has.
         complete: called once everything is compiled and all detectors run, from another thread.
+        insecure: other machines may reach it without tokens or TLS.
 
     Raises:
+        UnprotectedError: they would, and may not.
+        CertificateError: the certificate or its key cannot be used.
         AxisError, DescriptionError, IngestError: the configuration cannot be used.
         BusError: a bus cannot be opened.
         StoreError: the state directory cannot be used.
@@ -55,6 +62,8 @@ def run_daemon(
         DaemonFailedError: an internal fault.
     """
     stop = stop or threading.Event()
+    certificate = _certificate(config.web)
+    access = _access(config, insecure)
     with ExitStack() as stack:
         core = FramePipeline(config)
         compiled = _in_background(config, stack)
@@ -70,19 +79,42 @@ def run_daemon(
             for reader in readers.values():
                 reader.start()
             worker.start()
-            url = f"http://{_shown(config.web.host)}:{port}/"
+            url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
 
         pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
-        app = create_app(lambda: worker.snapshot, journal, reports=pages)
-        serve(app, config.web.host, config.web.port, begin, stop)
+        app = create_app(lambda: worker.snapshot, journal, reports=pages, access=access)
+        serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
     if worker.error is not None:
         raise DaemonFailedError(
             "a fault in the worker has stopped the daemon; the log says what"
         ) from worker.error
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _certificate(web: WebConfig) -> Certificate | None:
+    if web.certificate is None or web.key is None:
+        return None
+    certificate = Certificate(web.certificate, web.key)
+    certificate.check()
+    return certificate
+
+
+def _access(config: Config, insecure: bool) -> Access:
+    web = config.web
+    access = Access(
+        TokenFile(config.service.state_dir / TOKENS_FILE),
+        [web.host, *web.hosts],
+        remote=is_remote(web.host),
+        tls=web.certificate is not None,
+        insecure=insecure,
+        open_metrics=web.open_metrics,
+    )
+    if access.danger is not None:
+        log.warning("access", message=access.danger)
+    return access
 
 
 def needs_cyclic_clock(config: Config) -> bool:

@@ -18,6 +18,7 @@ from service.commands.run import configure_logs
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.drive_sources import shipped
+from service.config.schema import WebConfig
 from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 
 log = structlog.get_logger(__name__)
@@ -105,7 +106,8 @@ def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir:
     names = {axis.config.name for axis in robot.axes}
     (own,) = commissioned.robot
     axes = tuple(axis for axis in own.axis if axis.name in names)
-    web = commissioned.web if port is None else commissioned.web.model_copy(update={"port": port})
+    own_port = commissioned.web.port if port is None else port
+    web = WebConfig(host="127.0.0.1", port=own_port)  # whatever the environment says: it has no tokens
     return commissioned.model_copy(
         update={
             "bus": robot.bus,

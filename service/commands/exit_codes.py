@@ -16,6 +16,8 @@ Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, i
 file, or a fit of identify that is too poor to be used; 3 a bus cannot be opened or written to; 4 the port is
 taken or the state directory cannot be used; 5 replay: a parameter was not tested in the records, so the absence of
 an alarm says nothing of it; commission: an axis could not be commissioned."""
+EPILOG = " ".join(EXIT_CODES.split())
+"""Of the help of each command."""
 
 
 class DaemonFailedError(Exception):
@@ -52,7 +54,8 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
     from service.config.axis_settings import AxisError
     from service.simulation.robot import FaultError
     from service.store.database import StoreError
-    from service.web.server import CannotListenError
+    from service.web.access import UnprotectedError
+    from service.web.server import CannotListenError, CertificateError
 
     mistakes += (
         IngestError,
@@ -62,6 +65,8 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
         ModelError,
         IdentificationError,
         CalibrationError,
+        UnprotectedError,
+        CertificateError,
     )
     codes: list[tuple[tuple[type[Exception], ...], int]] = [
         ((BusError,), NO_BUS),

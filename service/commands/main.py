@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from monitor_core.wording import did_you_mean
-from service.commands.exit_codes import EXIT_CODES
+from service.commands.exit_codes import EPILOG
 from service.pipeline.kernel_cache import choose
 from service.pipeline.warming import EARLY, Shape
 
@@ -28,10 +28,11 @@ COMMANDS = (
     "simulate",
     "play",
     "replay",
+    "token",
     "warm",
     "version",
 )
-"""In the order of the help: look around, commission, run, try, install."""
+"""In the order of the help: look around, commission, run, try, protect, install."""
 
 
 class _LazyGroup(TyperGroup):
@@ -47,7 +48,10 @@ class _LazyGroup(TyperGroup):
             add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False
         )
         module = import_module(f"service.commands.{cmd_name}")
-        typer_app.command(cmd_name, epilog=" ".join(EXIT_CODES.split()))(getattr(module, cmd_name))
+        found = getattr(module, cmd_name)
+        if isinstance(found, typer.Typer):  # it has commands of its own
+            return typer.main.get_command(found)
+        typer_app.command(cmd_name, epilog=EPILOG)(found)
         return typer.main.get_command(typer_app)
 
 
@@ -56,7 +60,7 @@ app = typer.Typer(
     name="axiswatch",
     help="Condition monitoring of robot axes: friction, inertia and torque constant from the torque and the "
     "angle on the CAN bus.",
-    epilog=" ".join(EXIT_CODES.split()),
+    epilog=EPILOG,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",

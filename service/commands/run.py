@@ -1,8 +1,13 @@
 """``axiswatch run``: the daemon; its logs are readable on a terminal, otherwise one JSON object a line."""
 
 import logging
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, TextIO
 
 import structlog
@@ -11,6 +16,7 @@ from structlog.typing import Processor
 
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Port, configuration
+from service.config import ConfigErrors, load
 
 Record = Annotated[
     Path | None,
@@ -20,12 +26,24 @@ Record = Annotated[
 ]
 
 
-def run(config: ConfigPath, record: Record = None, port: Port = None) -> None:
+Insecure = Annotated[
+    bool,
+    typer.Option(
+        "--insecure",
+        help="Listen on another address than 127.0.0.1 even without tokens or TLS, in a network that you trust.",
+    ),
+]
+
+log = structlog.get_logger(__name__)
+
+
+def run(config: ConfigPath, record: Record = None, port: Port = None, insecure: Insecure = False) -> None:
     """Monitor the axes of a configuration until SIGTERM or Ctrl-C: the daemon.
 
     Alarms and checkpoints are kept in the state directory; the page, the REST interface and the metrics are
     served at the configured address, and so is the report that `commission` has left beside the configuration. A bus
-    that goes down later is waited for.
+    that goes down later is waited for. Any other address than 127.0.0.1 needs tokens (`axiswatch token`) and TLS.
+    SIGHUP checks the configuration file; a new one is used after a restart.
     """
     read = configuration(config)
     from service.commands.daemon import run_daemon
@@ -33,8 +51,31 @@ def run(config: ConfigPath, record: Record = None, port: Port = None) -> None:
     if port is not None:
         read = read.model_copy(update={"web": read.web.model_copy(update={"port": port})})
     configure_logs()
-    with explained():
-        run_daemon(read, record, reports=config.parent)
+    with explained(), _hangup_looks_at(config):
+        run_daemon(read, record, reports=config.parent, insecure=insecure)
+
+
+@contextmanager
+def _hangup_looks_at(config: Path) -> Iterator[None]:
+    """On SIGHUP log whether the configuration file is right; in a thread, as it takes a while."""
+
+    def look() -> None:
+        try:
+            load(config)
+        except ConfigErrors as errors:
+            problems = [str(problem) for problem in errors.problems]
+            log.error("SIGHUP: the configuration has mistakes; the daemon goes on", problems=problems)
+        else:
+            log.warning("SIGHUP: the configuration is right; it is used after a restart", file=str(config))
+
+    def on_hangup(_number: int, _frame: FrameType | None) -> None:
+        threading.Thread(target=look, name="configuration", daemon=True).start()
+
+    before = signal.signal(signal.SIGHUP, on_hangup)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def configure_logs(stream: TextIO | None = None, level: int = logging.INFO) -> None:
@@ -70,4 +111,6 @@ def configure_logs(stream: TextIO | None = None, level: int = logging.INFO) -> N
 def _rendering(target: TextIO) -> list[Processor]:
     if target.isatty():
         return [structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)]
-    return [structlog.processors.dict_tracebacks, structlog.processors.JSONRenderer()]
+    # Without local variables: those of a request hold its token.
+    traceback = structlog.tracebacks.ExceptionDictTransformer(show_locals=False)
+    return [structlog.processors.ExceptionRenderer(traceback), structlog.processors.JSONRenderer()]

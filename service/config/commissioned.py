@@ -200,6 +200,8 @@ def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
     for bus in document.get("bus", ()):
         if "messages" in bus:
             yield bus, "messages"
+    web = document.get("web", {})
+    yield from ((web, key) for key in ("certificate", "key") if key in web)
     for robot in document["robot"]:
         for axis in (*robot["axis"], robot.get(DEFAULTS, {})):
             if "eds" in axis.get("canopen", {}):

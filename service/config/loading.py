@@ -1,6 +1,7 @@
 """From a file and the environment to a Config, or to all problems at once.
 
-The environment overrides the scalars of [service] and [web]: AXISWATCH_WEB__PORT=9000 replaces port = 9000 in [web].
+The environment overrides the keys of [service] and [web]: AXISWATCH_WEB__PORT=9000 replaces the port in [web], and
+AXISWATCH_WEB__HOSTS=a,b the list of its hosts.
 The names are those of pydantic-settings (prefix, section, two underscores, key, any case), which itself reads only the
 environment of the process and does not report which variable was wrong.
 """
@@ -10,7 +11,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, get_origin
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -104,7 +105,7 @@ def _problems(
         message = finding.message
         if finding.other:
             message += f" {dotted(finding.other)} in line {nearest(where, finding.other)}"
-        if (override := over.get(finding.path)) is not None:
+        if (override := over.get(finding.path[:2])) is not None:
             problems.append(Problem(None, None, override.variable, override.text, message))
         else:
             line, value = nearest(where, finding.path), _shown_at(values, finding.path)
@@ -143,14 +144,16 @@ def _override(values: dict[str, Any], over: _Overrides) -> None:
     for (section, key), override in over.items():
         table = values.setdefault(str(section), {}) if section in SECTIONS else None
         if isinstance(table, dict):
-            table[str(key)] = _number(str(section), str(key), override.text)
+            table[str(key)] = _typed(str(section), str(key), override.text)
 
 
-def _number(section: str, key: str, text: str) -> Any:
-    """The number of a numeric key; the text itself where it is no number, for the schema to report."""
+def _typed(section: str, key: str, text: str) -> Any:
+    """As the schema has the key: a number, true or false, a list; the text itself where it is none, for the schema."""
     table = table_in(Config.model_fields[section].annotation)
     field = table.model_fields.get(key) if table else None
-    if field is None or field.annotation not in (int, float):
+    if field is not None and get_origin(field.annotation) is tuple:
+        return [part.strip() for part in text.split(",") if part.strip()]
+    if field is None or field.annotation not in (int, float, bool):
         return text
     try:
         return TypeAdapter(field.annotation).validate_strings(text)

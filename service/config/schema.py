@@ -3,11 +3,12 @@
 Attributes have the names of the TOML keys.  SI units; torque, angle and speed are those of the motor.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
@@ -166,13 +167,31 @@ class ServiceConfig(Table):
     """all recordings together; the oldest are removed; 0: none is made [MB]"""
 
 
+_HOST = re.compile(r"[A-Za-z0-9._-]+|[0-9A-Fa-f.]*(?::[0-9A-Fa-f.]*){2,}")
+"""A name, an IPv4 address, or an IPv6 address, which has two colons or more."""
+
+
+def _host(text: str) -> str:
+    if not _HOST.fullmatch(text):
+        raise ValueError("must be a name or an address, without port, brackets or path")
+    return text
+
+
 class WebConfig(Table):
     """[web]: where REST, metrics and the page are served."""
 
     host: Text = "127.0.0.1"
-    """address to listen on; 0.0.0.0 for all interfaces"""
+    """address to listen on; any but 127.0.0.1, such as 0.0.0.0 for all interfaces, needs tokens and TLS"""
     port: Annotated[int, Field(strict=True)] = Field(8080, ge=0, le=65535)
     """TCP port; 0 for any free one"""
+    hosts: tuple[Annotated[Text, AfterValidator(_host)], ...] = ()
+    """names and addresses by which the daemon is asked, without a port, beside host and localhost"""
+    certificate: FilePath | None = None
+    """PEM file of the certificate for TLS, with those up to the root, relative to the configuration file"""
+    key: FilePath | None = None
+    """PEM file of the private key of the certificate, without a password"""
+    open_metrics: bool = Field(False, strict=True)
+    """/metrics needs no token"""
 
 
 MAX_BYTES = 64

@@ -1,22 +1,37 @@
 """REST under /api/v1: axes with their estimates, their history, the alarm journal, the daemon itself."""
 
+import re
 from collections.abc import Iterable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query
-from pydantic import AwareDatetime
+from fastapi import APIRouter, Path, Query, Response
+from pydantic import AwareDatetime, BeforeValidator
 
 from service.pipeline.snapshot import AxisSnapshot
 from service.texts import microseconds
 from service.web import models, views
-from service.web.app_state import AppState
+from service.web.app_state import AppState, Latest
 
-_NOT_FOUND: dict[int | str, dict[str, Any]] = {
-    404: {"model": models.Problem, "description": "It does not exist"}
-}
-_NO_JOURNAL: dict[int | str, dict[str, Any]] = {
-    503: {"model": models.Problem, "description": "The alarm journal cannot be read"}
-}
+
+def refusals(words: dict[int, str]) -> dict[int | str, dict[str, Any]]:
+    """Problem details that a route answers, by status, with when it does."""
+    schema = {"schema": {"$ref": "#/components/schemas/Problem"}}
+    return {
+        status: {
+            "description": when,
+            "content": {"application/problem+json": schema},
+        }
+        for status, when in words.items()
+    }
+
+
+PROTECTED = refusals(
+    {401: "There are tokens, and none was given, or an unknown one", 403: "Its scope is too small"}
+)
+_NOT_FOUND = refusals({404: "It does not exist"})
+_NO_JOURNAL = refusals({503: "The alarm journal cannot be read"})
+_LONGEST_S = 1.0
+"""All pages that are open ask for all axes once a second: one answer is made for them."""
 _LARGEST_ID = 2**63 - 1
 
 Limit = Annotated[int, Query(ge=1, le=1000, description="maximum number")]
@@ -28,8 +43,23 @@ Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
 ]
 Only = Annotated[str | None, Query(description="only this one; default: all")]
+_DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
+
+
+def _date_and_time(text: str) -> str:
+    """A text that begins as a time does; pydantic takes a number for seconds or milliseconds since 1970.
+
+    Raises:
+        ValueError: it does not.
+    """
+    if not _DATE_AND_TIME.match(text):
+        raise ValueError("must be ISO 8601 with time zone: 2026-03-01T12:00:00Z, or +01:00 as %2B01:00")
+    return text
+
+
 Moment = Annotated[
-    AwareDatetime | None, Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z")
+    Annotated[AwareDatetime, BeforeValidator(_date_and_time)] | None,
+    Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z; in an address + is %2B"),
 ]
 
 
@@ -51,7 +81,7 @@ def router(state: AppState) -> APIRouter:
     def service() -> models.Service:
         """Version, readiness with reasons, buses, messages for the operator."""
         report = None if state.reports is None else state.reports.address
-        return views.service(state.snapshot(), state.now_us(), report)
+        return views.service(state.snapshot(), state.now_us(), report, state.access.danger)
 
     return api
 
@@ -59,10 +89,12 @@ def router(state: AppState) -> APIRouter:
 def _axes(state: AppState) -> APIRouter:
     api = APIRouter()
 
-    @api.get("/axes", summary="All axes")
-    def axes() -> models.Axes:
-        """All axes with estimates, CUSUMs, counters and model in one answer."""
-        return views.axes(state.snapshot(), state.now_us())
+    every = Latest(lambda taken, now_us: views.axes(taken, now_us).model_dump_json().encode(), _LONGEST_S)
+
+    @api.get("/axes", summary="All axes", response_model=models.Axes)
+    def axes() -> Response:
+        """All axes with estimates, CUSUMs, counters and model in one answer; its ages may be a second old."""
+        return Response(every(state.snapshot(), state.now_us()), media_type="application/json")
 
     @api.get("/axes/{axis}", summary="One axis", responses=_NOT_FOUND)
     def axis(axis: str) -> models.Axis:

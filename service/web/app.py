@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from fastapi import APIRouter, FastAPI, Header, Request, Response
+from fastapi import APIRouter, Depends, FastAPI, Header, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from starlette.exceptions import HTTPException
-from starlette.middleware.base import RequestResponseEndpoint
 from starlette.staticfiles import StaticFiles
 
 from service.pipeline.snapshot import Snapshot
@@ -15,7 +14,10 @@ from service.store.database import StoreError
 from service.store.journal import Journal
 from service.texts import now_us
 from service.web import api, metrics, models
+from service.web.access import Access, ForbiddenError, Scope, needs
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
+from service.web.gate import Gate
+from service.web.models import problem_answer
 from service.web.report_pages import ReportPages
 from service.web.report_pages import router as report_router
 
@@ -25,14 +27,13 @@ Condition monitoring of robot axes: estimated physical parameters, their deviati
 values, and alarms that name the parameter that has changed. Times are ISO 8601 in UTC; values are in SI units
 on the motor side of the gear unless a description says otherwise; a number that is not finite is null."""
 
-_POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'"
-_HEADERS = {
-    "content-security-policy": f"{_POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'self'",
-    "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer",
-    # Values change every second, files with the next version: the browser must not cache them.
-    "cache-control": "no-cache",
-}
+
+class _Application(FastAPI):
+    def openapi(self) -> dict[str, Any]:
+        """The schema, with the body of all refusals, which no route returns."""
+        schema = super().openapi()
+        schema["components"]["schemas"]["Problem"] = models.Problem.model_json_schema()
+        return schema
 
 
 def create_app(
@@ -40,6 +41,7 @@ def create_app(
     journal: Journal,
     now_us: Callable[[], int] = now_us,
     reports: ReportPages | None = None,
+    access: Access | None = None,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
 
@@ -48,17 +50,21 @@ def create_app(
         journal: of the alarms.
         now_us: the clock for ages.
         reports: pages of the commissioning.
+        access: who may ask; default: everyone on this machine.
     """
-    state = AppState(snapshot, journal, now_us, reports)
+    access = access or Access()
+    state = AppState(snapshot, journal, access, now_us, reports)
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
-    app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
-    app.include_router(api.router(state))
+    app = _Application(
+        title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None
+    )
+    app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=api.PROTECTED)
     app.include_router(_probes(state))
     app.include_router(_pages())
     if reports is not None:
         app.include_router(report_router(reports))
     app.mount("/static", StaticFiles(directory=STATIC))
-    _add_headers(app)
+    app.add_middleware(Gate, access=access)
     _answer_errors(app)
     return app
 
@@ -66,7 +72,8 @@ def create_app(
 def _probes(state: AppState) -> APIRouter:
     """Health for machines: /healthz (alive), /readyz (monitoring, else the reasons), /metrics."""
     probes = APIRouter(tags=["probes"])
-    registry = metrics.registry(state.snapshot, state.now_us)
+    written = metrics.Metrics(state.snapshot, state.now_us)
+    protected = Depends(needs(Scope.READ))
 
     # These two answer on the event loop: they must not wait for a thread.
     @probes.get("/healthz", summary="Alive?", responses={503: {"model": models.Health}})
@@ -75,19 +82,36 @@ def _probes(state: AppState) -> APIRouter:
         snapshot, now_us = state.snapshot(), state.now_us()
         alive = is_alive(snapshot, now_us)
         response.status_code = 200 if alive else 503
-        return models.Health(alive=alive, snapshot_age_s=age_s(snapshot.taken_us, now_us))
+        return models.Health(
+            alive=alive,
+            snapshot_age_s=age_s(snapshot.taken_us, now_us),
+            insecure=state.access.danger is not None,
+        )
 
-    @probes.get("/readyz", summary="Monitoring?", responses={503: {"model": models.Readiness}})
+    @probes.get(
+        "/readyz",
+        summary="Monitoring?",
+        responses={503: {"model": models.Readiness}, **api.PROTECTED},
+        dependencies=[protected],
+    )
     async def readyz(response: Response) -> models.Readiness:
         """200 while all buses are up and all axes receive samples, else 503 with the reasons."""
         reasons = list(reasons_not_ready(state.snapshot(), state.now_us()))
         response.status_code = 503 if reasons else 200
         return models.Readiness(ready=not reasons, reasons=reasons)
 
-    @probes.get("/metrics", summary="Prometheus metrics", response_class=Response)
+    open_metrics = state.access.open_metrics
+
+    @probes.get(
+        "/metrics",
+        summary="Prometheus metrics",
+        response_class=Response,
+        responses={} if open_metrics else api.PROTECTED,
+        dependencies=[] if open_metrics else [protected],
+    )
     def scrape(accept: Annotated[str, Header()] = "") -> Response:
         """The Prometheus text format, or OpenMetrics if the client accepts it."""
-        body, content_type = metrics.render(registry, accept)
+        body, content_type = written.scrape(accept)
         return Response(body, headers={"Content-Type": content_type})
 
     return probes
@@ -107,35 +131,25 @@ def _pages() -> APIRouter:
     return pages
 
 
-def _add_headers(app: FastAPI) -> None:
-    """Forbid the browser, in every answer, everything that the pages do not need; reports have their own policy."""
-
-    @app.middleware("http")
-    async def add(request: Request, call_next: RequestResponseEndpoint) -> Response:
-        response = await call_next(request)
-        for name, value in _HEADERS.items():
-            response.headers.setdefault(name, value)
-        return response
-
-
 def _answer_errors(app: FastAPI) -> None:
     """Answer failed requests with the reason and the resources that exist."""
 
     @app.exception_handler(api.UnknownResourceError)
     async def not_known(_: Request, error: api.UnknownResourceError) -> JSONResponse:
-        return _answer(404, error.problem)
+        return problem_answer(404, error.problem)
+
+    @app.exception_handler(ForbiddenError)
+    async def not_allowed(_: Request, error: ForbiddenError) -> JSONResponse:
+        return problem_answer(403, models.Problem(detail=str(error)))
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:
-        return _answer(503, models.Problem(detail=f"the alarm journal cannot be read: {error}"))
+        return problem_answer(503, models.Problem(detail=f"the alarm journal cannot be read: {error}"))
 
-    @app.exception_handler(404)
-    async def no_such_path(request: Request, _: HTTPException) -> JSONResponse:
+    @app.exception_handler(HTTPException)
+    async def no_such_path(request: Request, error: HTTPException) -> JSONResponse:
+        if error.status_code != 404:
+            return problem_answer(error.status_code, models.Problem(detail=error.detail), error.headers)
         paths = [*app.openapi()["paths"], "/", "/docs", "/openapi.json"]
-        return _answer(
-            404, models.Problem(detail=f"there is nothing at {request.url.path}", known=sorted(paths))
-        )
-
-
-def _answer(status: int, problem: models.Problem) -> JSONResponse:
-    return JSONResponse(problem.model_dump(), status_code=status)
+        problem = models.Problem(detail=f"there is nothing at {request.url.path}", known=sorted(paths))
+        return problem_answer(404, problem)

@@ -1,12 +1,15 @@
 """What the web reads of the daemon: the newest snapshot, the journal and a clock; and whether it is healthy."""
 
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Generic, TypeVar
 
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.journal import Journal
 from service.texts import now_us
+from service.web.access import Access
 from service.web.report_pages import ReportPages
 
 VERSION = version("axiswatch")
@@ -18,8 +21,34 @@ class AppState:
 
     snapshot: Callable[[], Snapshot]
     journal: Journal
+    access: Access
     now_us: Callable[[], int] = now_us
     reports: ReportPages | None = None
+
+
+_T = TypeVar("_T")
+
+
+class Latest(Generic[_T]):
+    """What was made of the newest snapshot: made once, however many ask, until there is a newer one or it is too old.
+
+    Args:
+        make: from a snapshot, at a time [us].
+        longest_s: how long it may be used; its ages are as old.
+    """
+
+    def __init__(self, make: Callable[[Snapshot, int], _T], longest_s: float) -> None:
+        self._make, self._longest_us = make, longest_s * 1e6
+        self._lock = threading.Lock()
+        self._held: tuple[Snapshot, int, _T] | None = None
+
+    def __call__(self, snapshot: Snapshot, now_us: int) -> _T:
+        """From any thread; who asks while it is being made waits for it."""
+        with self._lock:
+            held = self._held
+            if held is None or held[0] is not snapshot or not 0 <= now_us - held[1] <= self._longest_us:
+                held = self._held = (snapshot, now_us, self._make(snapshot, now_us))
+            return held[2]
 
 
 def age_s(t_us: int, now_us: int) -> float:

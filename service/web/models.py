@@ -1,8 +1,11 @@
 """Bodies of the REST answers.  The descriptions state the units; a number that is not finite is null."""
 
 import math
+from collections.abc import Mapping
+from http import HTTPStatus
 from typing import Annotated, Literal
 
+from fastapi.responses import JSONResponse
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
@@ -384,6 +387,9 @@ class Service(Body):
     checkpoint: Time | None = Field(description="when the monitors were saved last, UTC")
     buses: list[Bus]
     report: str | None = Field(description="address of the report of the commissioning; null: there is none")
+    insecure: str | None = Field(
+        description="why the daemon is not protected where other machines reach it; null: it is"
+    )
 
 
 class Health(Body):
@@ -391,6 +397,7 @@ class Health(Body):
 
     alive: bool
     snapshot_age_s: Number = Field(description="seconds since the worker last reported")
+    insecure: bool = Field(description="other machines reach the daemon, and it lacks tokens or TLS")
 
 
 class Readiness(Body):
@@ -401,7 +408,18 @@ class Readiness(Body):
 
 
 class Problem(Body):
-    """An error of the request, or of the daemon."""
+    """An error of the request, or of the daemon: problem details of RFC 9457, application/problem+json."""
 
-    detail: str
+    type: str = Field(default="about:blank", description="about:blank: the status says it")
+    title: str = Field(default="", description="the status in words")
+    status: int = Field(default=0, description="the status of the answer")
+    detail: str = Field(description="what is wrong, and what would be right")
     known: list[str] = Field(default=[], description="existing resources")
+
+
+def problem_answer(status: int, problem: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    """The answer of this status with the problem as its body."""
+    body = problem.model_copy(update={"status": status, "title": HTTPStatus(status).phrase})
+    return JSONResponse(
+        body.model_dump(), status_code=status, headers=headers, media_type="application/problem+json"
+    )

@@ -1,19 +1,92 @@
 """Runs uvicorn in the calling thread, until a stop event."""
 
+import asyncio
 import contextlib
 import errno
+import ipaddress
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import h11
 import uvicorn
 from fastapi import FastAPI
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 _GRACE_S = 3
+_SILENT_S = 20
+"""A connection on which no request has been complete for so long, without its body, is closed."""
+_CONNECTIONS = 256
+"""Beyond these requests are answered with 503; each is a file and some memory."""
 
 
 class CannotListenError(Exception):
     """The address is not available; the text says which, why, and what to do."""
+
+
+class CertificateError(Exception):
+    """The certificate or its key cannot be used; the text names the file and says why."""
+
+
+class Certificate(NamedTuple):
+    """PEM files of TLS: the certificate, with those up to the root, and its private key."""
+
+    file: Path
+    key: Path
+
+    def check(self) -> None:
+        """Read both.
+
+        Raises:
+            CertificateError: they cannot be used.
+        """
+        for path in self:
+            try:
+                path.read_bytes()
+            except OSError as error:
+                raise CertificateError(f"{path}: {error.strerror}") from error
+        try:
+            ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(*self, password=_no_password)
+        except (ssl.SSLError, ValueError) as error:
+            why = getattr(error, "reason", None) or str(error)
+            raise CertificateError(
+                f"{self.file} and {self.key}: no PEM certificate with its own private key ({why})"
+            ) from error
+
+
+def _no_password() -> str:
+    raise ValueError("the key is encrypted: store it without a password, readable by the daemon alone")
+
+
+class _Protocol(H11Protocol):
+    """HTTP/1.1 that does not wait for ever for a request: uvicorn does, before the first and within each."""
+
+    _silence: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._wait()
+
+    def on_response_complete(self) -> None:
+        super().on_response_complete()
+        self._wait()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        if self._silence is not None:
+            self._silence.cancel()
+
+    def _wait(self) -> None:
+        if self._silence is not None:
+            self._silence.cancel()
+        self._silence = self.loop.call_later(_SILENT_S, self._close_if_silent)
+
+    def _close_if_silent(self) -> None:
+        if self.conn.their_state is h11.IDLE:  # else the application has the request
+            self.transport.close()
 
 
 class _Server(uvicorn.Server):
@@ -35,7 +108,14 @@ class _Server(uvicorn.Server):
         return await super().on_tick(counter) or self._stop.is_set()
 
 
-def serve(app: FastAPI, host: str, port: int, ready: Callable[[int], None], stop: threading.Event) -> None:
+def serve(
+    app: FastAPI,
+    host: str,
+    port: int,
+    ready: Callable[[int], None],
+    stop: threading.Event,
+    certificate: Certificate | None = None,
+) -> None:
     """Answer requests until ``stop`` is set; ``ready`` is called with the port once requests are answered.
 
     Args:
@@ -44,16 +124,38 @@ def serve(app: FastAPI, host: str, port: int, ready: Callable[[int], None], stop
         port: 0 takes a free one.
         ready: gets the actual port.
         stop: ends it from any thread; running requests get three seconds.
+        certificate: for TLS; None: without.
 
     Raises:
         CannotListenError: the port is taken, or the address is not one of this machine.
     """
     config = uvicorn.Config(
-        app, log_config=None, access_log=False, lifespan="off", timeout_graceful_shutdown=_GRACE_S
+        app,
+        http=_Protocol,
+        ws="none",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,  # whoever asks could write there that it is somebody else
+        lifespan="off",
+        limit_concurrency=_CONNECTIONS,
+        timeout_keep_alive=_SILENT_S,
+        timeout_graceful_shutdown=_GRACE_S,
+        ssl_certfile=certificate and certificate.file,
+        ssl_keyfile=certificate and certificate.key,
     )
     with listen(host, port) as listener:
         actual = listener.getsockname()[1]
         _Server(config, lambda: ready(actual), stop).run([listener])
+
+
+def is_remote(host: str) -> bool:
+    """Whether other machines reach this address.
+
+    Raises:
+        CannotListenError: there is no such host.
+    """
+    return not ipaddress.ip_address(str(_resolved(host, 0)[1][0]).partition("%")[0]).is_loopback
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -62,16 +164,22 @@ def listen(host: str, port: int) -> socket.socket:
     Raises:
         CannotListenError: it cannot.
     """
+    family, address = _resolved(host, port)
+    try:
+        return socket.create_server(address, family=family, backlog=128)
+    except OSError as error:
+        raise CannotListenError(f"cannot listen on {host} port {port}: {_why(error)}") from error
+
+
+def _resolved(host: str, port: int) -> tuple[int, tuple[Any, ...]]:
+    """The family and the address of a host."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (socket.gaierror, UnicodeError) as error:
         raise CannotListenError(f"cannot listen on {host!r}: no such host; 127.0.0.1 or 0.0.0.0?") from error
     # A name with IPv4 and IPv6 addresses, like localhost, gets the IPv4 one that people type.
     family, _, _, _, address = min(found, key=lambda entry: entry[0] != socket.AF_INET)
-    try:
-        return socket.create_server(address, family=family, backlog=128)
-    except OSError as error:
-        raise CannotListenError(f"cannot listen on {host} port {port}: {_why(error)}") from error
+    return family, address
 
 
 def _why(error: OSError) -> str:

@@ -1,7 +1,7 @@
 """Snapshots and alarms converted to the bodies of answers."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TypeVar
 
 from monitor_core.detection import Reach
@@ -23,13 +23,21 @@ def _body(kind: type[_B], *sources: object, **own: object) -> _B:
 
     They have the names of the fields, or, as times such as ``onset``, are called ``onset_us``.
     """
-    same = {name: _attribute(sources, name) for name in kind.model_fields.keys() - own.keys()}
-    return kind.model_validate(same | own)
+    shape = (kind, tuple(map(type, sources)), tuple(own))
+    if shape not in _PLACES:
+        _PLACES[shape] = tuple(_place(sources, name) for name in kind.model_fields.keys() - own.keys())
+    for name, source, attribute in _PLACES[shape]:
+        own[name] = getattr(sources[source], attribute)
+    return kind.model_validate(own)
 
 
-def _attribute(sources: Iterable[object], name: str) -> object:
-    places = [(source, known) for source in sources for known in (f"{name}_us", name)]
-    return next(getattr(source, known) for source, known in places if hasattr(source, known))
+_PLACES: dict[object, tuple[tuple[str, int, str], ...]] = {}
+"""Where the fields of a body come from: which source, which attribute; to look for them takes longer than the rest."""
+
+
+def _place(sources: Sequence[object], name: str) -> tuple[str, int, str]:
+    places = ((i, known) for i in range(len(sources)) for known in (f"{name}_us", name))
+    return name, *next((i, known) for i, known in places if hasattr(sources[i], known))
 
 
 def axes(snapshot: Snapshot, now_us: int) -> models.Axes:
@@ -134,7 +142,14 @@ def alarm(a: RecordedAlarm) -> models.Alarm:
     )
 
 
-def service(snapshot: Snapshot, now_us: int, report: str | None = None) -> models.Service:
-    """The daemon itself; ``report`` is the address of that of its commissioning."""
+def service(snapshot: Snapshot, now_us: int, report: str | None, insecure: str | None) -> models.Service:
+    """The daemon itself; the address of the report of its commissioning; why it is not protected."""
     reasons = list(reasons_not_ready(snapshot, now_us))
-    return _body(models.Service, snapshot, version=VERSION, ready=not reasons, reasons=reasons, report=report)
+    own = {
+        "version": VERSION,
+        "ready": not reasons,
+        "reasons": reasons,
+        "report": report,
+        "insecure": insecure,
+    }
+    return _body(models.Service, snapshot, **own)

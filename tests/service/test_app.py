@@ -6,6 +6,7 @@ import threading
 from collections.abc import Collection
 from pathlib import Path
 
+import httpx
 import pytest
 import structlog
 
@@ -73,6 +74,33 @@ def test_the_kernel_of_the_estimates_is_compiled_first(
         stop.set()
         daemon.join(60)
     assert order == ["estimates", "compiled", "multi-model detector"]
+
+
+def test_the_option_lets_other_machines_in_which_is_logged_once(tmp_path: Path) -> None:
+    config = demo(tmp_path, 1)
+    web = config.web.model_copy(update={"host": "0.0.0.0", "port": 0})
+    served, stop, pages = threading.Event(), threading.Event(), list[str]()
+
+    def ready(page: str) -> None:
+        pages.append(page)
+        served.set()
+
+    with structlog.testing.capture_logs() as logs:
+        daemon = threading.Thread(
+            target=run_daemon,
+            args=(config.model_copy(update={"web": web}),),
+            kwargs={"ready": ready, "stop": stop, "insecure": True},
+        )
+        daemon.start()
+        try:
+            assert served.wait(60)
+            assert httpx.get(f"{pages[0]}healthz").json()["insecure"] is True
+            danger = httpx.get(f"{pages[0]}api/v1/service").json()["insecure"]
+        finally:
+            stop.set()
+            daemon.join(60)
+    assert "may read and operate, without a token" in danger
+    assert [(e["log_level"], e["message"]) for e in logs if e["event"] == "access"] == [("warning", danger)]
 
 
 def test_the_cyclic_clock_is_compiled_where_an_axis_has_one(tmp_path: Path) -> None:

@@ -1,10 +1,12 @@
 """What is reported when a file cannot be read, when much is wrong at once, and from the environment."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from service.config import ConfigErrors, load
+from service.config.commissioned import relocated
 from tests.service.config_texts import BASE, furnish
 
 
@@ -89,11 +91,17 @@ def test_the_environment_wins(file: Path) -> None:
         "axiswatch_web__host": "0.0.0.0",
         "AXISWATCH_SERVICE__STATE_DIR": "elsewhere",
         "AXISWATCH_SERVICE__HISTORY_INTERVAL_S": "2.5",
+        "AXISWATCH_WEB__HOSTS": "axiswatch.plant.example, 2001:db8::7",
+        "AXISWATCH_WEB__OPEN_METRICS": "true",
+        "AXISWATCH_WEB__CERTIFICATE": "tls/own.crt",
+        "AXISWATCH_WEB__KEY": "/etc/own.key",
         "AXISWATCH_DATA": "not a setting",
         "PATH": "/bin",
     }
     config = load(file, environ)
     assert (config.web.port, config.web.host) == (9000, "0.0.0.0")
+    assert (config.web.hosts, config.web.open_metrics) == (("axiswatch.plant.example", "2001:db8::7"), True)
+    assert (config.web.certificate, config.web.key) == (file.parent / "tls" / "own.crt", Path("/etc/own.key"))
     assert config.service.state_dir == file.parent / "elsewhere"
     assert config.service.history_interval_s == 2.5
     assert config.service.history_length_s == 3600
@@ -112,6 +120,10 @@ def test_the_environment_wins(file: Path) -> None:
         ("AXISWATCH_WEB__PROT", "1", 'unknown key: did you mean "port"'),
         ("axiswatch_Web__prot", "1", 'unknown key: did you mean "port"'),
         ("AXISWATCH_SERVICE__HISTORY_LENGTH_S", "-1", "must be greater than 0"),
+        ("AXISWATCH_WEB__OPEN_METRICS", "perhaps", "must be true or false"),
+        ("AXISWATCH_WEB__HOSTS", "plant:8080", "must be a name or an address, without port"),
+        ("AXISWATCH_WEB__HOSTS", "a,[::1]", "must be a name or an address, without port"),
+        ("AXISWATCH_WEB__HOSTS", "https://plant", "must be a name or an address, without port"),
         ("AXISWATCH_WBE__PORT", "1", 'no such setting: did you mean "AXISWATCH_WEB__..."'),
         ("AXISWATCH_ROBOT__NAME", "x", "no such setting"),
         ("AXISWATCH_WEB__PORT__X", "1", "unknown key"),
@@ -123,3 +135,10 @@ def test_problems_of_the_environment_name_the_variable(
     (message,) = messages(file, {variable: value})
     assert message.startswith(f"environment: {variable} = {value}: ")
     assert words in message
+
+
+def test_files_of_the_web_stay_where_they_are_in_a_commissioned_configuration(tmp_path: Path) -> None:
+    text = '[web]\ncertificate = "own.crt"\nkey = "/etc/own.key"\n' + BASE.replace("[web]\nport = 8080\n", "")
+    web = tomllib.loads(relocated(text, tmp_path, tmp_path / "made"))["web"]
+    found = [(tmp_path / "made" / web[key]).resolve() for key in ("certificate", "key")]
+    assert found == [(tmp_path / "own.crt").resolve(), Path("/etc/own.key")]

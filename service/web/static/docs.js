@@ -1,6 +1,7 @@
 // Renders openapi.json: operations with their parameters and the fields of their answers.
 
 import { el } from "./dom.js";
+import { ask } from "./token.js";
 
 const nameOf = (ref) => ref.split("/").pop();
 
@@ -54,8 +55,7 @@ function body(name, schema) {
 
 async function show() {
   const main = document.getElementById("main");
-  const answer = await fetch("/openapi.json");
-  const api = await answer.json();
+  const api = await ask("/openapi.json");
   document.getElementById("title").textContent = `${api.info.title} API ${api.info.version}`;
   const groups = new Map();
   for (const [path, methods] of Object.entries(api.paths)) {

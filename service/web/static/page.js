@@ -4,10 +4,10 @@ import { showAlarms } from "./alarms.js";
 import { showAxes } from "./axes.js";
 import { className, list, text } from "./dom.js";
 import { moment, span, zone } from "./format.js";
+import { allowReports, ask, hasToken, TokenNeeded } from "./token.js";
 import { showTrends } from "./trends.js";
 
 const EVERY_MS = 1000;
-const PATIENCE_MS = 4000;
 const PATHS = [
   "/api/v1/service",
   "/api/v1/axes",
@@ -19,13 +19,6 @@ const by = (id) => document.getElementById(id);
 let answered = null; // time of the last answer
 let lostSince = null;
 
-async function ask(path) {
-  const answer = await fetch(path, { signal: AbortSignal.timeout(PATIENCE_MS), cache: "no-store" });
-  const body = await answer.json();
-  if (!answer.ok) throw new Error(body.detail ?? `status ${answer.status}`);
-  return body;
-}
-
 async function refresh() {
   try {
     const [service, axes, active, ended] = await Promise.all(PATHS.map(ask));
@@ -36,6 +29,7 @@ async function refresh() {
     showAlarms(active, ended);
     await showTrends(axes.axes, ask);
   } catch (error) {
+    if (error instanceof TokenNeeded) return showLocked();
     lostSince ??= new Date();
     showLost(error);
   }
@@ -49,10 +43,22 @@ function showService(service, alarms) {
   className(state, service.ready ? "pill good" : "pill warn");
   list(by("reasons"), service.reasons);
   list(by("messages"), service.messages);
+  text(by("insecure"), service.insecure ?? "");
+  by("insecure").hidden = service.insecure === null;
   by("report").hidden = service.report === null;
+  by("metrics").hidden = hasToken(); // a link sends no token
+  if (service.report !== null) allowReports();
   const running = span((new Date(service.taken) - new Date(service.started)) / 1000);
   text(by("about"), `version ${service.version}, running for ${running}`);
   document.title = alarms ? `(${alarms}) axiswatch` : "axiswatch";
+}
+
+function showLocked() {
+  document.body.classList.add("stale");
+  className(by("state"), "pill warn");
+  text(by("state"), "token needed");
+  for (const id of ["lost", "reasons"]) by(id).hidden = true;
+  document.title = "token needed – axiswatch";
 }
 
 function showLost(error) {

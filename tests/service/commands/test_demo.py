@@ -43,8 +43,10 @@ class Daemon:
         stop: threading.Event | None = None,
         reports: Path | None = None,
         complete: Callable[[], None] = lambda: None,
+        insecure: bool = False,
     ) -> None:
         assert record is None
+        assert not insecure
         complete()
         self.config, self.reports = config, reports
         ready("http://127.0.0.1:1/")
@@ -72,11 +74,14 @@ def signals(config: Config) -> list[tuple[Any, ...]]:
 # --- as it comes ------------------------------------------------------------------------------------------------------
 
 
-def test_it_comes_commissioned(daemon: Daemon) -> None:
+def test_it_comes_commissioned(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For this machine only, whatever the environment says: it has no tokens."""
+    monkeypatch.setenv("AXISWATCH_WEB__HOST", "0.0.0.0")
     result = axiswatch("demo", "--axes", "2", "--port", "0")
     assert result.exit_code == 0, result.output
     assert daemon.config is not None
     assert daemon.reports == COMMISSIONED.parent
+    assert (daemon.config.web.host, daemon.config.web.port) == ("127.0.0.1", 0)
     assert [axis.id for axis in daemon.config.axes] == ["demo.axis1", "demo.axis2"]
     assert all(axis.config.model.thresholds_file is not None for axis in daemon.config.axes)
 

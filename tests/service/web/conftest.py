@@ -28,6 +28,7 @@ from service.pipeline.axis_monitors import Heat
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
+from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages
 
@@ -180,12 +181,13 @@ class Stage:
     snapshot: Snapshot = field(default_factory=whole_snapshot)
     now_us: int = NOON_US + 250_000
     reports: ReportPages | None = None
+    access: Access | None = None
 
     def app(self) -> FastAPI:
-        return create_app(lambda: self.snapshot, self.journal, lambda: self.now_us, self.reports)
+        return create_app(lambda: self.snapshot, self.journal, lambda: self.now_us, self.reports, self.access)
 
     def client(self) -> TestClient:
-        return TestClient(self.app())
+        return TestClient(self.app(), base_url="http://localhost")
 
     def record(self, axis: str, unit: str, nominal: float, alarm: Alarm) -> int:
         """The number of this alarm in the journal."""

@@ -53,6 +53,24 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert second["detectors"][0]["leading"] is None
 
 
+def test_all_axes_are_written_once_a_second_and_for_each_snapshot(client: TestClient, stage: Stage) -> None:
+    """While the worker hangs, too, the ages grow."""
+
+    def age() -> float:
+        return float(get(client, "/api/v1/axes")["axes"][0]["last_sample_age_s"])
+
+    assert age() == 0.65
+    stage.now_us += 900_000
+    assert age() == 0.65
+    stage.now_us += 200_000
+    assert age() == 1.75
+    stage.now_us += 100_000
+    stage.snapshot = replace(stage.snapshot, messages=())
+    assert age() == 1.85
+    stage.now_us -= 500_000  # the clock was set
+    assert age() == 1.35
+
+
 def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
     first, other = stage.snapshot.axes
     stage.snapshot = replace(stage.snapshot, axes=(replace(first, gated_by="mode = 2"), other))
@@ -172,6 +190,12 @@ def test_an_unknown_path_is_answered_with_the_known_ones(client: TestClient) -> 
     [
         "since=yesterday",
         "since=2026-03-01T12:00:00",
+        "until=0.5",
+        "until=1772366400",
+        "since=20260301T120000Z",
+        "since=2026-03-01",
+        "since=2026-03-01T12:00:00%2B99:00",
+        "since=2026-13-01T12:00:00Z",
         "limit=0",
         "limit=100000",
         "offset=-1",
@@ -225,6 +249,8 @@ def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alar
     assert total("axis=demo.axis1&active=false") == 2
     assert total("parameter=kT") == 0
     assert total("since=2026-03-01T11:59:55Z") == 4
+    assert total("since=0001-01-01T00:00:00%2B23:59") == 6
+    assert total("until=9999-12-31T23:59:59-23:59") == 6
     assert total("since=2026-03-01T12:59:55%2B01:00&until=2026-03-01T11:59:57Z") == 2
     page = get(client, "/api/v1/alarms?limit=2&offset=3")
     assert page["total"] == 6
@@ -249,9 +275,10 @@ def test_service_tells_why_it_is_not_ready(stage: Stage, client: TestClient) -> 
 
 
 def test_alive_while_the_worker_reports(stage: Stage, client: TestClient) -> None:
-    assert get(client, "/healthz") == {"alive": True, "snapshot_age_s": 0.25}
+    assert get(client, "/healthz") == {"alive": True, "snapshot_age_s": 0.25, "insecure": False}
     stage.now_us = stage.snapshot.taken_us + 10_500_000
-    assert get(client, "/healthz", status=503) == {"alive": False, "snapshot_age_s": 10.5}
+    body = get(client, "/healthz", status=503)
+    assert (body["alive"], body["snapshot_age_s"]) == (False, 10.5)
 
 
 def test_ready_while_all_axes_get_samples(stage: Stage, client: TestClient) -> None:

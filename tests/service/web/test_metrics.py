@@ -1,5 +1,6 @@
 """/metrics: the golden file, promtool's opinion, and what is absent or infinite."""
 
+import math
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,13 +8,14 @@ from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
-from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
+from prometheus_client.utils import floatToGoString
 
 from service.web.app_state import VERSION
-from service.web.metrics import SnapshotCollector
+from service.web.metrics import Metrics
 from tests import golden
-from tests.service.web.conftest import Stage
+from tests.service.web.conftest import Stage, with_status
 
 GOLDEN = Path(__file__).with_name("metrics.golden")
 OPENMETRICS = "application/openmetrics-text; version=1.0.0"
@@ -28,9 +30,8 @@ def scrape(client: TestClient, accept: str = "text/plain") -> str:
 
 def own(stage: Stage) -> str:
     """The metrics without those of the process."""
-    registry = CollectorRegistry()
-    registry.register(SnapshotCollector(lambda: stage.snapshot, lambda: stage.now_us))
-    return generate_latest(registry).decode()
+    text, _ = Metrics(lambda: stage.snapshot, lambda: stage.now_us).scrape("")
+    return text.decode().split("# HELP process_")[0]
 
 
 def values(text: str) -> dict[tuple[str, ...], float]:
@@ -76,6 +77,49 @@ def test_promtool_has_nothing_to_say(client: TestClient, need: Callable[[str], s
 def test_a_scrape_has_the_metrics_of_the_process_in_the_format_that_is_asked_for(client: TestClient) -> None:
     assert values(scrape(client))[("process_resident_memory_bytes",)] > 1e6
     assert scrape(client, OPENMETRICS).endswith("# EOF\n")
+
+
+def test_both_formats_say_the_same(client: TestClient) -> None:
+    """Read by the parsers of prometheus_client, of which that of OpenMetrics is strict."""
+
+    def without_process(found: dict[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
+        return {key: value for key, value in found.items() if not key[0].startswith("process_")}
+
+    text = scrape(client, OPENMETRICS)
+    other = {
+        (sample.name, *(value for _, value in sorted(sample.labels.items()))): sample.value
+        for family in openmetrics.text_string_to_metric_families(text)  # type: ignore[no-untyped-call]
+        for sample in family.samples
+    }
+    assert without_process(other) == without_process(values(scrape(client)))
+    assert len(other) > 150
+    assert "# TYPE axiswatch_samples counter\naxiswatch_samples_total{" in text
+
+
+def test_numbers_are_written_as_prometheus_does(stage: Stage) -> None:
+    axis = stage.snapshot.axes[0]
+    for value in (0.0, -0.25, 1e-7, 999_999.5, 1e6, 1.27530e8, 1.5e300, -3e7, math.inf, -math.inf, math.nan):
+        kT, *others = axis.status.parameters
+        status = replace(axis.status, parameters=(replace(kT, estimate=value), *others))
+        stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=status),))
+        written = floatToGoString(value)  # type: ignore[no-untyped-call]
+        line = f'axiswatch_parameter_estimate{{axis="demo.axis1",parameter="kT"}} {written}\n'
+        assert line in own(stage)
+
+
+def test_the_ages_grow_while_the_worker_hangs(stage: Stage) -> None:
+    """The rest is written once for each snapshot."""
+    metrics = Metrics(lambda: stage.snapshot, lambda: stage.now_us)
+
+    def found(name: str, *labels: str) -> float:
+        return values(metrics.scrape("")[0].decode())[name, *labels]
+
+    assert found("axiswatch_snapshot_age_seconds") == 0.25
+    stage.now_us += 20_000_000
+    assert found("axiswatch_snapshot_age_seconds") == 20.25
+    assert found("axiswatch_last_sample_age_seconds", "demo.axis1") == 20.65
+    with_status(stage, innovation_variance=7.0)
+    assert found("axiswatch_innovation_variance", "demo.axis1") == 7.0
 
 
 def test_no_checkpoint_has_no_age_and_names_are_escaped(stage: Stage) -> None:

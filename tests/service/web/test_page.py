@@ -12,6 +12,8 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import NotTested, Status
 from service.config.drive_sources import shipped
+from service.store.tokens import Scope, TokenFile
+from service.web.access import Access
 from service.web.report_pages import ReportPages
 from service.web.server import serve
 from tests.service.web.conftest import PARAMETERS, Stage, with_status
@@ -101,7 +103,8 @@ def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:
     expect(page.get_by_text("its checkpoint is not used")).to_be_visible()
     stage.healthy()
     expect(page.locator("#state")).to_have_text("ready")
-    expect(page.locator("#reasons")).to_be_hidden()
+    for hidden in ("#reasons", "#insecure", "#sign-in"):
+        expect(page.locator(hidden)).to_be_hidden()
 
 
 def test_the_report_of_the_commissioning_opens_from_it(shipped_report: Path, page: Page) -> None:
@@ -168,6 +171,56 @@ def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:
     expect(row).to_contain_text("0.800 ± 0.010")
     expect(row).to_contain_text("−20.0 %")
     expect(page.get_by_role("article")).to_have_count(1)
+
+
+def test_it_asks_for_a_token_where_the_daemon_wants_one(
+    stage: Stage, shipped_report: Path, tmp_path: Path, browser: Browser
+) -> None:
+    """A wrong one is refused; the right one is kept by the tab alone, and the reports open by their links."""
+    tokens = TokenFile(tmp_path / "tokens.json")
+    secret = tokens.new("anna", Scope.READ)
+    stage.access = Access(tokens)
+    daemon = Daemon(stage)
+    try:
+        page = browser.new_page(base_url=f"http://127.0.0.1:{daemon.port}")
+        page.goto("/docs")
+        expect(page.get_by_label("Token")).to_be_visible()
+        page.goto("/")
+        expect(page.locator("#state")).to_have_text("token needed")
+        expect(page.get_by_role("alert")).to_be_hidden()
+        for given, words in ((secret[:-1], "not known, or was revoked"), (secret, "")):
+            page.get_by_label("Token").fill(given)
+            page.get_by_role("button", name="Use").click()
+            if words:
+                expect(page.locator("#sign-in")).to_contain_text(words)
+        expect(page.get_by_role("article")).to_have_count(2)
+        expect(page.locator("#sign-in")).to_have_count(0)
+        expect(page.get_by_role("link", name="Metrics")).to_be_hidden()
+        page.get_by_role("link", name="Commissioning report").click()
+        page.get_by_role("link", name="demo.axis2-calibration.html").click()
+        expect(page.get_by_role("heading", name="Calibration of demo.axis2")).to_be_visible()
+        page.goto("/docs")
+        expect(page.get_by_text("GET /api/v1/alarms", exact=False).first).to_be_visible()
+        page.goto("/")
+        expect(page.get_by_role("article")).to_have_count(2)
+        tokens.revoke("anna")
+        expect(page.locator("#sign-in")).to_contain_text("not known, or was revoked")
+        other = browser.new_page(base_url=f"http://127.0.0.1:{daemon.port}")
+        other.goto("/")
+        expect(other.locator("#sign-in")).to_contain_text("this needs a token")
+    finally:
+        daemon.stop()
+
+
+def test_it_says_that_it_is_not_protected(stage: Stage, browser: Browser) -> None:
+    stage.access = Access(remote=True, insecure=True)
+    daemon = Daemon(stage)
+    try:
+        page = browser.new_page(base_url=f"http://127.0.0.1:{daemon.port}")
+        page.goto("/")
+        expect(page.locator("#insecure")).to_contain_text("everyone whose machine reaches this address")
+    finally:
+        daemon.stop()
 
 
 def test_it_says_since_when_nobody_answers(page: Page, daemon: Daemon) -> None:

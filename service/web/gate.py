@@ -1,0 +1,212 @@
+"""What every request passes before the application sees it, and every answer on its way back.
+
+The host it asks for is one of the daemon, its body is small, its caller is known; a web page of somebody else changes
+nothing.  HEAD is answered wherever GET is.  Each request that would change something leaves one line in the log.
+"""
+
+import asyncio
+import re
+from urllib.parse import urlsplit
+
+import structlog
+from fastapi.responses import JSONResponse
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import cookie_parser
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.store.database import StoreError
+from service.store.tokens import NOBODY, Caller
+from service.web.access import Access
+from service.web.models import Problem, problem_answer
+
+log = structlog.get_logger(__name__)
+
+MOST_BODY_BYTES = 64 * 1024
+"""Of a request; the largest that the API has is a comment of an operator."""
+_NO_ROOM = f"the body of a request may have {MOST_BODY_BYTES} bytes"
+LONGEST_REQUEST_S = 30.0
+"""Until its body has arrived and its answer has begun."""
+REPORTS = "/reports/"
+COOKIE = "axiswatch-token"
+"""Holds the token for reports only: a link sends no Authorization header.  Nothing can be changed there."""
+
+_HOST = re.compile(r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<name>[^\s:/@\[\]]+))(?::\d{1,5})?")
+_NOBODY = Caller(NOBODY, frozenset())
+"""Who asks without a token where there are some."""
+_READING = ("GET", "HEAD", "OPTIONS")
+_LONGEST_PATH = 200
+_POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'"
+_HEADERS = {
+    "content-security-policy": f"{_POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'self'",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-embedder-policy": "require-corp",
+    "cross-origin-resource-policy": "same-origin",
+}
+_HSTS = "max-age=31536000"
+
+
+def is_page(path: str) -> bool:
+    """A file of the pages.  They are the same on every machine, so they need no token: the page asks for it."""
+    return path in ("/", "/docs") or path.startswith("/static/")
+
+
+class Gate:
+    """ASGI middleware around the application."""
+
+    def __init__(self, app: ASGIApp, access: Access) -> None:
+        self._app, self._access = app, access
+        self._open = {"/healthz", *(["/metrics"] if access.open_metrics else [])}
+        self._reported: str | None = None
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or refuse it."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        exchange = _Exchange(scope, receive, send)
+        who = _NOBODY
+        try:
+            refusal, caller = self._judged(scope)
+            who = caller or _NOBODY
+            if refusal is None:
+                await self._pass(exchange, who)
+            else:
+                await refusal(scope, exchange.receive, exchange.send)
+        finally:
+            if scope["method"] not in _READING:
+                what = f"{scope['method']} {_written(scope)}"
+                log.info("write request", who=who.name, what=what, result=exchange.status or 500)
+
+    def _judged(self, scope: Scope) -> tuple[JSONResponse | None, Caller | None]:
+        """The refusal of a request, if it is refused; who sent it, if that is known."""
+        headers = Headers(scope=scope)
+        if (refusal := self._misdirected(scope, headers) or _too_large(headers)) is not None:
+            return refusal, None
+        path = scope["path"]
+        try:
+            caller = self._access.caller(_secret(headers, path))
+        except StoreError as error:
+            if str(error) != self._reported:  # once, however many ask
+                self._reported = str(error)
+                log.error("tokens", message=str(error))
+            if path in self._open or is_page(path):
+                return None, None
+            problem = Problem(detail="the tokens cannot be read; the log of the daemon says why")
+            return problem_answer(503, problem), None
+        if scope["method"] not in _READING and _of_another_page(headers):
+            return problem_answer(
+                403, Problem(detail="a page of another host may change nothing here")
+            ), caller
+        if caller is None and not (path in self._open or is_page(path)):
+            return _unknown(headers), None
+        return None, caller
+
+    def _misdirected(self, scope: Scope, headers: Headers) -> JSONResponse | None:
+        """A name that the daemon does not have: a foreign page whose name was made to lead here (DNS rebinding)."""
+        given = headers.getlist("host")
+        found = _HOST.fullmatch(given[0]) if len(given) == 1 else None
+        if found is not None:
+            host = found["v6"] or found["name"]
+            if self._access.known_host(host) or host == (scope.get("server") or [""])[0]:
+                return None
+        detail = "this daemon has another name than the host of the request; add it to hosts in [web]"
+        return problem_answer(421, Problem(detail=detail))
+
+    async def _pass(self, exchange: "_Exchange", who: Caller) -> None:
+        scope = exchange.scope
+        # To HEAD the server sends the head only; routes know nothing of it.
+        method = "GET" if scope["method"] == "HEAD" else scope["method"]
+        inner = {**scope, "method": method, "state": {**scope.get("state", {}), "caller": who}}
+        try:
+            async with asyncio.timeout(LONGEST_REQUEST_S):
+                await self._app(inner, exchange.receive, exchange.send)
+        except TimeoutError:
+            if exchange.status is not None:
+                raise
+            detail = f"not complete, or not answered, within {LONGEST_REQUEST_S:g} s"
+            refusal = problem_answer(503, Problem(detail=detail), {"Connection": "close"})
+            await refusal(scope, exchange.receive, exchange.send)
+
+
+class _Exchange:
+    """A request whose body has a limit, and its answer, with the headers of all."""
+
+    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.scope, self._receive, self._send = scope, receive, send
+        self.status: int | None = None
+        self._received = 0
+        self._endless = "transfer-encoding" in Headers(scope=scope)
+
+    async def receive(self) -> Message:
+        """The next part of the body.
+
+        Raises:
+            HTTPException: with it the body is too large; its length had not been given.
+        """
+        message = await self._receive()
+        self._received += len(message.get("body", b""))
+        if self._received > MOST_BODY_BYTES:
+            raise HTTPException(413, _NO_ROOM)
+        self._endless = self._endless and message.get("more_body", False)
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Pass a part of the answer on to the server."""
+        if message["type"] == "http.response.start":
+            self.status = message["status"]
+            headers = MutableHeaders(scope=message)
+            for name, value in _HEADERS.items():
+                headers.setdefault(name, value)
+            # Files change with the next version: the browser must ask each time.  Data is for nobody to keep.
+            headers.setdefault("cache-control", "no-cache" if is_page(self.scope["path"]) else "no-store")
+            if self.scope["scheme"] == "https":
+                headers["strict-transport-security"] = _HSTS
+            if self._endless:
+                headers["connection"] = "close"  # else the server would read all of what is not wanted
+        await self._send(message)
+
+
+def _too_large(headers: Headers) -> JSONResponse | None:
+    """The connection is closed with the refusal: what is on its way is not read."""
+    length = headers.get("content-length", "0")
+    if length.isdecimal() and int(length) <= MOST_BODY_BYTES:
+        return None
+    return problem_answer(413, Problem(detail=_NO_ROOM), {"Connection": "close"})
+
+
+def _secret(headers: Headers, path: str) -> str | None:
+    """The token that a request has: in its Authorization header, or, for a report, in a cookie."""
+    kind, _, secret = headers.get("authorization", "").partition(" ")
+    if kind.lower() == "bearer" and secret.strip():
+        return secret.strip()
+    return cookie_parser(headers.get("cookie", "")).get(COOKIE) if path.startswith(REPORTS) else None
+
+
+def _unknown(headers: Headers) -> JSONResponse:
+    given = "authorization" in headers
+    error = ', error="invalid_token"' if given else ""
+    detail = (
+        "this token is not known, or was revoked"
+        if given
+        else "this needs a token: Authorization: Bearer TOKEN"
+    )
+    return problem_answer(
+        401, Problem(detail=detail), {"WWW-Authenticate": f'Bearer realm="axiswatch"{error}'}
+    )
+
+
+def _of_another_page(headers: Headers) -> bool:
+    """Whether a browser sends this for a page of another origin; only browsers send these headers."""
+    origin = headers.get("origin")
+    foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
+    return foreign or headers.get("sec-fetch-site", "none") not in ("same-origin", "none")
+
+
+def _written(scope: Scope) -> str:
+    """The path as it came, percent-encoded, so that it is one line; without the query."""
+    raw = scope.get("raw_path") or scope["path"].encode("utf-8", "backslashreplace")
+    text = raw.split(b"?")[0].decode("ascii", "backslashreplace")
+    return text if len(text) <= _LONGEST_PATH else f"{text[:_LONGEST_PATH]}..."

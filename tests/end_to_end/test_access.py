@@ -1,0 +1,62 @@
+"""The daemon that other machines reach: tokens, TLS, what is too large, and signals, from outside."""
+
+import json
+import re
+import signal
+import ssl
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+from service.store.tokens import Scope, TokenFile
+from tests.conftest import ROOT
+from tests.end_to_end.processes import daemon, demo_config, edit, wait_for
+
+CERTIFICATE = ROOT / "tests" / "tls" / "localhost.crt"
+
+
+def test_a_daemon_on_all_interfaces_lets_in_those_with_a_token(tmp_path: Path) -> None:
+    """SIGHUP in between, with a right and a wrong file; then it ends in order, with a last checkpoint."""
+    config = demo_config(tmp_path, 'interface = "virtual"\nchannel = "access"', axes=1)
+    web = f'host = "0.0.0.0"\ncertificate = "{CERTIFICATE}"\nkey = "{CERTIFICATE.with_suffix(".key")}"'
+    edit(config, ("[[bus]]", f"[web]\n{web}\n\n[[bus]]"))
+
+    tokens = TokenFile(tmp_path / "state" / "tokens.json")
+    secret = tokens.new("anna", Scope.READ)
+    trusted = ssl.create_default_context(cafile=str(CERTIFICATE))
+
+    with daemon(config) as d:
+        port = re.fullmatch(r"https://localhost:(\d+)/", d.page)
+        assert port is not None
+
+        def ask(path: str, **extra: Any) -> tuple[int, Any]:
+            headers = {"Authorization": f"Bearer {secret}"}
+            request = urllib.request.Request(f"https://127.0.0.1:{port[1]}{path}", headers=headers, **extra)
+            try:
+                with urllib.request.urlopen(request, timeout=20, context=trusted) as answer:
+                    return answer.status, json.loads(answer.read())
+            except urllib.error.HTTPError as error:
+                return error.code, json.loads(error.read())
+
+        status, service = ask("/api/v1/service")
+        assert (status, service["insecure"]) == (200, None)
+        assert ask("/api/v1/service", method="POST", data=b"x")[0] == 405
+        edit(config, ("[[robot]]", "[[robbot]]"))
+        d.process.send_signal(signal.SIGHUP)
+        wrong = wait_for(lambda: next((e for e in d.events() if "has mistakes" in e["event"]), None))
+        assert any('did you mean "robot"' in problem for problem in wrong["problems"])
+        edit(config, ("[[robbot]]", "[[robot]]"))
+        d.process.send_signal(signal.SIGHUP)
+        wait_for(lambda: next((e for e in d.events() if "used after a restart" in e["event"]), None))
+        assert ask("/healthz")[1]["insecure"] is False
+        tokens.revoke("anna")
+        assert ask("/api/v1/service")[0] == 401
+        assert ask("/api/v1/service", method="POST", data=b"x")[0] == 401
+        assert d.stop() == 0
+        log = d.events()
+    assert log[-1]["event"] == "stopped"
+    assert log[-1]["checkpoint_us"]
+    writes = [(e["who"], e["what"], e["result"]) for e in log if e["event"] == "write request"]
+    assert writes == [("anna", "POST /api/v1/service", 405), ("nobody", "POST /api/v1/service", 401)]
+    assert secret not in json.dumps(log)
