@@ -43,6 +43,8 @@ class Database:
     def __init__(self, path: Path, migrations: Sequence[str], synchronous: Synchronous) -> None:
         self.path = path
         self.messages: tuple[str, ...] = ()
+        self.revision = 0
+        """Number of transactions that were committed"""
         self._lock = threading.Lock()
         self._closed = False
         self._owner = _claim(path)
@@ -72,6 +74,7 @@ class Database:
             try:
                 yield self._writer
                 self._writer.execute("COMMIT")
+                self.revision += 1
             except BaseException:
                 if self._writer.in_transaction:
                     self._writer.execute("ROLLBACK")
