@@ -67,6 +67,24 @@ NOT_RECORDED = 0
 _PLAIN = AlarmRules()
 
 
+def as_recorded(entry: Entry, alarm_id: int = NOT_RECORDED) -> RecordedAlarm:
+    """An alarm about which no person has done anything, as the journal will have it."""
+    life = AlarmLife()
+    for present in (True, entry.alarm.ended_us is None):
+        life = [life, *(t.after for t in due(life, present, entry.rules))][-1]
+    own = {field.name: getattr(entry.alarm, field.name) for field in fields(Alarm)}
+    return RecordedAlarm(
+        **own,
+        id=alarm_id,
+        axis=entry.axis,
+        unit=entry.unit,
+        nominal=entry.nominal,
+        state=life.state,
+        returns_to=life.returns_to,
+        priority=entry.rules.priority,
+    )
+
+
 class AlarmsSnapshot(NamedTuple):
     """Life cycle of the alarms at one moment, for API, metrics and page."""
 
@@ -148,28 +166,11 @@ class Alarms:
                 self._revision = revision
         except StoreError as error:
             log.error("the states of the alarms are not up to date", reason=str(error))
-        unrecorded = tuple(map(self._as_unrecorded, self._unrecorded()))
+        unrecorded = tuple(as_recorded(self._entry(change)) for change in self._unrecorded())
         return self._recorded._replace(unrecorded=unrecorded, waiting=len(self._waiting))
 
     def _unrecorded(self) -> list[AxisAlarm]:
         return [change for key, change in self._waiting.items() if key not in self._open]
-
-    def _as_unrecorded(self, change: AxisAlarm) -> RecordedAlarm:
-        """An alarm as the journal will have it."""
-        entry, life = self._entry(change), AlarmLife()
-        for present in (True, change.alarm.ended_us is None):
-            life = [life, *(t.after for t in due(life, present, entry.rules))][-1]
-        own = {field.name: getattr(change.alarm, field.name) for field in fields(Alarm)}
-        return RecordedAlarm(
-            **own,
-            id=NOT_RECORDED,
-            axis=entry.axis,
-            unit=entry.unit,
-            nominal=entry.nominal,
-            state=life.state,
-            returns_to=life.returns_to,
-            priority=entry.rules.priority,
-        )
 
     def _write(self) -> None:
         changes = list(self._waiting.values())

@@ -1,26 +1,19 @@
-"""REST under /api/v1: axes with their estimates, their history, the alarm journal, the daemon itself."""
+"""REST under /api/v1: axes with their estimates, their history, the daemon itself; alarms: alarm_routes.py."""
 
-from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import Annotated
 
-from fastapi import APIRouter, Path, Query
-from pydantic import AwareDatetime
+from fastapi import APIRouter, Query
 
 from service.pipeline.snapshot import AxisSnapshot
 from service.texts import microseconds
 from service.web import models, views
+from service.web.alarm_routes import Moment
+from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState
+from service.web.problems import UnknownResourceError, described
 
-_NOT_FOUND: dict[int | str, dict[str, Any]] = {
-    404: {"model": models.Problem, "description": "It does not exist"}
-}
-_NO_JOURNAL: dict[int | str, dict[str, Any]] = {
-    503: {"model": models.Problem, "description": "The alarm journal cannot be read"}
-}
-_LARGEST_ID = 2**63 - 1
+_NOT_FOUND = described(404, "It does not exist")
 
-Limit = Annotated[int, Query(ge=1, le=1000, description="maximum number")]
-Offset = Annotated[int, Query(ge=0, le=_LARGEST_ID, description="number to skip")]
 Points = Annotated[
     int, Query(ge=1, le=100_000, description="maximum number of points; the last ones are returned")
 ]
@@ -28,24 +21,13 @@ Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
 ]
 Only = Annotated[str | None, Query(description="only this one; default: all")]
-Moment = Annotated[
-    AwareDatetime | None, Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z")
-]
-
-
-class UnknownResourceError(Exception):
-    """The resource does not exist; ``known`` lists those that do."""
-
-    def __init__(self, detail: str, known: Iterable[str]) -> None:
-        self.problem = models.Problem(detail=detail, known=list(known))
-        super().__init__(detail)
 
 
 def router(state: AppState) -> APIRouter:
     """The routes below /api/v1."""
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
-    api.include_router(_alarms(state), tags=["alarms"])
+    api.include_router(alarm_router(state), tags=["alarms"])
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
@@ -88,39 +70,6 @@ def _axes(state: AppState) -> APIRouter:
     ) -> models.Trend:
         """Drift of the parameters, when they reach their limits, and the hourly means behind it."""
         return views.trend(_axis(state, axis, parameter), parameter, points)
-
-    return api
-
-
-def _alarms(state: AppState) -> APIRouter:
-    api = APIRouter()
-
-    @api.get("/alarms", summary="Alarms", responses=_NO_JOURNAL)
-    def alarms(
-        axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
-        parameter: Annotated[str | None, Query(description="only of this parameter")] = None,
-        active: Annotated[bool | None, Query(description="true: not ended; false: ended")] = None,
-        since: Moment = None,
-        until: Moment = None,
-        limit: Limit = 100,
-        offset: Offset = 0,
-    ) -> models.Alarms:
-        """Alarms raised at or after since and before until, latest first."""
-        found, total = state.journal.query(
-            axis, parameter, active, microseconds(since), microseconds(until), limit, offset
-        )
-        return models.Alarms(total=total, limit=limit, offset=offset, alarms=[views.alarm(a) for a in found])
-
-    @api.get("/alarms/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
-    def alarm(alarm_id: Annotated[int, Path(alias="id", ge=1, le=_LARGEST_ID)]) -> models.Alarm:
-        """One alarm of the journal."""
-        found = state.journal.get(alarm_id)
-        if found is None:
-            latest, total = state.journal.query(limit=10)
-            raise UnknownResourceError(
-                f"no alarm {alarm_id}; the journal holds {total}", [str(a.id) for a in latest]
-            )
-        return views.alarm(found)
 
     return api
 

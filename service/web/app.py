@@ -10,12 +10,14 @@ from starlette.exceptions import HTTPException
 from starlette.middleware.base import RequestResponseEndpoint
 from starlette.staticfiles import StaticFiles
 
+from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.store.journal import Journal
 from service.texts import now_us
 from service.web import api, metrics, models
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
+from service.web.problems import UnknownResourceError, answer
 from service.web.report_pages import ReportPages
 from service.web.report_pages import router as report_router
 
@@ -121,21 +123,23 @@ def _add_headers(app: FastAPI) -> None:
 def _answer_errors(app: FastAPI) -> None:
     """Answer failed requests with the reason and the resources that exist."""
 
-    @app.exception_handler(api.UnknownResourceError)
-    async def not_known(_: Request, error: api.UnknownResourceError) -> JSONResponse:
-        return _answer(404, error.problem)
+    @app.exception_handler(UnknownResourceError)
+    async def not_known(_: Request, error: UnknownResourceError) -> JSONResponse:
+        return answer(404, error.detail, error.known)
+
+    @app.exception_handler(AlarmTransitionError)
+    async def not_possible(_: Request, error: AlarmTransitionError) -> JSONResponse:
+        return answer(409, str(error))
+
+    @app.exception_handler(ShelfEndError)
+    async def no_such_time(_: Request, error: ShelfEndError) -> JSONResponse:
+        return answer(400, str(error))
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:
-        return _answer(503, models.Problem(detail=f"the alarm journal cannot be read: {error}"))
+        return answer(503, f"the alarm journal cannot be read or written: {error}")
 
     @app.exception_handler(404)
     async def no_such_path(request: Request, _: HTTPException) -> JSONResponse:
         paths = [*app.openapi()["paths"], "/", "/docs", "/openapi.json"]
-        return _answer(
-            404, models.Problem(detail=f"there is nothing at {request.url.path}", known=sorted(paths))
-        )
-
-
-def _answer(status: int, problem: models.Problem) -> JSONResponse:
-    return JSONResponse(problem.model_dump(), status_code=status)
+        return answer(404, f"there is nothing at {request.url.path}", sorted(paths))

@@ -1,0 +1,32 @@
+"""Failed requests: problem details of RFC 9457, in answers and in the schema."""
+
+from collections.abc import Iterable
+from http import HTTPStatus
+from typing import Any
+
+from fastapi.responses import JSONResponse
+
+from service.web.models import Problem
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class UnknownResourceError(Exception):
+    """The resource does not exist; ``known`` lists those that do."""
+
+    def __init__(self, detail: str, known: Iterable[str]) -> None:
+        self.detail, self.known = detail, tuple(known)
+        super().__init__(detail)
+
+
+def answer(status: int, detail: str, known: Iterable[str] = ()) -> JSONResponse:
+    """The answer to a request that has failed."""
+    title = HTTPStatus(status).phrase
+    problem = Problem(title=title, status=status, detail=detail, known=list(known))
+    return JSONResponse(problem.model_dump(), status_code=status, media_type=MEDIA_TYPE)
+
+
+def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
+    """Such an answer in the schema of an address."""
+    content = {MEDIA_TYPE: {"schema": Problem.model_json_schema()}}
+    return {status: {"description": description, "content": content}}
