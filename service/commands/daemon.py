@@ -12,7 +12,7 @@ from service.can.bus_reader import CanReader
 from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
 from service.config import Config
-from service.pipeline.alarms import Alarms, alarm_rules, quantities
+from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.warming import CYCLIC_CLOCK, EARLY, HYPOTHESES, CacheFiller

@@ -14,7 +14,7 @@ from monitor_core.drive import Operating
 from monitor_core.monitoring import Arrays, AxisMonitor
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import listed
-from service.pipeline.alarms import AxisAlarm
+from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint

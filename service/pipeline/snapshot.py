@@ -9,7 +9,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
 from service.config import NamedAxis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
-from service.pipeline.alarms import NO_ALARMS, Alarms, AlarmsSnapshot
+from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline, Heat
 
 

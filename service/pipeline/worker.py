@@ -19,7 +19,7 @@ from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
 from service.config import Config
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarms import Alarms
+from service.pipeline.alarm_recording import Alarms
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, RecentHistory, Snapshot

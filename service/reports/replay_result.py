@@ -12,7 +12,7 @@ from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
-from service.pipeline.alarms import Quantity, as_recorded, quantities
+from service.pipeline.alarm_recording import Quantity, as_recorded, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot
 from service.reports.formats import Provenance

@@ -12,7 +12,7 @@ from service.store.journal import AlarmFilter, RecordedAlarm, UnknownAlarmError
 from service.texts import microseconds
 from service.web import models, views
 from service.web.app_state import AppState
-from service.web.problems import UnknownResourceError, described
+from service.web.problem_details import UnknownResourceError, described
 
 _NOT_FOUND = described(404, "It does not exist")
 _NO_JOURNAL = described(503, "The alarm journal cannot be read or written")

@@ -10,7 +10,7 @@ from service.web import models, views
 from service.web.alarm_routes import Moment
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState
-from service.web.problems import UnknownResourceError, described
+from service.web.problem_details import UnknownResourceError, described
 
 _NOT_FOUND = described(404, "It does not exist")
 

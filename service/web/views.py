@@ -7,7 +7,7 @@ from typing import TypeVar
 from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
-from service.pipeline.alarms import NOT_RECORDED
+from service.pipeline.alarm_recording import NOT_RECORDED
 from service.pipeline.snapshot import AxisSnapshot, HistoryPoint, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
 from service.store.alarm_transitions import RecordedTransition

@@ -14,7 +14,7 @@ from monitor_core.monitoring import AlarmEvent, AlarmRules, AxisMonitor, AxisSta
 from monitor_core.settings import Settings
 from service.config import load
 from service.config.schema_model import AlarmsConfig
-from service.pipeline.alarms import NOT_RECORDED, RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
+from service.pipeline.alarm_recording import NOT_RECORDED, RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
 from service.pipeline.snapshot import RecentHistory
 from service.pipeline.worker import BOUNDS_S, ProcessingTime
 from service.store import database

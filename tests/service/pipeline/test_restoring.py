@@ -9,7 +9,7 @@ import pytest
 from monitor_core.detection import Alarm, Crossing, Evidence, Name
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AxisMonitor
-from service.pipeline.alarms import AxisAlarm
+from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
 from service.store.checkpoints import AxisState, Checkpoints

@@ -8,7 +8,7 @@ from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
-from service.pipeline.alarms import AlarmsSnapshot, as_recorded
+from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.journal import Entry
 from tests.service.web.conftest import NOON_US, Stage
 
@@ -70,9 +70,11 @@ def test_what_is_not_possible_is_a_problem_with_its_reason(client: TestClient, n
     assert "the alarm is acknowledged" in post(client, f"{number}/unshelve", status=409)["detail"]
     unknown = post(client, "77/acknowledge", status=404)
     assert (unknown["detail"], unknown["known"]) == ("no alarm 77; the journal holds 1", [str(number)])
-    for shelf in ({"duration_s": 0}, {"until": "2026-03-01T12:00:00Z"}):
+    past: list[dict[str, Any]] = [{"duration_s": 0}, {"until": "2026-03-01T12:00:00Z"}]
+    far: list[dict[str, Any]] = [{"duration_s": 7 * 86400 + 1}, {"duration_s": 1e300}]
+    for shelf in past:
         assert "in the future" in post(client, f"{number}/shelve", shelf, status=400)["detail"]
-    for shelf in ({"duration_s": 7 * 86400 + 1}, {"duration_s": 1e300}, {"until": "9999-12-31T00:00:00Z"}):
+    for shelf in (*far, {"until": "9999-12-31T00:00:00Z"}):
         assert "at most 7 days" in post(client, f"{number}/shelve", shelf, status=400)["detail"]
     assert len(get(client, f"/{number}")["transitions"]) == 2
 
