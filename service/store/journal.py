@@ -177,6 +177,12 @@ class Journal:
         with self._db.read() as connection:
             return [_episode(alarm) for alarm in _open(connection, axis)]
 
+    def ended_alarms(self, axis: str, limit: int) -> list[Alarm]:
+        """The alarms of an axis that have ended last, the oldest first; forecasts are left out."""
+        last = "WHERE axis = ? AND ended_us IS NOT NULL AND kind <> 'forecast' ORDER BY ended_us DESC, id DESC LIMIT ?"
+        with self._db.read() as connection:
+            return [_episode(alarm) for alarm in reversed(_select(connection, last, [axis, limit]))]
+
     def close_unmonitored(self, axis: str, monitored: Iterable[str], at_us: int) -> list[RecordedAlarm]:
         """End the open alarms of parameters that the axis no longer monitors; returns them."""
         names = set(monitored)
