@@ -1,9 +1,12 @@
 """A client of a running daemon: its alarms, and its state, over REST."""
 
-from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple, TypedDict
+from __future__ import annotations
 
-import httpx
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
+
+if TYPE_CHECKING:
+    import httpx
 
 TIMEOUT_S = 10.0
 
@@ -98,14 +101,16 @@ class Client:
     """
 
     def __init__(self, url: str, token: str = "") -> None:
+        import httpx  # here, so that the help of a command need not wait for it
+
         headers = {"authorization": f"Bearer {token}"} if token else {}
         try:
-            self._http = httpx.Client(base_url=url, headers=headers, timeout=TIMEOUT_S)
+            self._http: httpx.Client = httpx.Client(base_url=url, headers=headers, timeout=TIMEOUT_S)
         except (httpx.InvalidURL, UnicodeError, ValueError) as error:
             raise ClientError(f"{url}: {error}; an address is http://HOST:PORT", 400) from error
         self._url = url
 
-    def __enter__(self) -> "Client":
+    def __enter__(self) -> Client:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -168,6 +173,8 @@ class Client:
         query: Mapping[str, str | int] | None = None,
         body: Mapping[str, object] | None = None,
     ) -> Any:
+        import httpx
+
         try:
             answer = self._http.request(method, f"/api/v1/{path}", params=query, json=body)
             found = answer.json()

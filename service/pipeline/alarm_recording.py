@@ -127,7 +127,7 @@ class Alarms:
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._waiting: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._refused: set[tuple[str, AlarmKey]] = set()
-        self._next_try = self._next_end = -RETRY_S
+        self._next_try = self._next_look = -RETRY_S
         self._revision = -1
         self._recorded = NO_ALARMS
         self.problem: str | None = None
@@ -156,18 +156,25 @@ class Alarms:
             now_us: the time now; shelves that are over then end.
         """
         over = any(a.life.at(now_us) != a.life for a in self._recorded.standing)
-        try:
-            if over and self._clock() >= self._next_end:
-                self._next_end = self._clock() + RETRY_S
-                self._journal.end_shelves(now_us)
-            if self._revision != (revision := self._journal.revision):
-                standing, states = self._journal.standing(), self._journal.state_counts()
-                self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states))
-                self._revision = revision
-        except StoreError as error:
-            log.error("the states of the alarms are not up to date", reason=str(error))
+        if self._clock() >= self._next_look and (over or self._revision != self._journal.revision):
+            self._look(now_us, over)
         unrecorded = tuple(as_recorded(self._entry(change)) for change in self._unrecorded())
         return self._recorded._replace(unrecorded=unrecorded, waiting=len(self._waiting))
+
+    def _look(self, now_us: int, over: bool) -> None:
+        """Read the states in the journal, after the end of shelves that are over; a failure is tried again later."""
+        try:
+            if over:
+                self._journal.end_shelves(now_us)
+            revision = self._journal.revision
+            standing, states = self._journal.standing(), self._journal.state_counts()
+        except StoreError as error:
+            if self._next_look < 0:
+                log.error("the states of the alarms are not up to date", reason=str(error))
+            self._next_look = self._clock() + RETRY_S
+            return
+        self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states))
+        self._revision, self._next_look = revision, -RETRY_S
 
     def _unrecorded(self) -> list[AxisAlarm]:
         return [change for key, change in self._waiting.items() if key not in self._open]

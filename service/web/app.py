@@ -17,7 +17,7 @@ from service.store.journal import Journal
 from service.texts import now_us
 from service.web import api, metrics, models
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
-from service.web.problem_details import UnknownResourceError, answer
+from service.web.problem_details import UnknownResourceError, add_to_schema, answer
 from service.web.report_pages import ReportPages
 from service.web.report_pages import router as report_router
 
@@ -62,6 +62,7 @@ def create_app(
     app.mount("/static", StaticFiles(directory=STATIC))
     _add_headers(app)
     _answer_errors(app)
+    add_to_schema(app)
     return app
 
 

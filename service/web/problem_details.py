@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from http import HTTPStatus
 from typing import Any
 
+from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
 from service.web.models import Problem
@@ -28,5 +29,17 @@ def answer(status: int, detail: str, known: Iterable[str] = ()) -> JSONResponse:
 
 def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
     """Such an answer in the schema of an address."""
-    content = {MEDIA_TYPE: {"schema": Problem.model_json_schema()}}
+    content = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{Problem.__name__}"}}}
     return {status: {"description": description, "content": content}}
+
+
+def add_to_schema(app: FastAPI) -> None:
+    """Put the body of these answers among the others: FastAPI adds only bodies in plain JSON."""
+    described_alone = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        schema = described_alone()
+        schema["components"]["schemas"][Problem.__name__] = Problem.model_json_schema()
+        return schema
+
+    app.openapi = openapi  # type: ignore[method-assign]
