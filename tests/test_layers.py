@@ -42,6 +42,7 @@ HOMES = {
     "fastapi": "service/web/",
     "prometheus_client": "service/web/",
     "uvicorn": "service/web/",
+    "httpx": "service/client.py",
     "matplotlib": "service/reports/",
 }
 
@@ -69,7 +70,7 @@ LAYERS = re.findall(
     monitor_core.settings monitor_core.trend
     monitor_core.detection monitor_core.monitoring monitor_core.identification
     monitor_core.calibration monitor_core
-    service service.texts service.can service.config service.ingest
+    service service.texts service.client service.can service.config service.ingest
     service.store service.pipeline
     service.web service.reports service.simulation service.commands
     """,

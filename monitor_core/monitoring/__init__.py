@@ -4,6 +4,7 @@
 * ``axis_status``: estimates, tests and counters of an axis as plain values; parameters that are not observed.
 * ``not_tested``: parameters that are not tested, why, and what would help.
 * ``calibrated_range``: ranges of the conditions at calibration, and whether an axis is within them.
+* ``alarm_life_cycle``: what operators have done about an alarm: acknowledged, shelved, suppressed.
 * ``alarm_tracker``: the open alarms of an axis, and what became of each.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
@@ -16,6 +17,24 @@ from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, S
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import NEVER, UNSEEN
+from monitor_core.monitoring.alarm_life_cycle import (
+    ACTIVE_STATES,
+    HIDDEN_STATES,
+    MAX_SHELF_S,
+    PRIORITIES,
+    AlarmEvent,
+    AlarmLife,
+    AlarmRules,
+    AlarmState,
+    AlarmTransitionError,
+    Priority,
+    ShelfEndError,
+    Transition,
+    check_shelf,
+    due,
+    replayed,
+    transition,
+)
 from monitor_core.monitoring.alarm_tracker import AlarmChange, AlarmTracker
 from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
@@ -47,13 +66,17 @@ from monitor_core.monitoring.recommended_settings import (
 from monitor_core.monitoring.trend_monitor import Limit, ParameterTrend, TrendMonitor
 
 __all__ = [
+    "ACTIVE_STATES",
     "DEFAULT_MEMORY_S",
     "DOUBTED",
     "FEWEST_LANES",
     "GATED",
+    "HIDDEN_STATES",
     "IDLE",
+    "MAX_SHELF_S",
     "MIN_MEMORY_SAMPLES",
     "NEVER",
+    "PRIORITIES",
     "RESTART",
     "RMS_SPEED",
     "SEED",
@@ -62,7 +85,12 @@ __all__ = [
     "TRACK",
     "UNSEEN",
     "AlarmChange",
+    "AlarmEvent",
+    "AlarmLife",
+    "AlarmRules",
+    "AlarmState",
     "AlarmTracker",
+    "AlarmTransitionError",
     "Arrays",
     "AxisBatch",
     "AxisMonitor",
@@ -79,16 +107,23 @@ __all__ = [
     "Observation",
     "ParameterStatus",
     "ParameterTrend",
+    "Priority",
     "Range",
     "Remedy",
+    "ShelfEndError",
     "Status",
     "Trace",
+    "Transition",
     "TrendMonitor",
     "WarmUp",
+    "check_shelf",
     "conditioned_records",
+    "due",
     "ranges",
     "recommended_settings",
+    "replayed",
     "short_memory",
     "standard_deviation",
+    "transition",
     "unidentifiable_words",
 ]

@@ -63,9 +63,12 @@ class AlarmTracker:
         """Whether an open alarm names this parameter, or other cause."""
         return any(alarm.parameter == parameter for alarm in self._open.values())
 
-    def adopt(self, open_alarms: Iterable[Alarm]) -> None:
-        """Replace the open alarms."""
+    def adopt(self, open_alarms: Iterable[Alarm], ended: Iterable[Alarm] = ()) -> None:
+        """Replace the open alarms; those that have ended may be reopened, too."""
         self._open = {alarm.key: alarm for alarm in open_alarms if alarm.ended_us is None}
+        self._ended |= {alarm.key: alarm for alarm in ended if alarm.ended_us is not None}
+        for key in self._ended:
+            self._unreported.pop(key, None)
         for alarms in (self._ended, self._unreported):
             for key in alarms.keys() & self._open.keys():
                 del alarms[key]

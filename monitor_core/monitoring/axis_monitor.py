@@ -144,10 +144,14 @@ class AxisMonitor:
             return self.multimodel
         return self.cusum
 
-    def adopt(self, open_alarms: Iterable[Alarm]) -> None:
-        """Replace the open alarms, as after a restart."""
+    def adopt(self, open_alarms: Iterable[Alarm], ended: Iterable[Alarm] = ()) -> None:
+        """Replace the open alarms, as after a restart.
+
+        ``ended``: alarms that have ended; one whose cause comes back soon is reopened.  Without them a change that was
+        detected while such an alarm was open would be raised as a second one, from a time at which the first still was.
+        """
         before = (*self._tracker.open, *self._tracker.unreported)
-        self._tracker.adopt(open_alarms)
+        self._tracker.adopt(open_alarms, ended)
         self._source.adopt((*self._tracker.open, *self._tracker.unreported), before)
 
     @property

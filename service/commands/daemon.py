@@ -13,7 +13,7 @@ from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
 from service.config import Config
 from service.config.schema import WebConfig
-from service.pipeline.alarms import Alarms, quantities
+from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
@@ -179,7 +179,10 @@ def _worker(
     checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
     stack.callback(checkpoints.close)
     restored = restore(core.monitors, checkpoints, journal, now_us())
-    alarms = Alarms(journal, quantities(core.monitors.by_id))
+    known = quantities(core.monitors.by_id)
+    rules = alarm_rules(config.axes, known)
+    journal.obey(rules, now_us())
+    alarms = Alarms(journal, known, rules=rules)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     interval_s = config.service.checkpoint_interval_s

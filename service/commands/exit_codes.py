@@ -14,8 +14,9 @@ OK, FAULT, MISTAKE, NO_BUS, UNAVAILABLE, NOT_TESTED = range(6)
 EXIT_CODES = """\
 Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, in the configuration or in a
 file, or a fit of identify that is too poor to be used; 3 a bus cannot be opened or written to; 4 the port is
-taken or the state directory cannot be used; 5 replay: a parameter was not tested in the records, so the absence of
-an alarm says nothing of it; commission: an axis could not be commissioned."""
+taken, the state directory cannot be used, or the daemon does not answer or is not ready (status, alarms); 5 replay: a
+parameter was not tested in the records, so the absence of an alarm says nothing of it; commission: an axis could not be
+commissioned."""
 EPILOG = " ".join(EXIT_CODES.split())
 """Of the help of each command."""
 
@@ -51,12 +52,15 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
     from monitor_core.modeling import ModelError
     from service.can.messages import DescriptionError
     from service.can.user_errors import BusError, IngestError
+    from service.client import ClientError
     from service.config.axis_settings import AxisError
     from service.simulation.robot import FaultError
     from service.store.database import StoreError
     from service.web.access import UnprotectedError
     from service.web.server import CannotListenError, CertificateError
 
+    if isinstance(error, ClientError):
+        return MISTAKE if error.refused else UNAVAILABLE
     mistakes += (
         IngestError,
         DescriptionError,

@@ -25,6 +25,8 @@ COMMANDS = (
     "commission",
     "listen",
     "run",
+    "status",
+    "alarms",
     "simulate",
     "play",
     "replay",
@@ -44,14 +46,15 @@ class _LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             ctx.fail(f"no command {cmd_name!r}: {did_you_mean(cmd_name, COMMANDS)}")
+        command = getattr(import_module(f"service.commands.{cmd_name}"), cmd_name)
+        if isinstance(command, typer.Typer):  # it has commands of its own
+            group = typer.main.get_command(command)
+            group.name = cmd_name
+            return group
         typer_app = typer.Typer(
             add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False
         )
-        module = import_module(f"service.commands.{cmd_name}")
-        found = getattr(module, cmd_name)
-        if isinstance(found, typer.Typer):  # it has commands of its own
-            return typer.main.get_command(found)
-        typer_app.command(cmd_name, epilog=EPILOG)(found)
+        typer_app.command(cmd_name, epilog=EPILOG)(command)
         return typer.main.get_command(typer_app)
 
 

@@ -1,17 +1,19 @@
-"""Cross-checks of an axis: measured quantities, times, predictor and estimator."""
+"""Cross-checks of an axis: measured quantities, times, predictor and estimator, names of alarms."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 
-from monitor_core.drive import COSINE, SINE
+from monitor_core.drive import COSINE, DELAY, SINE
 from monitor_core.monitoring import MIN_MEMORY_SAMPLES
+from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
 from service.config.drives import not_identified, watched_values
 from service.config.model_rules import usable_drive
-from service.config.problems import Finding
+from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, RobotConfig
+from service.texts import SENSORS
 
 _NEARLY = 1e-3
 """Of a turn: as exactly as somebody may have written 2 pi."""
@@ -132,6 +134,17 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
 
 
+def alarm_names(axis: AxisConfig) -> Iterator[Finding]:
+    """Alarms have the names of monitored parameters or of sensor faults."""
+    known = [*axis.model.monitor, *SENSORS, DELAY]
+    given: list[tuple[Keys, str]] = [(("priorities", name), name) for name in axis.alarms.priorities]
+    for key in ("latched", "suppressed"):
+        given += [((key, i), name) for i, name in enumerate(getattr(axis.alarms, key))]
+    for place, name in given:
+        if name not in known:
+            yield Finding(("alarms", *place), f"no alarm has this name: {did_you_mean(name, known)}")
+
+
 AXIS_RULES = (
     motion,
     torque_constant,
@@ -142,4 +155,5 @@ AXIS_RULES = (
     noises,
     memory,
     initial_p,
+    alarm_names,
 )

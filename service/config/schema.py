@@ -15,7 +15,13 @@ from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
-from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
+from service.config.schema_model import (
+    AlarmsConfig,
+    DetectorConfig,
+    EstimatorConfig,
+    ModelConfig,
+    TrendConfig,
+)
 
 # --- The samples of an axis: signals, their time, gates ---------------------------------------------------------------
 
@@ -299,6 +305,8 @@ class AxisConfig(Table):
     """change detector"""
     trend: TrendConfig = Field(default_factory=TrendConfig)
     """slow course and forecasts"""
+    alarms: AlarmsConfig = Field(default_factory=AlarmsConfig)
+    """priority of the alarms, and which ones are latched or hidden"""
 
     @property
     def records_only(self) -> bool:

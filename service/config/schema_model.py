@@ -1,9 +1,10 @@
-"""The keys of the model of an axis and of its monitoring: drive, values, limits; estimator, detectors, trend."""
+"""The keys of the model of an axis and its monitoring: drive, values, limits; estimator, detectors, trend, alarms."""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
+from monitor_core.monitoring import AlarmRules, Priority
 from service.config.base_table import DriveName, Positive, Reading, Real, Table, Text, from_folder, seconds_in
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
@@ -146,3 +147,27 @@ class TrendConfig(Table):
     """operating time [s] of one mean of the slow history; forecasts need 120 times as long"""
     lead_time: Annotated[Positive, BeforeValidator(_time)] = Field("14 days", validate_default=True)
     """an alarm is raised when a limit may be reached within this time: "14 days", for example"""
+
+
+class AlarmsConfig(Table):
+    """[robot.axis.alarms]: priority of the alarms of an axis, and which ones are latched or hidden."""
+
+    priority: Priority = "medium"
+    """priority of its alarms: "low", "medium" or "high" """
+    priorities: dict[str, Priority] = Field(default_factory=dict)
+    """name = priority, of a monitored parameter or a sensor fault that has another one"""
+    latched: tuple[Text, ...] = ()
+    """parameters or sensor faults whose alarm stays active until it is acknowledged, though its cause is gone"""
+    suppressed: tuple[Text, ...] = ()
+    """parameters or sensor faults whose alarms are recorded, but not announced"""
+    out_of_service: bool = Field(False, strict=True)
+    """while the axis is maintained: all of its alarms are recorded, but not announced"""
+
+    def rules(self, cause: str) -> AlarmRules:
+        """Those of the alarms of a parameter or of a sensor fault."""
+        return AlarmRules(
+            self.priorities.get(cause, self.priority),
+            latched=cause in self.latched,
+            suppressed=cause in self.suppressed,
+            out_of_service=self.out_of_service,
+        )

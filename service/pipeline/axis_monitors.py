@@ -24,7 +24,7 @@ from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings, detectors_of, monitored_model
 from service.ingest.bus_samples import Ingest
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
-from service.pipeline.alarms import AxisAlarm
+from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.trends import Trends
 
 Samples = Mapping[str, SampleBlock]

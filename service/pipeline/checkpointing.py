@@ -14,7 +14,7 @@ from monitor_core.drive import Operating
 from monitor_core.monitoring import Arrays, AxisMonitor
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import listed
-from service.pipeline.alarms import AxisAlarm
+from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
@@ -26,6 +26,9 @@ log = structlog.get_logger(__name__)
 THERMAL_SCHEMA = "thermal schema=1"
 """Beginning of the key of a saved warm-up state; the rest is its thermal model, without how it starts and
 what it lacks."""
+
+MOST_REOPENED = 20
+"""Number of alarms that have ended last which the monitor of an axis gets back, as they may be reopened"""
 
 Part = Literal["estimates", "multimodel", "thermal", "history"]
 
@@ -176,8 +179,8 @@ class _Loader:
 def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, now_us: int) -> Restored:
     """Bring the monitors and their trends to the state of the last run.
 
-    The journal decides which alarms are open, as it may be newer than the checkpoint.  Only an alarm that the journal
-    has never seen, as its file was damaged and created again, is taken from the checkpoint.
+    The journal decides which alarms are open and which have ended, as it may be newer than the checkpoint.  Only an
+    alarm that the journal has never seen, as its file was damaged and created again, is taken from the checkpoint.
 
     Raises:
         StoreError: a file cannot be read or written.
@@ -233,8 +236,9 @@ def _close_unmonitored(axis_id: str, monitor: AxisMonitor, journal: Journal, now
 def _adopt(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journal: Journal) -> list[Alarm]:
     """Let the monitor have the open alarms of the journal; returns those that the journal has never seen."""
     now = {alarm.key: alarm for alarm in recorded}
+    ended = [a for a in journal.ended_alarms(axis_id, MOST_REOPENED) if a.parameter in monitor.causes]
     unknown = [a for a in monitor.open_alarms if a.key not in now and not _is_known(axis_id, a, journal)]
-    monitor.adopt([*now.values(), *unknown])
+    monitor.adopt([*now.values(), *unknown], ended)
     return unknown
 
 

@@ -20,7 +20,7 @@ import structlog
 from service.can.frames import FrameBlock
 from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
-from service.pipeline.alarms import AxisAlarm
+from service.pipeline.alarm_recording import AxisAlarm
 
 MOST_RING_BYTES = 64_000_000
 """Frames kept in memory: at 20 000 frames/s two minutes"""

@@ -9,7 +9,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
 from service.config import NamedAxis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
-from service.pipeline.alarms import Alarms
+from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline, Heat
 
 
@@ -107,13 +107,15 @@ class Snapshot:
     processing: Histogram
     checkpoint_us: int | None
     messages: tuple[str, ...] = ()
+    alarms: AlarmsSnapshot = NO_ALARMS
+    """What operators have done about the alarms"""
 
     def axis(self, axis_id: str) -> AxisSnapshot | None:
         """The axis of that id."""
         return next((axis for axis in self.axes if axis.id == axis_id), None)
 
 
-# --- How they are made: status of the monitor, recent history of the estimates, alarms as recorded in the journal -----
+# --- How they are made: status of the monitor, recent history of the estimates, alarms as they are shown -----------
 
 
 class RecentHistory:
@@ -148,7 +150,7 @@ def _point(t_us: int, status: AxisStatus) -> HistoryPoint:
 
 
 class AxisView:
-    """Snapshots of one axis, from its input, its monitor and the journal."""
+    """Snapshots of one axis, from its input, its monitor and its alarms."""
 
     def __init__(
         self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: RecentHistory
@@ -158,7 +160,7 @@ class AxisView:
         self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
 
     def snapshot(self) -> AxisSnapshot:
-        """Snapshot of the axis now.  Its alarms are those of the journal: no others are shown."""
+        """Snapshot of the axis now."""
         axis, drive, monitors = self._axis, self._model.drive, self._pipeline.monitors
         monitor = monitors.by_id[axis.id]
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
@@ -189,7 +191,7 @@ class AxisView:
 
 
 def _as_recorded(status: AxisStatus, open_alarms: Iterable[Alarm]) -> AxisStatus:
-    """The status with the alarms of the journal, where the monitor is ahead of the journal."""
+    """The status with the alarms that are shown: the end of an alarm counts when it is recorded."""
     recorded = {e.parameter for e in open_alarms if e.kind != "forecast"}
     if all((p.status is Status.ALARM) == (p.name in recorded) for p in status.parameters):
         return status

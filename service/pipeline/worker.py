@@ -17,7 +17,7 @@ from service.can.bus_reader import ReaderStats
 from service.can.frames import FrameBlock
 from service.config import Config
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarms import Alarms, AxisAlarm
+from service.pipeline.alarm_recording import Alarms, AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.recording import Recording
@@ -222,14 +222,16 @@ class Worker:
         self.snapshot = self._snapshot()
 
     def _snapshot(self) -> Snapshot:
+        now_us = self._now_us()
         return Snapshot(
-            taken_us=self._now_us(),
+            taken_us=now_us,
             started_us=self._started_us,
             axes=tuple(view.snapshot() for view in self._views),
             buses=tuple(bus.snapshot() for bus in self._buses),
             processing=self._time.histogram(),
             checkpoint_us=self._checkpointer.saved_us,
             messages=self._all_messages(),
+            alarms=self._alarms.snapshot(now_us),
         )
 
     def _all_messages(self) -> tuple[str, ...]:

@@ -12,12 +12,12 @@ from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
-from service.pipeline.alarms import Quantity, quantities
+from service.pipeline.alarm_recording import Quantity, as_recorded, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot
-from service.reports.formats import Provenance, fields_of
+from service.reports.formats import Provenance
 from service.reports.replay_course import Course
-from service.store.journal import RecordedAlarm
+from service.store.journal import Entry, RecordedAlarm
 
 
 class ReplayedAxis(NamedTuple):
@@ -144,9 +144,7 @@ class Replay:
         now = {(axis_id, p.name): Quantity(p.unit, p.nominal) for p in status.parameters}
         known = {**self._quantities, **now}
         return [
-            RecordedAlarm(
-                id=number, axis=axis_id, **known[axis_id, alarm.parameter]._asdict(), **fields_of(alarm)
-            )
+            as_recorded(Entry(axis_id, *known[axis_id, alarm.parameter], alarm), number)
             for number, ((owner, _), alarm) in enumerate(self._alarms.items(), 1)
             if owner == axis_id
         ]

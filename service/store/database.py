@@ -7,8 +7,9 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
+from io import FileIO
 from pathlib import Path
-from typing import IO, Literal
+from typing import Literal
 
 Synchronous = Literal["FULL", "NORMAL"]
 """FULL: a commit outlives a power failure.  NORMAL: it outlives the process; about eight times as fast."""
@@ -43,6 +44,8 @@ class Database:
     def __init__(self, path: Path, migrations: Sequence[str], synchronous: Synchronous) -> None:
         self.path = path
         self.messages: tuple[str, ...] = ()
+        self.revision = 0
+        """Number of transactions that were committed"""
         self._lock = threading.Lock()
         self._closed = False
         self._owner = _claim(path)
@@ -72,6 +75,7 @@ class Database:
             try:
                 yield self._writer
                 self._writer.execute("COMMIT")
+                self.revision += 1
             except BaseException:
                 if self._writer.in_transaction:
                     self._writer.execute("ROLLBACK")
@@ -99,25 +103,30 @@ class Database:
             self._owner.close()
 
 
-def _claim(path: Path) -> IO[str]:
+def _claim(path: Path) -> FileIO:
     """A lock on ``NAME.lock`` that ends with the process, however it ends."""
     lock_path = path.with_name(path.name + ".lock")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        owner = lock_path.open("a+", encoding="ascii")
+        owner = lock_path.open(
+            "a+b", buffering=0
+        )  # what a full disk refuses must not come again when it is closed
     except OSError as error:
         raise StoreError(f"{lock_path}: {error.strerror}") from error
     try:
         fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         owner.seek(0)
-        process = owner.read().strip() or "unknown"
+        process = owner.read().decode("ascii", "replace").strip() or "unknown"
         owner.close()
         message = f"{path} is in use by process {process}; let each daemon have its own state directory"
         raise StoreInUseError(message) from error
-    owner.truncate(0)
-    owner.write(str(os.getpid()))
-    owner.flush()
+    try:
+        owner.truncate(0)
+        owner.write(str(os.getpid()).encode("ascii"))
+    except OSError as error:
+        owner.close()
+        raise StoreError(f"{lock_path}: {error.strerror}") from error
     return owner
 
 

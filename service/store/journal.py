@@ -3,12 +3,41 @@
 import json
 import math
 import sqlite3
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from monitor_core.detection import Alarm, Cause, Name, Reach
+from monitor_core.monitoring import (
+    AlarmEvent,
+    AlarmLife,
+    AlarmRules,
+    AlarmState,
+    Priority,
+    check_shelf,
+    due,
+    transition,
+)
+from service.store.alarm_statistics import (
+    ACTIVE,
+    CHATTERING,
+    STALE,
+    STALE_S,
+    AlarmStatistics,
+    StateCount,
+    state_counts,
+    statistics,
+)
+from service.store.alarm_transitions import (
+    MIGRATION,
+    SERVICE,
+    Note,
+    RecordedTransition,
+    end_shelf,
+    take,
+    taken,
+)
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -58,7 +87,17 @@ MIGRATIONS = (
     """
     ALTER TABLE alarm ADD COLUMN reopened_us INTEGER;
     """,
+    # The life cycle: acknowledged, shelved, suppressed.
+    MIGRATION,
 )
+
+
+AlarmFilter = AlarmState | Literal["active", "stale", "chattering"]
+"""A state; or: the cause is there; or for more than 24 hours; or raised three times within ten minutes."""
+
+
+class UnknownAlarmError(LookupError):
+    """The journal has no alarm of that id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,14 +108,29 @@ class RecordedAlarm(Alarm):
     axis: str
     unit: str
     nominal: float
+    state: AlarmState = AlarmState.NORMAL
+    returns_to: AlarmState | None = None
+    """Of a hidden alarm: the state below"""
+    shelved_until_us: int | None = None
+    priority: Priority = "medium"
+    work_order: str = ""
+    """The last one that was given; empty: none"""
+
+    @property
+    def life(self) -> AlarmLife:
+        """Its state in its life cycle."""
+        return AlarmLife(self.state, self.returns_to, self.shelved_until_us)
 
     @property
     def active(self) -> bool:
-        """Whether the alarm has not ended."""
-        return self.ended_us is None
+        """Whether the alarm has not ended, or is latched."""
+        return self.life.active
 
 
+_STANDING = "WHERE state <> 'normal' AND state <> 'returned'"
 _NAMES = tuple(field.name for field in fields(RecordedAlarm))
+_OWN = {"id", "axis", "unit", "nominal", "state", "returns_to", "shelved_until_us", "priority", "work_order"}
+"""Columns that an alarm of a monitor does not have"""
 _COLUMNS = ", ".join(_NAMES)
 _LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
     "causes": Cause.read,
@@ -87,12 +141,13 @@ _LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
 
 
 class Entry(NamedTuple):
-    """An alarm of an axis, to be recorded."""
+    """An alarm of an axis, to be recorded; the rules are those of its parameter."""
 
     axis: str
     unit: str
     nominal: float
     alarm: Alarm
+    rules: AlarmRules = AlarmRules()
 
 
 class Journal:
@@ -122,6 +177,12 @@ class Journal:
         with self._db.read() as connection:
             return [_episode(alarm) for alarm in _open(connection, axis)]
 
+    def ended_alarms(self, axis: str, limit: int) -> list[Alarm]:
+        """The alarms of an axis that have ended last, the oldest first; forecasts are left out."""
+        last = "WHERE axis = ? AND ended_us IS NOT NULL AND kind <> 'forecast' ORDER BY ended_us DESC, id DESC LIMIT ?"
+        with self._db.read() as connection:
+            return [_episode(alarm) for alarm in reversed(_select(connection, last, [axis, limit]))]
+
     def close_unmonitored(self, axis: str, monitored: Iterable[str], at_us: int) -> list[RecordedAlarm]:
         """End the open alarms of parameters that the axis no longer monitors; returns them."""
         names = set(monitored)
@@ -130,12 +191,89 @@ class Journal:
             ended = [replace(alarm, ended_us=max(at_us, alarm.updated_us)) for alarm in stale]
             rows = [(alarm.ended_us, alarm.id) for alarm in ended]
             connection.executemany("UPDATE alarm SET ended_us = ? WHERE id = ?", rows)
+            for alarm in ended:
+                changes = due(alarm.life, False, AlarmRules())
+                take(connection, alarm.id, changes, Note(alarm.ended_us or at_us, SERVICE))
             return ended
+
+    def obey(self, rules: Mapping[tuple[str, str], AlarmRules], at_us: int) -> None:
+        """Let the alarms that are active or hidden obey the configuration, which may have changed.
+
+        Args:
+            rules: by axis and parameter; other alarms stay as they are.
+            at_us: the time now.
+        """
+        with self._db.write() as connection:
+            for alarm in _select(connection, _STANDING):
+                own = rules.get((alarm.axis, alarm.parameter))
+                if own is not None:
+                    connection.execute("UPDATE alarm SET priority = ? WHERE id = ?", [own.priority, alarm.id])
+                    changes = due(alarm.life, alarm.ended_us is None, own)
+                    take(connection, alarm.id, changes, Note(at_us, SERVICE))
+
+    def act(self, alarm_id: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> RecordedAlarm:
+        """Record what a person has done about an alarm; returns the alarm then.
+
+        Shelved is an alarm of an axis, parameter and direction: the next one of that name is shelved, too, until the
+        same time, and to unshelve one of them unshelves all.
+
+        Raises:
+            UnknownAlarmError: there is no such alarm.
+            AlarmTransitionError: that is not possible in its present state.
+            ShelfEndError: it cannot be shelved until that time.
+        """
+        if event is AlarmEvent.SHELVE:
+            assert until_us is not None
+            check_shelf(until_us, note.at_us)
+        with self._db.write() as connection:
+            alarm = _get(connection, alarm_id)
+            if alarm is None:
+                raise UnknownAlarmError(alarm_id)
+            life = end_shelf(connection, alarm_id, alarm.life, note.at_us)
+            take(connection, alarm_id, [transition(life, event, until_us)], note)
+            if event is AlarmEvent.UNSHELVE:
+                for other in _shelved_alike(connection, alarm, note.at_us):
+                    take(connection, other.id, [transition(other.life, event)], note)
+            after = _get(connection, alarm_id)
+            assert after is not None
+            return after
+
+    def end_shelves(self, now_us: int) -> None:
+        """Record the end of every shelf that is over."""
+        over = "WHERE state = 'shelved' AND shelved_until_us <= ?"
+        with self._db.write() as connection:
+            for alarm in _select(connection, over, [now_us]):
+                end_shelf(connection, alarm.id, alarm.life, now_us)
+
+    def statistics(self, since_us: int, until_us: int) -> AlarmStatistics:
+        """How much the alarms raised in this time ask of an operator."""
+        with self._db.read() as connection:
+            return statistics(connection, since_us, until_us)
+
+    def state_counts(self) -> list[StateCount]:
+        """Number of alarms by state and priority."""
+        with self._db.read() as connection:
+            return state_counts(connection)
+
+    @property
+    def revision(self) -> int:
+        """Changes whenever something has been written."""
+        return self._db.revision
+
+    def standing(self) -> list[RecordedAlarm]:
+        """The alarms that are active or hidden, oldest first."""
+        with self._db.read() as connection:
+            return _select(connection, f"{_STANDING} ORDER BY raised_us, id")
+
+    def transitions(self, alarm_id: int) -> list[RecordedTransition]:
+        """What has happened to an alarm, oldest first."""
+        with self._db.read() as connection:
+            return taken(connection, alarm_id)
 
     def get(self, alarm_id: int) -> RecordedAlarm | None:
         """The alarm of that id."""
         with self._db.read() as connection:
-            return next(iter(_select(connection, "WHERE id = ?", [alarm_id])), None)
+            return _get(connection, alarm_id)
 
     def query(
         self,
@@ -146,22 +284,31 @@ class Journal:
         until_us: int | None = None,
         limit: int = 100,
         offset: int = 0,
+        state: AlarmFilter | None = None,
+        now_us: int = 0,
     ) -> tuple[list[RecordedAlarm], int]:
         """Alarms that match all given conditions, the last raised first, and their number without the limit.
 
         Args:
             axis: of this axis.
             parameter: of this parameter.
-            active: True: not ended; False: ended.
+            active: True: not ended, or latched; False: ended.
             since_us: raised at this time or later.
             until_us: raised before this time.
             limit: at most this number.
             offset: number of alarms to skip.
+            state: in this state, or stale or chattering.
+            now_us: the time now, for the stale ones.
         """
         equal: dict[str, _Value] = {"axis = ?": axis, "parameter = ?": parameter}
+        if state == "stale":
+            equal[STALE] = now_us - round(STALE_S * 1e6)
+        elif state not in (None, "active", "chattering"):
+            equal["state = ?"] = state
         within: dict[str, _Value] = {"raised_us >= ?": since_us, "raised_us < ?": until_us}
         given = {text: value for text, value in (equal | within).items() if value is not None}
-        activity = [] if active is None else ["ended_us IS NULL" if active else "ended_us IS NOT NULL"]
+        activity = [] if active is None else [ACTIVE if active else f"NOT {ACTIVE}"]
+        activity += {"active": [ACTIVE], "chattering": [CHATTERING]}.get(state or "", [])
         conditions = [*given, *activity]
         where = f"WHERE {' AND '.join(conditions)}" if conditions else ""
         values = list(given.values())
@@ -180,10 +327,20 @@ _Value = str | int | float | None
 
 
 def _record(connection: sqlite3.Connection, entry: Entry) -> int:
-    e = entry.alarm
     known = _known(connection, entry)
-    if known is None:
-        return _insert(connection, entry)
+    alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
+    life = AlarmLife() if known is None else known.life
+    for present, at_us in _courses(known, entry.alarm):
+        changes = due(life, present, entry.rules)
+        take(connection, alarm_id, changes, Note(at_us, SERVICE))
+        life = changes[-1].after if changes else life
+    if life.active and not life.hidden:
+        _shelve_with_others(connection, alarm_id, life)
+    return alarm_id
+
+
+def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) -> int:
+    e = entry.alarm
     changed = _columns_of(entry)
     if known.raised_us != e.raised_us:
         # The first onset and time are kept: a monitor that lost its state raises the same alarm again.
@@ -195,6 +352,37 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
     values = changed | {"again": e.crossings, "id": known.id}
     connection.execute(f"UPDATE alarm SET {', '.join(texts)} WHERE id = :id", values)
     return known.id
+
+
+def _courses(known: RecordedAlarm | None, e: Alarm) -> Iterator[tuple[bool, int]]:
+    """Whether the cause was there, and since when, from the last record to this one."""
+    if known is None:
+        yield True, e.raised_us
+    again, same = e.reopened_us, known is None or known.raised_us == e.raised_us
+    if again is not None and same and (known is None or known.reopened_us != again):
+        yield False, again
+        yield True, again
+    yield (True, e.updated_us) if e.ended_us is None else (False, e.ended_us)
+
+
+def _shelve_with_others(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife) -> None:
+    """Shelve an alarm while another one of its axis, parameter and direction is shelved."""
+    alarm = _get(connection, alarm_id)
+    assert alarm is not None
+    for other in _shelved_alike(connection, alarm, alarm.updated_us)[:1]:
+        change = transition(life, AlarmEvent.SHELVE, other.shelved_until_us)
+        comment = f"as alarm {other.id}, which is shelved"
+        take(connection, alarm_id, [change], Note(alarm.updated_us, SERVICE, comment))
+
+
+def _shelved_alike(connection: sqlite3.Connection, alarm: RecordedAlarm, now_us: int) -> list[RecordedAlarm]:
+    """The other alarms of its axis, parameter and direction that are shelved, the longest first."""
+    alike = (
+        "WHERE axis = ? AND parameter = ? AND direction = ? AND (kind = 'forecast') = ? AND id <> ?"
+        " AND state = 'shelved' AND shelved_until_us > ? ORDER BY shelved_until_us DESC"
+    )
+    name: list[_Value] = [alarm.axis, alarm.parameter, alarm.direction, alarm.kind == "forecast"]
+    return _select(connection, alike, [*name, alarm.id, now_us])
 
 
 def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None:
@@ -240,10 +428,19 @@ def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
 def _columns_of(entry: Entry) -> dict[str, _Value]:
     """The columns that may change between records; crossings only grow."""
     e = entry.alarm
-    own: dict[str, _Value] = {"axis": entry.axis, "unit": entry.unit, "nominal": entry.nominal}
-    shared = [name for name in _NAMES if name not in {"id", "crossings", *own, *_LISTS}]
+    own: dict[str, _Value] = {
+        "axis": entry.axis,
+        "unit": entry.unit,
+        "nominal": entry.nominal,
+        "priority": entry.rules.priority,
+    }
+    shared = [name for name in _NAMES if name not in {"crossings", *_OWN, *_LISTS}]
     lists: dict[str, _Value] = {name: json.dumps(getattr(e, name)) for name in _LISTS}
     return own | {name: getattr(e, name) for name in shared} | lists
+
+
+def _get(connection: sqlite3.Connection, alarm_id: int) -> RecordedAlarm | None:
+    return next(iter(_select(connection, "WHERE id = ?", [alarm_id])), None)
 
 
 def _open(connection: sqlite3.Connection, axis: str) -> list[RecordedAlarm]:
@@ -251,7 +448,7 @@ def _open(connection: sqlite3.Connection, axis: str) -> list[RecordedAlarm]:
 
 
 def _select(
-    connection: sqlite3.Connection, rest: str, values: Sequence[_Value] | Mapping[str, _Value]
+    connection: sqlite3.Connection, rest: str, values: Sequence[_Value] | Mapping[str, _Value] = ()
 ) -> list[RecordedAlarm]:
     return [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]
 
@@ -262,6 +459,8 @@ def _alarm(row: tuple[Any, ...]) -> RecordedAlarm:
         values["nominal"] = math.nan
     inside = values["inside_calibration"]
     values["inside_calibration"] = None if inside is None else bool(inside)
+    values["state"] = AlarmState(values["state"])
+    values["returns_to"] = values["returns_to"] and AlarmState(values["returns_to"])
     for name, read in _LISTS.items():
         values[name] = tuple(read(entry) for entry in json.loads(values[name]))
     return RecordedAlarm(**values)

@@ -1,41 +1,21 @@
-"""REST under /api/v1: axes with their estimates, their history, the alarm journal, the daemon itself."""
+"""REST under /api/v1: axes with their estimates, their history, the daemon itself; alarms: alarm_routes.py."""
 
-import re
-from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Response
-from pydantic import AwareDatetime, BeforeValidator
+from fastapi import APIRouter, Query, Response
 
 from service.pipeline.snapshot import AxisSnapshot
 from service.texts import microseconds
 from service.web import models, views
+from service.web.alarm_routes import Moment
+from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
+from service.web.problem_details import UnknownResourceError, described
 
-
-def refusals(words: dict[int, str]) -> dict[int | str, dict[str, Any]]:
-    """Problem details that a route answers, by status, with when it does."""
-    schema = {"schema": {"$ref": "#/components/schemas/Problem"}}
-    return {
-        status: {
-            "description": when,
-            "content": {"application/problem+json": schema},
-        }
-        for status, when in words.items()
-    }
-
-
-PROTECTED = refusals(
-    {401: "There are tokens, and none was given, or an unknown one", 403: "Its scope is too small"}
-)
-_NOT_FOUND = refusals({404: "It does not exist"})
-_NO_JOURNAL = refusals({503: "The alarm journal cannot be read"})
+_NOT_FOUND = described(404, "It does not exist")
 _LONGEST_S = 1.0
 """All pages that are open ask for all axes once a second: one answer is made for them."""
-_LARGEST_ID = 2**63 - 1
 
-Limit = Annotated[int, Query(ge=1, le=1000, description="maximum number")]
-Offset = Annotated[int, Query(ge=0, le=_LARGEST_ID, description="number to skip")]
 Points = Annotated[
     int, Query(ge=1, le=100_000, description="maximum number of points; the last ones are returned")
 ]
@@ -43,39 +23,13 @@ Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
 ]
 Only = Annotated[str | None, Query(description="only this one; default: all")]
-_DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
-
-
-def _date_and_time(text: str) -> str:
-    """A text that begins as a time does; pydantic takes a number for seconds or milliseconds since 1970.
-
-    Raises:
-        ValueError: it does not.
-    """
-    if not _DATE_AND_TIME.match(text):
-        raise ValueError("must be ISO 8601 with time zone: 2026-03-01T12:00:00Z, or +01:00 as %2B01:00")
-    return text
-
-
-Moment = Annotated[
-    Annotated[AwareDatetime, BeforeValidator(_date_and_time)] | None,
-    Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z; in an address + is %2B"),
-]
-
-
-class UnknownResourceError(Exception):
-    """The resource does not exist; ``known`` lists those that do."""
-
-    def __init__(self, detail: str, known: Iterable[str]) -> None:
-        self.problem = models.Problem(detail=detail, known=list(known))
-        super().__init__(detail)
 
 
 def router(state: AppState) -> APIRouter:
     """The routes below /api/v1."""
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
-    api.include_router(_alarms(state), tags=["alarms"])
+    api.include_router(alarm_router(state), tags=["alarms"])
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
@@ -120,39 +74,6 @@ def _axes(state: AppState) -> APIRouter:
     ) -> models.Trend:
         """Drift of the parameters, when they reach their limits, and the hourly means behind it."""
         return views.trend(_axis(state, axis, parameter), parameter, points)
-
-    return api
-
-
-def _alarms(state: AppState) -> APIRouter:
-    api = APIRouter()
-
-    @api.get("/alarms", summary="Alarms", responses=_NO_JOURNAL)
-    def alarms(
-        axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
-        parameter: Annotated[str | None, Query(description="only of this parameter")] = None,
-        active: Annotated[bool | None, Query(description="true: not ended; false: ended")] = None,
-        since: Moment = None,
-        until: Moment = None,
-        limit: Limit = 100,
-        offset: Offset = 0,
-    ) -> models.Alarms:
-        """Alarms raised at or after since and before until, latest first."""
-        found, total = state.journal.query(
-            axis, parameter, active, microseconds(since), microseconds(until), limit, offset
-        )
-        return models.Alarms(total=total, limit=limit, offset=offset, alarms=[views.alarm(a) for a in found])
-
-    @api.get("/alarms/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
-    def alarm(alarm_id: Annotated[int, Path(alias="id", ge=1, le=_LARGEST_ID)]) -> models.Alarm:
-        """One alarm of the journal."""
-        found = state.journal.get(alarm_id)
-        if found is None:
-            latest, total = state.journal.query(limit=10)
-            raise UnknownResourceError(
-                f"no alarm {alarm_id}; the journal holds {total}", [str(a.id) for a in latest]
-            )
-        return views.alarm(found)
 
     return api
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, FastAPI, Header, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
+from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.store.journal import Journal
@@ -17,7 +18,7 @@ from service.web import api, metrics, models
 from service.web.access import Access, ForbiddenError, Scope, needs
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
 from service.web.gate import Gate
-from service.web.models import problem_answer
+from service.web.problem_details import PROTECTED, UnknownResourceError, add_to_schema, answer
 from service.web.report_pages import ReportPages
 from service.web.report_pages import router as report_router
 
@@ -26,14 +27,6 @@ DESCRIPTION = """\
 Condition monitoring of robot axes: estimated physical parameters, their deviation from the commissioned
 values, and alarms that name the parameter that has changed. Times are ISO 8601 in UTC; values are in SI units
 on the motor side of the gear unless a description says otherwise; a number that is not finite is null."""
-
-
-class _Application(FastAPI):
-    def openapi(self) -> dict[str, Any]:
-        """The schema, with the body of all refusals, which no route returns."""
-        schema = super().openapi()
-        schema["components"]["schemas"]["Problem"] = models.Problem.model_json_schema()
-        return schema
 
 
 def create_app(
@@ -55,10 +48,8 @@ def create_app(
     access = access or Access()
     state = AppState(snapshot, journal, access, now_us, reports)
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
-    app = _Application(
-        title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None
-    )
-    app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=api.PROTECTED)
+    app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
+    app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
     app.include_router(_probes(state))
     app.include_router(_pages())
     if reports is not None:
@@ -66,6 +57,7 @@ def create_app(
     app.mount("/static", StaticFiles(directory=STATIC))
     app.add_middleware(Gate, access=access)
     _answer_errors(app)
+    add_to_schema(app)
     return app
 
 
@@ -91,7 +83,7 @@ def _probes(state: AppState) -> APIRouter:
     @probes.get(
         "/readyz",
         summary="Monitoring?",
-        responses={503: {"model": models.Readiness}, **api.PROTECTED},
+        responses={503: {"model": models.Readiness}, **PROTECTED},
         dependencies=[protected],
     )
     async def readyz(response: Response) -> models.Readiness:
@@ -106,7 +98,7 @@ def _probes(state: AppState) -> APIRouter:
         "/metrics",
         summary="Prometheus metrics",
         response_class=Response,
-        responses={} if open_metrics else api.PROTECTED,
+        responses={} if open_metrics else PROTECTED,
         dependencies=[] if open_metrics else [protected],
     )
     def scrape(accept: Annotated[str, Header()] = "") -> Response:
@@ -134,22 +126,29 @@ def _pages() -> APIRouter:
 def _answer_errors(app: FastAPI) -> None:
     """Answer failed requests with the reason and the resources that exist."""
 
-    @app.exception_handler(api.UnknownResourceError)
-    async def not_known(_: Request, error: api.UnknownResourceError) -> JSONResponse:
-        return problem_answer(404, error.problem)
+    @app.exception_handler(UnknownResourceError)
+    async def not_known(_: Request, error: UnknownResourceError) -> JSONResponse:
+        return answer(404, error.detail, error.known)
 
     @app.exception_handler(ForbiddenError)
     async def not_allowed(_: Request, error: ForbiddenError) -> JSONResponse:
-        return problem_answer(403, models.Problem(detail=str(error)))
+        return answer(403, str(error))
+
+    @app.exception_handler(AlarmTransitionError)
+    async def not_possible(_: Request, error: AlarmTransitionError) -> JSONResponse:
+        return answer(409, str(error))
+
+    @app.exception_handler(ShelfEndError)
+    async def no_such_time(_: Request, error: ShelfEndError) -> JSONResponse:
+        return answer(400, str(error))
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:
-        return problem_answer(503, models.Problem(detail=f"the alarm journal cannot be read: {error}"))
+        return answer(503, f"the alarm journal cannot be read or written: {error}")
 
     @app.exception_handler(HTTPException)
     async def no_such_path(request: Request, error: HTTPException) -> JSONResponse:
         if error.status_code != 404:
-            return problem_answer(error.status_code, models.Problem(detail=error.detail), error.headers)
+            return answer(error.status_code, error.detail, headers=error.headers)
         paths = [*app.openapi()["paths"], "/", "/docs", "/openapi.json"]
-        problem = models.Problem(detail=f"there is nothing at {request.url.path}", known=sorted(paths))
-        return problem_answer(404, problem)
+        return answer(404, f"there is nothing at {request.url.path}", sorted(paths))

@@ -75,10 +75,12 @@ def is_alive(snapshot: Snapshot, now_us: int) -> bool:
 
 
 def reasons_not_ready(snapshot: Snapshot, now_us: int) -> Iterator[str]:
-    """Reasons why not every axis is monitored now; none when all are."""
+    """Reasons why not every axis is monitored now, or why alarms are not recorded; none when all is well."""
     if not is_alive(snapshot, now_us):
         yield f"the worker has not reported for {age_s(snapshot.taken_us, now_us):.0f} s"
     yield from (f"bus {bus.name}: {bus.state}" for bus in snapshot.buses if not bus.up)
+    if waiting := snapshot.alarms.waiting:
+        yield f"alarms that are not yet recorded: {waiting}; the messages say why"
     for axis in snapshot.axes:
         age = sample_age_s(axis, now_us)
         if age is None:

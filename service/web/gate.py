@@ -18,7 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.store.database import StoreError
 from service.store.tokens import NOBODY, Caller
 from service.web.access import Access
-from service.web.models import Problem, problem_answer
+from service.web.problem_details import answer
 
 log = structlog.get_logger(__name__)
 
@@ -94,12 +94,9 @@ class Gate:
                 log.error("tokens", message=str(error))
             if path in self._open or is_page(path):
                 return None, None
-            problem = Problem(detail="the tokens cannot be read; the log of the daemon says why")
-            return problem_answer(503, problem), None
+            return answer(503, "the tokens cannot be read; the log of the daemon says why"), None
         if scope["method"] not in _READING and _of_another_page(headers):
-            return problem_answer(
-                403, Problem(detail="a page of another host may change nothing here")
-            ), caller
+            return answer(403, "a page of another host may change nothing here"), caller
         if caller is None and not (path in self._open or is_page(path)):
             return _unknown(headers), None
         return None, caller
@@ -113,7 +110,7 @@ class Gate:
             if self._access.known_host(host) or host == (scope.get("server") or [""])[0]:
                 return None
         detail = "this daemon has another name than the host of the request; add it to hosts in [web]"
-        return problem_answer(421, Problem(detail=detail))
+        return answer(421, detail)
 
     async def _pass(self, exchange: "_Exchange", who: Caller) -> None:
         scope = exchange.scope
@@ -127,7 +124,7 @@ class Gate:
             if exchange.status is not None:
                 raise
             detail = f"not complete, or not answered, within {LONGEST_REQUEST_S:g} s"
-            refusal = problem_answer(503, Problem(detail=detail), {"Connection": "close"})
+            refusal = answer(503, detail, headers={"Connection": "close"})
             await refusal(scope, exchange.receive, exchange.send)
 
 
@@ -174,7 +171,7 @@ def _too_large(headers: Headers) -> JSONResponse | None:
     length = headers.get("content-length", "0")
     if length.isdecimal() and int(length) <= MOST_BODY_BYTES:
         return None
-    return problem_answer(413, Problem(detail=_NO_ROOM), {"Connection": "close"})
+    return answer(413, _NO_ROOM, headers={"Connection": "close"})
 
 
 def _secret(headers: Headers, path: str) -> str | None:
@@ -193,9 +190,7 @@ def _unknown(headers: Headers) -> JSONResponse:
         if given
         else "this needs a token: Authorization: Bearer TOKEN"
     )
-    return problem_answer(
-        401, Problem(detail=detail), {"WWW-Authenticate": f'Bearer realm="axiswatch"{error}'}
-    )
+    return answer(401, detail, headers={"WWW-Authenticate": f'Bearer realm="axiswatch"{error}'})
 
 
 def _of_another_page(headers: Headers) -> bool:

@@ -5,6 +5,7 @@ seventh of its time, and only once for each snapshot.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
 from typing import Literal, NamedTuple
@@ -17,7 +18,7 @@ from prometheus_client.registry import Collector
 from prometheus_client.utils import floatToGoString
 
 from monitor_core.detection import DIRECTIONS, Reach, Stage
-from monitor_core.monitoring import DetectorStatus, Observation, ParameterStatus
+from monitor_core.monitoring import PRIORITIES, AlarmState, DetectorStatus, Observation, ParameterStatus
 from monitor_core.trend import Trend
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.web.app_state import VERSION, Latest, age_s, sample_age_s
@@ -43,8 +44,13 @@ _GAUGES = {
     },
     "axis parameter direction": {
         "cusum": f"CUSUM g for an increase (up) and a decrease (down), {_SI} times samples.",
-        "alarm_active": "1 while an alarm is open, else 0.",
+        "alarm_active": "1 while an alarm is open or latched, else 0.",
         "alarm_named": "1 while an alarm is open and has been named, else 0.",
+        "alarm_hidden": "1 while all active alarms of that name are shelved, suppressed or out of service, else 0.",
+    },
+    "state priority": {
+        "alarms": "Alarms by state and priority, except those that are over; those that are not yet recorded are "
+        "counted, too.",
     },
     "axis parameter limit bound": {
         "limit_reached_seconds": "Time from the last entry of the long-term history until a limit is reached, in "
@@ -70,6 +76,7 @@ _GAUGES = {
     },
     "bus": {"bus_up": "1 while the bus can be read, else 0."},
     "": {
+        "alarms_not_recorded": "Alarms of which the journal does not have all yet, as the disk refuses it.",
         "snapshot_age_seconds": "Time since the worker last reported, in seconds.",
         "checkpoint_age_seconds": "Time since the state of the monitors was last saved, in seconds; absent before the "
         "first time.",
@@ -210,7 +217,8 @@ def _escaped(value: str) -> str:
 
 def _of_axes(snapshot: Snapshot) -> Iterator[_Family]:
     yield from _parameters(snapshot.axes)
-    yield from _alarms(snapshot.axes)
+    yield from _alarms(snapshot)
+    yield from _life_cycle(snapshot)
     yield from _detectors(snapshot.axes)
     yield from _samples(snapshot.axes)
     yield from _trends(snapshot.axes)
@@ -251,15 +259,22 @@ def _parameters(axes: _Axes) -> Iterator[_Family]:
     yield gauge("cusum_threshold", lambda p: p.h)
 
 
-def _alarms(axes: _Axes) -> Iterator[_Family]:
+def _alarms(snapshot: Snapshot) -> Iterator[_Family]:
+    axes = snapshot.axes
     every = [(axis, cause) for axis in axes for cause in axis.causes]
 
-    def alarm(name: str, *stages: Stage) -> _Family:
-        sides = [(axis, cause, d) for axis, cause in every for d in DIRECTIONS]
-        return _Family(name, (((a.id, cause, d), _is_open(a, cause, d, *stages)) for a, cause, d in sides))
+    latched = {
+        (a.axis, a.parameter, a.direction)
+        for a in snapshot.alarms.standing
+        if a.life.below is AlarmState.LATCHED and a.kind != "forecast"
+    }
 
-    yield alarm("alarm_active", "changed", "named")
-    yield alarm("alarm_named", "named")
+    sides = [(axis, cause, d) for axis, cause in every for d in DIRECTIONS]
+    named = [((a.id, cause, d), _is_open(a, cause, d, "named")) for a, cause, d in sides]
+    changed = (_is_open(a, cause, d, "changed") for a, cause, d in sides)
+    active = ((name, n or c or name in latched) for (name, n), c in zip(named, changed, strict=True))
+    yield _Family("alarm_active", active)
+    yield _Family("alarm_named", named)
     causes = {axis.id: _causes(axis) for axis in axes}
     yield _Family(
         "alarm_probability",
@@ -267,10 +282,27 @@ def _alarms(axes: _Axes) -> Iterator[_Family]:
     )
 
 
-def _is_open(axis: AxisSnapshot, parameter: str, direction: str, *stages: Stage) -> bool:
+def _life_cycle(snapshot: Snapshot) -> Iterator[_Family]:
+    """What persons and the configuration have done about the alarms."""
+    alarms = snapshot.alarms
+    shown, hidden = set[tuple[str, ...]](), set[tuple[str, ...]]()
+    for a in (*alarms.standing, *alarms.unrecorded):
+        if a.active and a.kind != "forecast":
+            kept = hidden if a.life.at(snapshot.taken_us).hidden else shown
+            kept.add((a.axis, a.parameter, a.direction))
+    names = [(axis.id, cause, d) for axis in snapshot.axes for cause in axis.causes for d in DIRECTIONS]
+    yield _Family("alarm_hidden", ((name, name in hidden - shown) for name in names))
+    counts = Counter({(str(c.state), str(c.priority)): c.alarms for c in alarms.states})
+    counts.update((str(a.state), str(a.priority)) for a in alarms.unrecorded)
+    places = [(str(s), str(p)) for s in AlarmState if s is not AlarmState.NORMAL for p in PRIORITIES]
+    yield _Family("alarms", ((place, counts[place]) for place in places))
+    yield _Family("alarms_not_recorded", [((), alarms.waiting)])
+
+
+def _is_open(axis: AxisSnapshot, parameter: str, direction: str, stage: Stage) -> bool:
     return any(
         (e.parameter, e.direction) == (parameter, direction)
-        and e.stage in stages
+        and e.stage == stage
         and e.kind != "forecast"  # those have their own metric
         for e in axis.open_alarms
     )

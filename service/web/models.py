@@ -1,15 +1,12 @@
 """Bodies of the REST answers.  The descriptions state the units; a number that is not finite is null."""
 
 import math
-from collections.abc import Mapping
-from http import HTTPStatus
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from fastapi.responses import JSONResponse
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
-from monitor_core.monitoring import NotTested, Observation, Status
+from monitor_core.monitoring import AlarmEvent, AlarmState, NotTested, Observation, Priority, Status
 from service.texts import iso
 
 
@@ -295,8 +292,22 @@ class PastName(Body):
 class Alarm(Body):
     """An alarm, from the first crossing of the threshold until the parameter is back at nominal."""
 
-    id: int
+    id: int | None = Field(description="null: it is not yet recorded")
+    recorded: bool = Field(
+        description="false: the journal does not have it yet, as the disk refuses it; it is tried again"
+    )
     axis: str
+    state: AlarmState = Field(
+        description="state of ISA-18.2. normal: it is over; unacknowledged, acknowledged: it is active; returned: its"
+        " cause is gone, nobody has acknowledged it; latched: its cause is gone, it stays active until it is"
+        " acknowledged; shelved: hidden by a person for a time; suppressed, out-of-service: hidden by the configuration"
+    )
+    returns_to: AlarmState | None = Field(
+        description="of a shelved, suppressed or out-of-service alarm: the state without that; else null"
+    )
+    shelved_until: Time | None = Field(description="end of the shelf, UTC; null: it is not shelved")
+    priority: Priority
+    work_order: TextOrNull = Field(description="the last one that was given; null: none")
     parameter: str = Field(
         description="the most probable name now; causes states how certain it is. A monitored parameter, or, from"
         " the multi-model detector, a sensor fault: torque or output scale, sign, offset or stuck, torque lost, output"
@@ -325,7 +336,7 @@ class Alarm(Body):
     )
     reaches: list[Reach] = Field(description="of a forecast: the limit and when it is reached")
     words: str = Field(description="the alarm as a sentence, e.g. the torque frame is 0.5 ms late: ..")
-    active: bool = Field(description="true: it has not ended")
+    active: bool = Field(description="true: it has not ended, or is latched")
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
     nominal: Number = Field(description="commissioned value, in unit")
     size: Number = Field(
@@ -353,6 +364,91 @@ class Alarm(Body):
     )
     crossings: int = Field(description="number of times a threshold was crossed")
     past: list[PastName] = Field(description="earlier names of the alarm, oldest first")
+
+
+class AlarmTransition(Body):
+    """What has happened to an alarm."""
+
+    at: Time = Field(description="UTC")
+    event: AlarmEvent
+    from_state: AlarmState
+    to_state: AlarmState
+    until: Time | None = Field(description="end of the shelf, UTC; null: it is not shelved then")
+    who: str = Field(description="a person; axiswatch: the monitor; configuration: its [robot.axis.alarms]")
+    comment: TextOrNull
+    work_order: TextOrNull
+
+
+class AlarmRecord(Alarm):
+    """An alarm with all that has happened to it."""
+
+    transitions: list[AlarmTransition] = Field(description="oldest first")
+
+
+class AlarmNote(Body):
+    """What a person writes about an alarm; both may be left out."""
+
+    comment: str = Field("", max_length=2000)
+    work_order: str = Field("", max_length=100, description="number of a work order in the plant's system")
+
+
+class AlarmComment(AlarmNote):
+    """A comment, a work order, or both."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        if not self.comment and not self.work_order:
+            raise ValueError("give comment, work_order or both")
+        return self
+
+
+class AlarmShelf(AlarmNote):
+    """Until when an alarm is shelved: one of until and duration_s."""
+
+    until: AwareDatetime | None = Field(
+        None, description="ISO 8601 with time zone; at most seven days from now"
+    )
+    duration_s: float | None = Field(
+        None, allow_inf_nan=False, description="from now on [s]; at most seven days"
+    )
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        if (self.until is None) == (self.duration_s is None):
+            raise ValueError("give one of until and duration_s")
+        return self
+
+
+class AlarmFrequency(Body):
+    """How often the alarms of a name were raised."""
+
+    axis: str
+    parameter: str
+    direction: Direction
+    alarms: int
+
+
+class AlarmStateCount(Body):
+    """Number of alarms in a state now."""
+
+    state: AlarmState
+    priority: Priority
+    alarms: int
+
+
+class AlarmStatistics(Body):
+    """How much the alarms ask of an operator (EEMUA 191, ISA-18.2)."""
+
+    since: Time = Field(description="UTC")
+    until: Time = Field(description="UTC")
+    raised: int = Field(description="alarms raised in this time; one that is reopened counts again")
+    announced: int = Field(description="those of them that were not shelved, suppressed or out of service")
+    mean_per_ten_minutes: Number = Field(description="announced alarms in ten minutes; one is acceptable")
+    most_in_ten_minutes: int = Field(description="announced alarms in the worst ten minutes")
+    most_at: Time | None = Field(description="when these began, UTC; null: there was no alarm")
+    flood_share: Number = Field(description="share of the ten minutes with more than ten announced alarms")
+    most_frequent: list[AlarmFrequency] = Field(description="the ten names raised most often")
+    states: list[AlarmStateCount] = Field(description="now; those that are normal are left out")
 
 
 class Alarms(Body):
@@ -408,18 +504,10 @@ class Readiness(Body):
 
 
 class Problem(Body):
-    """An error of the request, or of the daemon: problem details of RFC 9457, application/problem+json."""
+    """An error of the request, or of the daemon: problem details of RFC 9457."""
 
-    type: str = Field(default="about:blank", description="about:blank: the status says it")
-    title: str = Field(default="", description="the status in words")
-    status: int = Field(default=0, description="the status of the answer")
+    type: str = "about:blank"
+    title: str = Field(description="name of the status")
+    status: int = Field(description="the HTTP status")
     detail: str = Field(description="what is wrong, and what would be right")
     known: list[str] = Field(default=[], description="existing resources")
-
-
-def problem_answer(status: int, problem: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    """The answer of this status with the problem as its body."""
-    body = problem.model_copy(update={"status": status, "title": HTTPStatus(status).phrase})
-    return JSONResponse(
-        body.model_dump(), status_code=status, headers=headers, media_type="application/problem+json"
-    )

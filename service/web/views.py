@@ -1,13 +1,16 @@
 """Snapshots and alarms converted to the bodies of answers."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
+from service.pipeline.alarm_recording import NOT_RECORDED
 from service.pipeline.snapshot import AxisSnapshot, HistoryPoint, Snapshot
+from service.store.alarm_statistics import AlarmStatistics
+from service.store.alarm_transitions import RecordedTransition
 from service.store.journal import RecordedAlarm
 from service.texts import episode_words, iso, not_tested_sentences, reach_words, trend_words
 from service.web import models
@@ -16,6 +19,7 @@ from service.web.app_state import VERSION, reasons_not_ready, sample_age_s
 OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 
 _B = TypeVar("_B", bound=models.Body)
+_A = TypeVar("_A", bound=models.Alarm)
 
 
 def _body(kind: type[_B], *sources: object, **own: object) -> _B:
@@ -131,15 +135,39 @@ def reach(r: Reach, now_us: int) -> models.Reach:
     return _body(models.Reach, r, words=reach_words(r, now_us))
 
 
-def alarm(a: RecordedAlarm) -> models.Alarm:
-    """One alarm of the journal."""
+def alarm(a: RecordedAlarm, now_us: int = 0) -> models.Alarm:
+    """One alarm, in its state at this time."""
+    return _alarm(models.Alarm, a, now_us)
+
+
+def alarm_record(
+    a: RecordedAlarm, transitions: Iterable[RecordedTransition], now_us: int
+) -> models.AlarmRecord:
+    """One alarm with its transitions."""
+    found = [_body(models.AlarmTransition, t) for t in transitions]
+    return _alarm(models.AlarmRecord, a, now_us, transitions=found)
+
+
+def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
+    life = a.life.at(now_us)
     return _body(
-        models.Alarm,
+        kind,
         a,
+        id=a.id or None,
+        recorded=a.id != NOT_RECORDED,
+        state=life.state,
+        returns_to=life.returns_to,
+        shelved_until=life.until_us,
         reaches=[reach(r, a.updated_us) for r in a.reaches],
         words=episode_words(a, a.nominal, a.unit),
         past=[_body(models.PastName, name) for name in a.past],
+        **own,
     )
+
+
+def alarm_statistics(found: AlarmStatistics) -> models.AlarmStatistics:
+    """How much the alarms ask of an operator."""
+    return _body(models.AlarmStatistics, found)
 
 
 def service(snapshot: Snapshot, now_us: int, report: str | None, insecure: str | None) -> models.Service:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import httpx
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
@@ -17,6 +18,7 @@ from service.can.log_files import FrameRecorder
 from service.commands import commission, live_recording
 from service.config import Config, load
 from service.simulation.robot import Fault
+from service.store.journal import Journal
 from tests.end_to_end.processes import (
     ROOT,
     Daemon,
@@ -33,6 +35,7 @@ from tests.service.commands.live_robots import configured, moving
 from tests.service.commands.test_commission import table
 from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import blocks
+from tests.service.web.conftest import FM_ALARM, Stage, serving
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTS}
@@ -51,7 +54,7 @@ FEW_COPIES = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=200_000, bank_copi
 
 def shown(start: str) -> list[list[str]]:
     """The commands that begin with these words, as arguments."""
-    found = [shlex.split(line) for line in CONSOLE if line.startswith(start + " ")]
+    found = [shlex.split(line) for line in CONSOLE if f"{line} ".startswith(start + " ")]
     assert found, f"the documents show no {start!r} any more"
     return found
 
@@ -66,7 +69,9 @@ def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = "check listen run simulate replay play model excite identify calibrate init commission"
+    commands = (
+        "check listen run status alarms simulate replay play model excite identify calibrate init commission"
+    )
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands.split())}
 
 
@@ -282,7 +287,31 @@ def test_the_drive_drawn_here_is_modelled_and_simulated(tmp_path: Path) -> None:
 def answers_to_curl(d: Daemon) -> None:
     """Each address shown answers, on the port of this daemon."""
     for command in shown("curl"):
-        assert d.status(command[1].removeprefix("http://127.0.0.1:8080/")) == 200
+        if "--json" not in command:
+            assert d.status(command[1].removeprefix("http://127.0.0.1:8080/")) == 200
+
+
+def test_an_alarm_is_followed_by_command_line_and_by_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every step shown is possible, in the order of the document: of alarm 1 by commands, of alarm 2 by REST."""
+    journal = Journal(tmp_path / "alarms.sqlite")
+    stage = Stage(journal)
+    stage.healthy()
+    for axis in ("demo.axis1", "demo.axis2"):
+        stage.record(axis, "N m s/rad", 0.06, FM_ALARM)
+    with serving(stage) as url:
+        monkeypatch.setenv("AXISWATCH_URL", url)
+        for command in (*shown("axiswatch status"), *shown("axiswatch alarms")):
+            done = axiswatch(*command[1:])
+            assert done.exit_code == 0, done.output
+        for command in shown("curl"):
+            if "--json" in command:
+                address = command[3].replace("http://127.0.0.1:8080", url)
+                assert httpx.post(address, json=json.loads(command[2])).status_code == 200
+    assert [len(journal.transitions(number)) for number in (1, 2)] == [5, 5]
+    assert [a.work_order for a in journal.query()[0]] == ["WO-1718", "WO-1718"]
+    journal.close()
 
 
 def test_the_library_example_names_the_fault(capsys: pytest.CaptureFixture[str]) -> None:

@@ -44,9 +44,9 @@ def test_memory_does_not_grow(tmp_path: Path) -> None:
 def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     with capture_logs() as logs:
-        assert CacheFiller().fill(Shape)
+        assert CacheFiller().fill(list(Shape))
         monkeypatch.setattr(sys, "executable", "/no/such/program")
-        assert CacheFiller().fill(Shape)
+        assert CacheFiller().fill(list(Shape))
     assert logs == []
 
 

@@ -22,7 +22,7 @@ from service.config import Config, load
 from service.config.drive_sources import shipped
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
-from service.pipeline.alarms import AxisAlarm
+from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 from tests.service.pipeline.robots import replayed

@@ -1,13 +1,14 @@
 // The alarm table: the active ones first, then the last ones that have ended.
 
+import { buttons } from "./alarm_actions.js";
 import { el, text } from "./dom.js";
 import { count, moment, percent, span, unit, withDeviation } from "./format.js";
 
 let shown = null;
-let announced = null; // of the active alarms that have been read out: stage and name by id
+let announced = null; // of the active alarms that have been read out: stage and name by key
 
-/** Shows two answers of /api/v1/alarms: those that are active and those that have ended. */
-export function showAlarms(active, ended) {
+/** Shows two answers of /api/v1/alarms: those that are active and those that have ended; `refresh` asks for new ones. */
+export function showAlarms(active, ended, refresh) {
   announce(active.alarms);
   const alarms = [...active.alarms, ...ended.alarms];
   const key = JSON.stringify([alarms, active.total, ended.total, new Date().toDateString()]);
@@ -15,14 +16,14 @@ export function showAlarms(active, ended) {
   shown = key;
   const table = document.getElementById("alarm-table");
   table.hidden = alarms.length === 0;
-  table.tBodies[0].replaceChildren(...alarms.map(row));
+  table.tBodies[0].replaceChildren(...alarms.map((alarm) => row(alarm, refresh)));
   const more = active.total + ended.total - alarms.length;
   const note = document.getElementById("alarm-note");
   note.hidden = alarms.length > 0 && more === 0;
   text(note, alarms.length === 0 ? "No alarm has been raised." : `${count(more)} more: see /api/v1/alarms.`);
 }
 
-function row(alarm) {
+function row(alarm, refresh) {
   const cell = (label, ...children) => el("td", { role: "cell", "data-label": label }, ...children);
   const arrow = alarm.direction === "up" ? "▲" : "▼";
   const said = el("small", { className: "words" }, alarm.words);
@@ -30,14 +31,29 @@ function row(alarm) {
   return el(
     "tr",
     { role: "row", className: alarm.active ? "active" : "ended" },
-    cell("State", el("span", { className: alarm.active ? "pill bad" : "pill" }, alarm.active ? "active" : "ended")),
+    cell("State", ...stateOf(alarm)),
     cell("Axis", alarm.axis),
     parameter,
     cell("Size", sizeOf(alarm)),
     cell("Onset", time(alarm.onset), ...withinOf(alarm)),
     cell("Raised", time(alarm.raised)),
     cell("Ended", alarm.ended === null ? "–" : time(alarm.ended)),
+    cell("Action", ...buttons(alarm, refresh)),
   );
+}
+
+const isHidden = (alarm) => ["shelved", "suppressed", "out-of-service"].includes(alarm.state);
+
+/** Whether it is active, what a person has done about it, its priority, and whether the journal has it. */
+function stateOf(alarm) {
+  const urgent = alarm.active && !isHidden(alarm) ? " bad" : "";
+  const found = [el("span", { className: `pill${urgent}` }, alarm.active ? "active" : "ended")];
+  if (!alarm.recorded) found.push(" ", el("span", { className: "pill warn" }, "not yet recorded"));
+  const until = alarm.shelved_until === null ? "" : ` until ${moment(alarm.shelved_until)}`;
+  const state = alarm.state === "normal" ? [] : [alarm.state === "returned" ? "unacknowledged" : alarm.state + until];
+  found.push(el("small", { className: "words" }, [...state, `${alarm.priority} priority`].join(", ")));
+  if (alarm.work_order !== null) found.push(el("small", { className: "words" }, `work order ${alarm.work_order}`));
+  return found;
 }
 
 /** That it has no name yet, or what it was called before it had this one. */
@@ -62,10 +78,14 @@ const sizeOf = (alarm) => alarm.size === null ? (alarm.active ? "not known" : "�
 
 const time = (iso) => el("time", { dateTime: iso, title: iso, className: "nowrap" }, moment(iso));
 
-function announce(active) {
+/** Of an alarm, before and after it is recorded and whatever its name becomes. */
+const keyOf = (alarm) => `${alarm.axis} ${alarm.raised} ${(alarm.past[0] ?? alarm).parameter}`;
+
+function announce(alarms) {
+  const active = alarms.filter((alarm) => !isHidden(alarm));
   const nameOf = (alarm) => `${alarm.stage} ${alarm.parameter}`;
-  const fresh = active.filter((alarm) => announced !== null && announced.get(alarm.id) !== nameOf(alarm));
-  const news = fresh.map((alarm) => `${announced.has(alarm.id) ? "Alarm" : "New alarm"}: ${alarm.axis}: ${alarm.words}`);
-  announced = new Map(active.map((alarm) => [alarm.id, nameOf(alarm)]));
+  const fresh = active.filter((alarm) => announced !== null && announced.get(keyOf(alarm)) !== nameOf(alarm));
+  const news = fresh.map((alarm) => `${announced.has(keyOf(alarm)) ? "Alarm" : "New alarm"}: ${alarm.axis}: ${alarm.words}`);
+  announced = new Map(active.map((alarm) => [keyOf(alarm), nameOf(alarm)]));
   if (news.length > 0) text(document.getElementById("news"), news.join("; "));
 }

@@ -26,7 +26,7 @@ async function refresh() {
     lostSince = null;
     showService(service, active.total);
     showAxes(axes.axes);
-    showAlarms(active, ended);
+    showAlarms(active, ended, refresh);
     await showTrends(axes.axes, ask);
   } catch (error) {
     if (error instanceof TokenNeeded) return showLocked();

@@ -11,7 +11,7 @@ from monitor_core.detection import Alarm
 from service.can.frames import FrameBlock
 from service.config import Config
 from service.config.schema_model import DetectorConfig
-from service.pipeline.alarms import Alarms, AxisAlarm, quantities
+from service.pipeline.alarm_recording import Alarms, AxisAlarm, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.simulation.axis import Reading

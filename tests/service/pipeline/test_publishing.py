@@ -1,4 +1,4 @@
-"""Points of the history and times of processing; alarms are on the disk before they are shown."""
+"""Points of the history and times of processing; alarms are shown though the disk is full, and are recorded later."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -10,13 +10,17 @@ import pytest
 
 from monitor_core.detection import Alarm
 from monitor_core.modeling.standard_drives import reference_model
-from monitor_core.monitoring import AxisMonitor, AxisStatus
+from monitor_core.monitoring import AlarmEvent, AlarmRules, AxisMonitor, AxisStatus
 from monitor_core.settings import Settings
-from service.pipeline.alarms import RETRY_S, Alarms, AxisAlarm, Quantity
+from service.config import load
+from service.config.schema_model import AlarmsConfig
+from service.pipeline.alarm_recording import NOT_RECORDED, RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
 from service.pipeline.snapshot import RecentHistory
 from service.pipeline.worker import BOUNDS_S, ProcessingTime
 from service.store import database
+from service.store.alarm_transitions import Note
 from service.store.journal import Journal
+from tests.service.config_texts import CONFIG
 
 AXIS = "cell.axis1"
 QUANTITIES = {(AXIS, "fm"): Quantity("N m s/rad", 0.06), (AXIS, "kT"): Quantity("1", 1.0)}
@@ -69,27 +73,63 @@ def test_an_alarm_is_shown_from_its_record_to_its_end(journal: Journal) -> None:
     assert (found.nominal, found.unit, found.ended_us, found.crossings) == (0.06, "N m s/rad", 50, 2)
 
 
-def test_what_the_disk_refuses_is_not_shown_said_and_written_later_in_order(
+def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(
     path: Path, journal: Journal
 ) -> None:
     clock = Clock()
-    alarms = Alarms(journal, QUANTITIES, clock)
+    alarms = Alarms(journal, QUANTITIES, clock, {(AXIS, "fm"): AlarmRules("high")})
     with locked(path):
         alarms.record([AxisAlarm(AXIS, episode())])
-        assert alarms.open(AXIS) == ()
+        assert alarms.open(AXIS) == (episode(),)
+        (shown,) = alarms.snapshot(0).unrecorded
+        assert (shown.id, shown.state, shown.priority) == (NOT_RECORDED, "unacknowledged", "high")
+        assert (shown.parameter, shown.raised_us, shown.unit, shown.nominal) == ("fm", 20, "N m s/rad", 0.06)
         assert "alarm of cell.axis1 fm up: cannot be recorded yet, is tried again" in str(alarms.problem)
         assert "locked" in str(alarms.problem)
         # It ends and another one begins before the disk is there again.
         alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
+        assert alarms.open(AXIS) == ()
         alarms.record([AxisAlarm(AXIS, episode(raised_us=70)), AxisAlarm(AXIS, episode("kT", raised_us=80))])
+        waiting = [(a.raised_us, a.state) for a in alarms.snapshot(0).unrecorded]
+        assert waiting == [(20, "returned"), (70, "unacknowledged"), (80, "unacknowledged")]
+        assert alarms.snapshot(0).waiting == 3
     alarms.record([])
     assert journal.query()[1] == 0, "no second try so soon"
     clock.now += RETRY_S
     alarms.record([])
     assert alarms.problem is None
     assert alarms.open(AXIS) == (episode(raised_us=70), episode("kT", raised_us=80))
-    found = {(a.parameter, a.raised_us, a.ended_us) for a in journal.query()[0]}
-    assert found == {("fm", 20, 50), ("fm", 70, None), ("kT", 80, None)}
+    found = [(a.id, a.parameter, a.raised_us, a.ended_us) for a in journal.query()[0][::-1]]
+    assert found == [(1, "fm", 20, 50), (2, "fm", 70, None), (3, "kT", 80, None)]
+    after = alarms.snapshot(0)
+    assert ([a.id for a in after.standing], after.unrecorded, after.waiting) == ([2, 3], (), 0)
+    assert {(c.state, c.priority): c.alarms for c in after.states} == {
+        ("returned", "high"): 1,
+        ("unacknowledged", "high"): 1,
+        ("unacknowledged", "medium"): 1,
+    }
+
+
+def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_clock(journal: Journal) -> None:
+    clock = Clock()
+    alarms = Alarms(journal, QUANTITIES, clock)
+    alarms.record([AxisAlarm(AXIS, episode())])
+    assert [a.state for a in alarms.snapshot(30).standing] == ["unacknowledged"]
+    journal.act(1, AlarmEvent.SHELVE, Note(40, "anna"), 100)
+    assert [a.state for a in alarms.snapshot(99).standing] == ["shelved"]
+    assert [a.state for a in alarms.snapshot(100).standing] == ["unacknowledged"]
+    assert [t.event for t in journal.transitions(1)] == ["raise", "shelve", "shelf ended"]
+
+
+def test_rules_are_those_of_the_axis_and_its_parameter() -> None:
+    config = load(CONFIG / "demo.toml", {})
+    table = AlarmsConfig(priority="low", priorities={"fm": "high"}, latched=("kT",), suppressed=("fm",))
+    (first, second), name = config.axes[:2], ("demo.axis1", "fm")
+    axes = [first._replace(config=first.config.model_copy(update={"alarms": table})), second]
+    found = alarm_rules(axes, [name, ("demo.axis1", "kT"), ("demo.axis2", "fm")])
+    assert found[name] == AlarmRules("high", suppressed=True)
+    assert found["demo.axis1", "kT"] == AlarmRules("low", latched=True)
+    assert found["demo.axis2", "fm"] == AlarmRules()
 
 
 def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journal: Journal) -> None:

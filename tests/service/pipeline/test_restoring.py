@@ -9,7 +9,7 @@ import pytest
 from monitor_core.detection import Alarm, Crossing, Evidence, Name
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AxisMonitor
-from service.pipeline.alarms import AxisAlarm
+from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
 from service.store.checkpoints import AxisState, Checkpoints
@@ -127,6 +127,29 @@ def test_the_journal_decides_on_an_alarm_of_the_checkpoint(
     if open_ == (NEWER,):
         ((_, updated),) = found.by_id[AXIS].apply([Crossing("fm", "up", 70, 65, 0.02, 0.001)])
         assert updated.crossings == 10
+
+
+def test_an_alarm_that_ended_after_the_checkpoint_is_reopened_and_no_row_overlaps(
+    tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
+) -> None:
+    """A second change was detected while the alarm was open, and is found to be its cause after kill -9.
+
+    The checkpoint has the alarm as open and the change as unnamed; only the journal knows that the alarm has ended.
+    """
+    first = replace(OPEN, stage="named", updated_us=25)
+    monitors.by_id[AXIS].adopt([first])
+    assert monitors.by_id[AXIS].apply([Crossing("kT", "up", 40, 35, 0.1, 0.01)]) == []
+    save(monitors, checkpoints)
+    journal.record([Entry(AXIS, "N m s/rad", 0.06, alarm) for alarm in (first, replace(first, ended_us=50))])
+    found, _ = again(tmp_path, checkpoints, journal)
+    monitor = found.by_id[AXIS]
+    healthy = _healthy(99, monitor.model.monitored)
+    d = np.array([0.02 if name == "fm" else 0.0 for name in healthy.parameters])
+    ((kind, alarm),) = monitor.apply([replace(healthy, deviation=d)])
+    assert (kind, alarm.parameter, alarm.raised_us, alarm.reopened_us) == ("reopened", "fm", 20, 40)
+    journal.record([Entry(AXIS, "N m s/rad", 0.06, alarm)])
+    rows, _ = journal.query()
+    assert [(a.id, a.ended_us, a.state) for a in rows] == [(1, None, "unacknowledged")]
 
 
 def test_a_checkpoint_of_another_model_is_quarantined_and_said(

@@ -9,7 +9,7 @@ import pytest
 from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.entries import Reading
 from service.config import Config
-from service.pipeline.alarms import Alarms, AxisAlarm, quantities
+from service.pipeline.alarm_recording import Alarms, AxisAlarm, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.trends import Trends

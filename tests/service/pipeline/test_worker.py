@@ -15,7 +15,7 @@ from service.can.log_files import FrameRecorder
 from service.config import Config
 from service.config.schema_model import DetectorConfig
 from service.pipeline import worker as worker_module
-from service.pipeline.alarms import Alarms, quantities
+from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer, states_of
 from service.pipeline.recording import Recording

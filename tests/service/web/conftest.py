@@ -1,7 +1,9 @@
 """A daemon that stands still: a snapshot of two axes, a journal, a clock that only moves when told."""
 
 import math
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -31,6 +33,7 @@ from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages
+from service.web.server import serve
 
 NOON_US = 1_772_366_400_000_000
 """2026-03-01T12:00:00Z"""
@@ -198,6 +201,25 @@ class Stage:
         """All buses up, all axes with samples."""
         axes = (monitored_axis(), monitored_axis("axis2"))
         self.snapshot = replace(self.snapshot, axes=axes, buses=self.snapshot.buses[:1], messages=())
+
+
+@contextmanager
+def serving(stage: Stage) -> Iterator[str]:
+    """The address at which a stage is served."""
+    stop, started, ports = threading.Event(), threading.Event(), list[int]()
+
+    def ready(port: int) -> None:
+        ports.append(port)
+        started.set()
+
+    server = threading.Thread(target=serve, args=(stage.app(), "127.0.0.1", 0, ready, stop))
+    server.start()
+    try:
+        assert started.wait(30)
+        yield f"http://127.0.0.1:{ports[0]}"
+    finally:
+        stop.set()
+        server.join(30)
 
 
 @pytest.fixture

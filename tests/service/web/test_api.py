@@ -219,7 +219,9 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
     }
     assert body["alarms"] == [
         {
-            "id": number, "axis": "demo.axis1", "parameter": "fm", "direction": "up", "stage": "named",
+            "id": number, "recorded": True, "state": "unacknowledged", "returns_to": None, "shelved_until": None,
+            "priority": "medium", "work_order": None, "axis": "demo.axis1", "parameter": "fm",
+            "direction": "up", "stage": "named",
             "causes": [
                 {"parameter": "fm", "probability": 0.97, "alike": []},
                 {"parameter": "kT", "probability": 0.03, "alike": []},
@@ -232,7 +234,12 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
             "updated": "2026-03-01T11:59:59.500000Z", "ended": None, "reopened": None, "past": [before],
         }
     ]  # fmt: skip
-    assert get(client, f"/api/v1/alarms/{number}") == body["alarms"][0]
+    raised = {
+        "at": "2026-03-01T11:59:53.000000Z", "event": "raise", "from_state": "normal", "until": None,
+        "to_state": "unacknowledged", "who": "axiswatch", "comment": None, "work_order": None,
+    }  # fmt: skip
+    alone = get(client, f"/api/v1/alarms/{number}")
+    assert alone == body["alarms"][0] | {"transitions": [raised]}
 
 
 def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:

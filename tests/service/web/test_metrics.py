@@ -12,6 +12,11 @@ from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.utils import floatToGoString
 
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
+from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.store.alarm_transitions import Note
+from service.store.journal import Entry
 from service.web.app_state import VERSION
 from service.web.metrics import Metrics
 from tests import golden
@@ -60,6 +65,40 @@ def test_a_forecast_is_no_alarm_of_a_change(stage: Stage) -> None:
         found = values(own(stage))
         assert found["axiswatch_alarm_active", "demo.axis1", "up", "fm"] == float(not forecast)
         assert found["axiswatch_limit_alarm_active", "demo.axis1", "upper", "fm"] == float(forecast)
+
+
+def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(
+    stage: Stage, fm_alarm: Alarm
+) -> None:
+    def entry(parameter: str, rules: AlarmRules) -> Entry:
+        return Entry("demo.axis1", "1", 1.0, replace(fm_alarm, parameter=parameter, past=()), rules)
+
+    stage.journal.record([entry("fm", AlarmRules("high")), entry("kT", AlarmRules("low", suppressed=True))])
+    waiting = as_recorded(entry("1/Ja", AlarmRules("high")))
+    journal = stage.journal
+    alarms = AlarmsSnapshot(tuple(journal.standing()), (waiting,), 3, tuple(journal.state_counts()))
+    stage.snapshot = replace(stage.snapshot, alarms=alarms)
+    found = values(own(stage))
+    assert found["axiswatch_alarms", "high", "unacknowledged"] == 2
+    assert found["axiswatch_alarms", "low", "suppressed"] == 1
+    assert sum(count for (name, *_), count in found.items() if name == "axiswatch_alarms") == 3
+    hidden = {
+        labels[-1] for labels, value in found.items() if labels[0] == "axiswatch_alarm_hidden" and value
+    }
+    assert hidden == {"kT"}
+    assert found[("axiswatch_alarms_not_recorded",)] == 3
+    assert found["axiswatch_alarm_active", "demo.axis1", "up", "kT"] == 0
+    # A latched alarm is active, though the monitor has none.
+    latched = replace(alarms.standing[1], state=AlarmState.LATCHED, returns_to=None)
+    stage.snapshot = replace(stage.snapshot, alarms=alarms._replace(standing=(latched,)))
+    assert values(own(stage))["axiswatch_alarm_active", "demo.axis1", "up", "kT"] == 1
+    # A shelf that is over hides nothing, though its end cannot be recorded.
+    noon_us = stage.snapshot.taken_us
+    journal.act(1, AlarmEvent.SHELVE, Note(noon_us - 9, "anna"), noon_us)
+    alarms = alarms._replace(standing=tuple(journal.standing()))
+    for later_us, is_hidden in ((-1, 1.0), (0, 0.0)):
+        stage.snapshot = replace(stage.snapshot, alarms=alarms, taken_us=noon_us + later_us)
+        assert values(own(stage))["axiswatch_alarm_hidden", "demo.axis1", "up", "fm"] == is_hidden
 
 
 @pytest.mark.prometheus

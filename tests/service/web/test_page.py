@@ -10,8 +10,11 @@ import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import NotTested, Status
+from monitor_core.monitoring import AlarmEvent, AlarmRules, NotTested, Status
 from service.config.drive_sources import shipped
+from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.store.alarm_transitions import Note
+from service.store.journal import Entry
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from service.web.report_pages import ReportPages
@@ -159,6 +162,61 @@ def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_
         "Alarm: demo.axis1: fm is 0.018 N m s/rad (31 %) above its nominal value"
     )
     expect(page.get_by_role("table", name="Alarms").get_by_role("row")).to_have_count(2)
+
+
+def test_an_alarm_is_acknowledged_shelved_and_shown_again(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto("/")
+    row = page.get_by_role("table", name="Alarms").get_by_role("row").nth(1)
+    expect(row).to_contain_text("unacknowledged, medium priority")
+    row.get_by_role("button", name="Acknowledge").click()
+    form = page.get_by_role("dialog", name="Acknowledge: demo.axis1 fm up")
+    expect(form.get_by_label("Hide for")).to_be_hidden()
+    form.get_by_label("Comment").fill("<b>seen</b>")
+    form.get_by_role("button", name="Acknowledge").click()
+    expect(row).to_contain_text("acknowledged, medium priority")
+    expect(row.get_by_role("button", name="Acknowledge")).to_have_count(0)
+    row.get_by_role("button", name="Shelve").click()
+    form = page.get_by_role("dialog", name="Shelve: demo.axis1 fm up")
+    expect(form.get_by_label("Comment")).to_be_empty()
+    form.get_by_label("Hide for").select_option("3 days")
+    form.get_by_label("Work order").fill("WO-17")
+    form.get_by_role("button", name="Shelve").click()
+    expect(row).to_contain_text("shelved until")
+    expect(row).to_contain_text("work order WO-17")
+    row.get_by_role("button", name="Unshelve").click()
+    form = page.get_by_role("dialog", name="Unshelve: demo.axis1 fm up")
+    form.get_by_role("button", name="Cancel").click()
+    expect(form).to_be_hidden()
+    found = [(t.event, t.comment, t.work_order) for t in stage.journal.transitions(number)]
+    assert found[1:] == [("acknowledge", "<b>seen</b>", ""), ("shelve", "", "WO-17")]
+    alarm = stage.journal.get(number)
+    assert alarm is not None
+    assert alarm.shelved_until_us == stage.now_us + 3 * 86_400_000_000
+
+
+def test_what_is_refused_is_said_in_the_form(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto("/")
+    row = page.get_by_role("table", name="Alarms").get_by_role("row").nth(1)
+    row.get_by_role("button", name="Acknowledge").click()
+    stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, Note(stage.now_us, "somebody else"))
+    form = page.get_by_role("dialog")
+    form.get_by_role("button", name="Acknowledge").click()
+    expect(form.get_by_role("alert")).to_contain_text("not possible: acknowledge; the alarm is acknowledged")
+
+
+def test_an_alarm_that_is_not_yet_recorded_is_shown_without_buttons(
+    page: Page, stage: Stage, fm_alarm: Alarm
+) -> None:
+    waiting = as_recorded(Entry("demo.axis2", "1", 1.0, fm_alarm, AlarmRules("high")))
+    stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(waiting,), waiting=1))
+    page.goto("/")
+    row = page.get_by_role("table", name="Alarms").get_by_role("row").nth(1)
+    expect(row).to_contain_text("active not yet recorded")
+    expect(row).to_contain_text("unacknowledged, high priority")
+    expect(row.get_by_role("button")).to_have_count(0)
+    expect(page.get_by_text("alarms that are not yet recorded: 1")).to_be_visible()
 
 
 def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:

@@ -112,9 +112,18 @@ PATHS = {
     "/api/v1/axes/{axis}/history": "/api/v1/axes/demo.axis1/history",
     "/api/v1/axes/{axis}/trend": "/api/v1/axes/demo.axis1/trend",
     "/api/v1/alarms": "/api/v1/alarms",
+    "/api/v1/alarms/statistics": "/api/v1/alarms/statistics",
     "/api/v1/alarms/{id}": "/api/v1/alarms/1",
     "/healthz": "/healthz",
     "/readyz": "/readyz",
+}
+
+
+ACTIONS = {
+    "acknowledge": {"comment": "seen"},
+    "shelve": {"duration_s": 60},
+    "unshelve": {},
+    "comment": {"work_order": "WO-17"},
 }
 
 
@@ -132,16 +141,37 @@ def test_each_address_answers_as_described(
     stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
     stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))
     answer = client.get(request_path)
-    described = schema["paths"][path]["get"]["responses"][str(answer.status_code)]
-    body = {**schema, **described["content"]["application/json"]["schema"]}
+    obeys_schema(answer, schema["paths"][path]["get"], schema)
+
+
+def obeys_schema(answer: Any, operation: dict[str, Any], schema: dict[str, Any]) -> None:
+    content = operation["responses"][str(answer.status_code)]["content"]
+    body = {**schema, **content[answer.headers["content-type"]]["schema"]}
     obeys = Draft202012Validator(body, format_checker=Draft202012Validator.FORMAT_CHECKER)
     obeys.validate(answer.json())
     assert not obeys.is_valid({**answer.json(), "more": 1})
 
 
+def test_each_action_answers_as_described_also_when_it_is_not_possible(
+    stage: Stage, client: TestClient, schema: dict[str, Any], fm_alarm: Alarm
+) -> None:
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    statuses = []
+    for action, request in (*ACTIONS.items(), *ACTIONS.items()):
+        for number in (1, 7):
+            answer = client.post(f"/api/v1/alarms/{number}/{action}", json=request)
+            obeys_schema(answer, schema["paths"][f"/api/v1/alarms/{{id}}/{action}"]["post"], schema)
+            statuses.append(answer.status_code)
+    assert statuses == [200, 404] * 4 + [409, 404] + [200, 404] * 3
+    past = client.post("/api/v1/alarms/1/shelve", json={"duration_s": -1})
+    obeys_schema(past, schema["paths"]["/api/v1/alarms/{id}/shelve"]["post"], schema)
+    assert past.status_code == 400
+
+
 def test_all_is_explained(schema: dict[str, Any]) -> None:
     """All paths are covered; numbers tell their unit or what they count."""
-    assert set(schema["paths"]) == {*PATHS, "/metrics"}
+    actions = {f"/api/v1/alarms/{{id}}/{action}" for action in ACTIONS}
+    assert set(schema["paths"]) == {*PATHS, *actions, "/metrics"}
     silent = [
         f"{name}.{field}"
         for name, body in schema["components"]["schemas"].items()
@@ -150,6 +180,7 @@ def test_all_is_explained(schema: dict[str, Any]) -> None:
     ]
     assert silent == []
     for path, methods in schema["paths"].items():
-        assert set(methods) == {"get"}, path
-        assert methods["get"]["summary"], path
-        assert methods["get"]["description"], path
+        assert set(methods) == {"post" if path in actions else "get"}, path
+        for described in methods.values():
+            assert described["summary"], path
+            assert described["description"], path

@@ -1,15 +1,18 @@
-"""Alarms on their way to the journal: an alarm is shown once it is on the disk."""
+"""Alarms on their way to the journal: what the disk refuses is shown at once, as not yet recorded."""
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from time import monotonic
 from typing import NamedTuple
 
 import structlog
 
 from monitor_core.detection import Alarm, AlarmKey
-from monitor_core.monitoring import AxisMonitor
+from monitor_core.monitoring import AlarmLife, AlarmRules, AxisMonitor, due
+from service.config import NamedAxis
+from service.store.alarm_statistics import StateCount
 from service.store.database import StoreError
-from service.store.journal import Entry, Journal
+from service.store.journal import Entry, Journal, RecordedAlarm
 from service.texts import episode_words, iso
 
 RETRY_S = 1.0
@@ -51,16 +54,65 @@ def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Qua
     return found
 
 
+def alarm_rules(
+    axes: Iterable[NamedAxis], causes: Iterable[tuple[str, str]]
+) -> dict[tuple[str, str], AlarmRules]:
+    """What the configuration says of the alarms of these axes and causes."""
+    configured = {axis.id: axis.config.alarms for axis in axes}
+    return {(axis_id, cause): configured[axis_id].rules(cause) for axis_id, cause in causes}
+
+
+NOT_RECORDED = 0
+"""In place of the id of an alarm that is not in the journal yet"""
+_PLAIN = AlarmRules()
+
+
+def as_recorded(entry: Entry, alarm_id: int = NOT_RECORDED) -> RecordedAlarm:
+    """An alarm about which no person has done anything, as the journal will have it."""
+    life = AlarmLife()
+    for present in (True, entry.alarm.ended_us is None):
+        life = [life, *(t.after for t in due(life, present, entry.rules))][-1]
+    own = {field.name: getattr(entry.alarm, field.name) for field in fields(Alarm)}
+    return RecordedAlarm(
+        **own,
+        id=alarm_id,
+        axis=entry.axis,
+        unit=entry.unit,
+        nominal=entry.nominal,
+        state=life.state,
+        returns_to=life.returns_to,
+        priority=entry.rules.priority,
+    )
+
+
+class AlarmsSnapshot(NamedTuple):
+    """Life cycle of the alarms at one moment, for API, metrics and page."""
+
+    standing: tuple[RecordedAlarm, ...] = ()
+    """Those in the journal that are active or hidden"""
+    unrecorded: tuple[RecordedAlarm, ...] = ()
+    """Those that the journal does not have yet, oldest first; their id is ``NOT_RECORDED``"""
+    waiting: int = 0
+    """Number of alarms of which the journal does not have all yet"""
+    states: tuple[StateCount, ...] = ()
+    """Number of recorded alarms by state and priority"""
+
+
+NO_ALARMS = AlarmsSnapshot()
+
+
 class Alarms:
-    """Writes changes to the journal and knows which alarms are open there.
+    """Writes changes to the journal, knows which alarms are open, and ends shelves when their time is over.
 
     A change that cannot be written waits and is tried again without limit.  Changes wait in the order of their events;
-    of each alarm only the last change waits, so their number is bounded by the number of alarms.
+    of each alarm only the last change waits, so their number is bounded by the number of alarms.  An alarm that the
+    journal does not have is open all the same; an end, or another name, counts only when it is recorded.
 
     Args:
         journal: where alarms are kept.
         quantities: by axis and parameter.
         clock: seconds, for the time between two tries.
+        rules: what the configuration says of alarms, by axis and parameter.
     """
 
     def __init__(
@@ -68,11 +120,16 @@ class Alarms:
         journal: Journal,
         quantities: Mapping[tuple[str, str], Quantity],
         clock: Callable[[], float] = monotonic,
+        rules: Mapping[tuple[str, str], AlarmRules] | None = None,
     ) -> None:
         self._journal, self._quantities, self._clock = journal, quantities, clock
+        self._rules = rules or {}
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._waiting: dict[tuple[str, AlarmKey], AxisAlarm] = {}
-        self._next_try = -RETRY_S
+        self._refused: set[tuple[str, AlarmKey]] = set()
+        self._next_try = self._next_look = -RETRY_S
+        self._revision = -1
+        self._recorded = NO_ALARMS
         self.problem: str | None = None
         """Why alarms wait, for the operator; None while none wait."""
 
@@ -81,8 +138,9 @@ class Alarms:
         self._open |= {change.key: change for change in open_alarms}
 
     def open(self, axis_id: str) -> tuple[Alarm, ...]:
-        """The alarms of an axis that are open in the journal."""
-        return tuple(change.alarm for key, change in self._open.items() if key[0] == axis_id)
+        """The open alarms of an axis: those of the journal, and those that it does not have yet."""
+        changes = [*self._open.values(), *(c for c in self._unrecorded() if c.alarm.ended_us is None)]
+        return tuple(change.alarm for change in changes if change.axis_id == axis_id)
 
     def record(self, changes: Iterable[AxisAlarm]) -> None:
         """Add changes, and write all waiting ones, unless the last try has failed a moment ago."""
@@ -91,17 +149,49 @@ class Alarms:
         if self._waiting and self._clock() >= self._next_try:
             self._write()
 
+    def snapshot(self, now_us: int) -> AlarmsSnapshot:
+        """The life cycle of all alarms now; what persons have done since the last time is in it.
+
+        Args:
+            now_us: the time now; shelves that are over then end.
+        """
+        over = any(a.life.at(now_us) != a.life for a in self._recorded.standing)
+        if self._clock() >= self._next_look and (over or self._revision != self._journal.revision):
+            self._look(now_us, over)
+        unrecorded = tuple(as_recorded(self._entry(change)) for change in self._unrecorded())
+        return self._recorded._replace(unrecorded=unrecorded, waiting=len(self._waiting))
+
+    def _look(self, now_us: int, over: bool) -> None:
+        """Read the states in the journal, after the end of shelves that are over; a failure is tried again later."""
+        try:
+            if over:
+                self._journal.end_shelves(now_us)
+            revision = self._journal.revision
+            standing, states = self._journal.standing(), self._journal.state_counts()
+        except StoreError as error:
+            if self._next_look < 0:
+                log.error("the states of the alarms are not up to date", reason=str(error))
+            self._next_look = self._clock() + RETRY_S
+            return
+        self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states))
+        self._revision, self._next_look = revision, -RETRY_S
+
+    def _unrecorded(self) -> list[AxisAlarm]:
+        return [change for key, change in self._waiting.items() if key not in self._open]
+
     def _write(self) -> None:
         changes = list(self._waiting.values())
         try:
             self._journal.record([self._entry(change) for change in changes])
         except StoreError as error:
             self._next_try = self._clock() + RETRY_S
-            if self.problem is None:
-                log.error("alarms cannot be recorded", reason=str(error), alarms=_words(changes))
+            if new := [change for change in changes if change.key not in self._refused]:
+                log.error("alarms cannot be recorded", reason=str(error), alarms=_words(new))
+                self._refused |= {change.key for change in new}
             self.problem = f"{_words(changes)}: cannot be recorded yet, is tried again: {error}"
             return
         self._waiting.clear()
+        self._refused.clear()
         self.problem = None
         for change in changes:
             self._show(change)
@@ -122,7 +212,8 @@ class Alarms:
 
     def _entry(self, change: AxisAlarm) -> Entry:
         unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]
-        return Entry(change.axis_id, unit, nominal, change.alarm)
+        rules = self._rules.get((change.axis_id, change.alarm.parameter), _PLAIN)
+        return Entry(change.axis_id, unit, nominal, change.alarm, rules)
 
     def _facts(self, change: AxisAlarm) -> dict[str, object]:
         e, quantity = change.alarm, self._quantities[change.axis_id, change.alarm.parameter]

@@ -1,0 +1,198 @@
+"""A client of a running daemon: its alarms, and its state, over REST."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
+
+if TYPE_CHECKING:
+    import httpx
+
+TIMEOUT_S = 10.0
+
+
+class ClientError(Exception):
+    """The daemon refuses the request, or does not answer; the text says why.
+
+    ``status`` is that of the answer; None: there was none.
+    """
+
+    def __init__(self, text: str, status: int | None = None) -> None:
+        self.status = status
+        super().__init__(text)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the request was at fault, and not the daemon."""
+        return self.status is not None and 400 <= self.status < 500
+
+
+class TransitionJson(TypedDict):
+    """What has happened to an alarm (the API's AlarmTransition)."""
+
+    at: str
+    event: str
+    from_state: str
+    to_state: str
+    until: str | None
+    who: str
+    comment: str | None
+    work_order: str | None
+
+
+class AlarmJson(TypedDict):
+    """An alarm (the API's Alarm, which has more)."""
+
+    id: int | None
+    recorded: bool
+    axis: str
+    parameter: str
+    direction: str
+    state: str
+    priority: str
+    shelved_until: str | None
+    work_order: str | None
+    words: str
+    raised: str
+    ended: str | None
+
+
+class AlarmRecordJson(AlarmJson):
+    """An alarm with all that has happened to it."""
+
+    transitions: list[TransitionJson]
+
+
+class AlarmsJson(TypedDict):
+    """A page of alarms."""
+
+    total: int
+    alarms: list[AlarmJson]
+
+
+class ServiceJson(TypedDict):
+    """The daemon itself (the API's Service)."""
+
+    version: str
+    ready: bool
+    reasons: list[str]
+    messages: list[str]
+    started: str
+
+
+class AlarmText(NamedTuple):
+    """What a person writes about an alarm."""
+
+    comment: str = ""
+    work_order: str = ""
+
+
+NOTHING = AlarmText()
+
+
+class Client:
+    """Requests to the daemon at an address; to be used in a ``with`` block.
+
+    Args:
+        url: of the daemon, e.g. http://127.0.0.1:8080.
+        token: sent as a bearer token; empty: none.
+
+    Every method raises ClientError.
+    """
+
+    def __init__(self, url: str, token: str = "") -> None:
+        import httpx  # here, so that the help of a command need not wait for it
+
+        headers = {"authorization": f"Bearer {token}"} if token else {}
+        try:
+            self._http: httpx.Client = httpx.Client(base_url=url, headers=headers, timeout=TIMEOUT_S)
+        except (httpx.InvalidURL, UnicodeError, ValueError) as error:
+            raise ClientError(f"{url}: {error}; an address is http://HOST:PORT", 400) from error
+        self._url = url
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._http.close()
+
+    def service(self) -> ServiceJson:
+        """Version, readiness, messages."""
+        found: ServiceJson = self._ask("GET", "service")
+        return found
+
+    def alarms(self, **filters: str | int | None) -> AlarmsJson:
+        """Alarms, the latest first; the filters are those of GET /api/v1/alarms."""
+        query = {name: value for name, value in filters.items() if value is not None}
+        found: AlarmsJson = self._ask("GET", "alarms", query=query)
+        return found
+
+    def alarm(self, alarm_id: int) -> AlarmRecordJson:
+        """One alarm."""
+        found: AlarmRecordJson = self._ask("GET", f"alarms/{alarm_id}")
+        return found
+
+    def acknowledge(self, alarm_id: int, text: AlarmText = NOTHING) -> AlarmRecordJson:
+        """Acknowledge an alarm."""
+        return self._act(alarm_id, "acknowledge", text)
+
+    def shelve(
+        self,
+        alarm_id: int,
+        duration_s: float | None = None,
+        until: str | None = None,
+        text: AlarmText = NOTHING,
+    ) -> AlarmRecordJson:
+        """Hide an alarm, for a time [s] or until a time (ISO 8601 with time zone)."""
+        end = {"duration_s": duration_s} if until is None else {"until": until}
+        return self._act(alarm_id, "shelve", text, end)
+
+    def unshelve(self, alarm_id: int, text: AlarmText = NOTHING) -> AlarmRecordJson:
+        """Show an alarm again."""
+        return self._act(alarm_id, "unshelve", text)
+
+    def comment(self, alarm_id: int, text: AlarmText) -> AlarmRecordJson:
+        """Add a comment or the number of a work order."""
+        return self._act(alarm_id, "comment", text)
+
+    def _act(
+        self,
+        alarm_id: int,
+        action: Literal["acknowledge", "shelve", "unshelve", "comment"],
+        text: AlarmText,
+        more: Mapping[str, object] | None = None,
+    ) -> AlarmRecordJson:
+        body = {**text._asdict(), **(more or {})}
+        found: AlarmRecordJson = self._ask("POST", f"alarms/{alarm_id}/{action}", body=body)
+        return found
+
+    def _ask(
+        self,
+        method: str,
+        path: str,
+        query: Mapping[str, str | int] | None = None,
+        body: Mapping[str, object] | None = None,
+    ) -> Any:
+        import httpx
+
+        try:
+            answer = self._http.request(method, f"/api/v1/{path}", params=query, json=body)
+            found = answer.json()
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise ClientError(f"{self._url} does not answer ({error}); does the daemon run there?") from error
+        except ValueError as error:
+            message = f"{self._url} is no axiswatch: it answers {answer.status_code} without JSON"
+            raise ClientError(message) from error
+        if answer.is_error:
+            raise ClientError(_reason(found), answer.status_code)
+        return found
+
+
+def _reason(problem: Any) -> str:
+    """Why a request was refused: problem details, or the errors of a body that is not as described."""
+    detail = problem.get("detail") if isinstance(problem, dict) else None
+    if isinstance(detail, list):
+        return "; ".join(
+            f"{'.'.join(map(str, error['loc'][1:]))}: {error['msg']}".removeprefix(": ") for error in detail
+        )
+    return str(detail or problem)

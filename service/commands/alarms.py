@@ -1,0 +1,212 @@
+"""``axiswatch alarms``: the alarms of a running daemon, and what a person does about them."""
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal
+
+import typer
+
+from service.client import AlarmJson, AlarmRecordJson, AlarmText, Client
+from service.commands.exit_codes import EPILOG, explained
+from service.config.base_table import seconds_in
+
+Url = Annotated[
+    str,
+    typer.Option("--url", envvar="AXISWATCH_URL", metavar="URL", help="Address of the daemon."),
+]
+Token = Annotated[
+    str,
+    typer.Option(
+        "--token",
+        envvar="AXISWATCH_TOKEN",
+        metavar="TOKEN",
+        help="Token of the daemon; better in the environment, as other users can see the words of a command.",
+        show_default=False,
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the answer of the API as JSON.")]
+AlarmIds = Annotated[list[int], typer.Argument(metavar="ID...", help="Numbers of the alarms.")]
+Comment = Annotated[
+    str, typer.Option("--comment", metavar="TEXT", help="For the journal.", show_default=False)
+]
+WorkOrder = Annotated[
+    str,
+    typer.Option("--work-order", metavar="NUMBER", help="In the plant's system.", show_default=False),
+]
+AlarmStateName = Literal[
+    "active", "unacknowledged", "acknowledged", "returned", "latched", "shelved", "suppressed",
+    "out-of-service", "normal", "stale", "chattering",
+]  # fmt: skip
+
+DEFAULT_URL = "http://127.0.0.1:8080"
+
+alarms = typer.Typer(
+    help="Alarms of a running daemon: list, show, acknowledge, shelve, comment.",
+    epilog=EPILOG,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+
+
+@alarms.command("list")
+def list_alarms(
+    state: Annotated[
+        AlarmStateName | None,
+        typer.Option(
+            "--state",
+            help="Only these; active: not ended, or latched; stale: for more than 24 hours; chattering: three times"
+            " within ten minutes.",
+            show_default=False,
+        ),
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option("--axis", metavar="ROBOT.AXIS", help="Only of this axis.")
+    ] = None,
+    limit: Annotated[int, typer.Option("--limit", min=1, max=1000, help="At most this number.")] = 100,
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """List alarms, the latest first."""
+    with explained(), Client(url, token) as client:
+        found = client.alarms(state=state, axis=axis, limit=limit)
+    if as_json:
+        _print_json(found)
+        return
+    for alarm in found["alarms"]:
+        print(_line(alarm))
+    left = found["total"] - len(found["alarms"])
+    if left > 0:
+        print(f"{left} more")
+    if not found["alarms"]:
+        print("no alarm" if state is None else f"no alarm is {state}")
+
+
+@alarms.command()
+def show(
+    alarm_id: Annotated[int, typer.Argument(metavar="ID", help="Number of the alarm.")],
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Show an alarm, and all that has happened to it."""
+    with explained(), Client(url, token) as client:
+        found = client.alarm(alarm_id)
+    if as_json:
+        _print_json(found)
+        return
+    print(_line(found))
+    for t in found["transitions"]:
+        words = [f"  {_time(t['at'])}  {t['event']} by {t['who']}: {t['to_state']}"]
+        words += [f"until {_time(t['until'])}"] if t["until"] and t["event"] == "shelve" else []
+        words += [f"({text})" for text in (t["comment"], t["work_order"]) if text]
+        print(" ".join(words))
+
+
+@alarms.command()
+def ack(
+    alarm_ids: AlarmIds,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Acknowledge alarms."""
+    text = AlarmText(comment, work_order)
+    _each(alarm_ids, url, token, as_json, lambda client, number: client.acknowledge(number, text))
+
+
+@alarms.command()
+def shelve(
+    alarm_ids: AlarmIds,
+    duration: Annotated[
+        str | None,
+        typer.Option("--for", metavar="TIME", help="How long: 8h, 3d, 30min.", show_default=False),
+    ] = None,
+    until: Annotated[
+        str | None,
+        typer.Option("--until", metavar="TIME", help="2026-03-01T14:00:00Z, instead.", show_default=False),
+    ] = None,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Hide alarms for a time, at most seven days; each comes back by itself."""
+    if (duration is None) == (until is None):
+        raise typer.BadParameter("give one of --for and --until")
+    try:
+        seconds = None if duration is None else seconds_in(duration)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--for") from None
+    text = AlarmText(comment, work_order)
+    _each(alarm_ids, url, token, as_json, lambda client, number: client.shelve(number, seconds, until, text))
+
+
+@alarms.command()
+def unshelve(
+    alarm_ids: AlarmIds,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Show alarms again before their time is over."""
+    text = AlarmText(comment, work_order)
+    _each(alarm_ids, url, token, as_json, lambda client, number: client.unshelve(number, text))
+
+
+@alarms.command("comment")
+def comment_alarm(
+    alarm_ids: AlarmIds,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Add a comment, the number of a work order, or both, to alarms of any state."""
+    if not comment and not work_order:
+        raise typer.BadParameter("give --comment, --work-order or both")
+    text = AlarmText(comment, work_order)
+    _each(alarm_ids, url, token, as_json, lambda client, number: client.comment(number, text))
+
+
+def _each(
+    alarm_ids: Sequence[int],
+    url: str,
+    token: str,
+    as_json: bool,
+    action: Callable[[Client, int], AlarmRecordJson],
+) -> None:
+    """Do it for each alarm; the first that is refused ends it."""
+    with explained(), Client(url, token) as client:
+        for number in alarm_ids:
+            found = action(client, number)
+            if as_json:
+                _print_json(found)
+            else:
+                print(_line(found))
+
+
+def _print_json(found: Any) -> None:
+    print(json.dumps(found, indent=1, ensure_ascii=False))
+
+
+def _line(a: AlarmJson) -> str:
+    """An alarm in two lines: what is done about it, and what it says."""
+    number = "not yet recorded" if a["id"] is None else f"{a['id']}"
+    state = a["state"] + (f" until {_time(a['shelved_until'])}" if a["shelved_until"] else "")
+    ended = f", ended {_time(a['ended'])}" if a["ended"] else ""
+    order = f", work order {a['work_order']}" if a["work_order"] else ""
+    head = f"{number}  {a['axis']} {a['parameter']} {a['direction']}: {state}, {a['priority']} priority"
+    return f"{head}, raised {_time(a['raised'])}{ended}{order}\n    {a['words']}"
+
+
+def _time(iso: str | None) -> str:
+    return "" if iso is None else f"{iso[:10]} {iso[11:19]} UTC"

@@ -1,0 +1,106 @@
+"""How much the alarms ask of an operator: rates as in EEMUA 191 and ISA-18.2, stale and chattering alarms."""
+
+import sqlite3
+from collections import Counter
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from monitor_core.monitoring import ACTIVE_STATES, AlarmState, Priority
+
+STALE_S = 86400.0
+"""An alarm that is shown and active for longer is stale (ISA-18.2: 24 hours)."""
+CHATTERING_TIMES = 3
+CHATTERING_S = 600.0
+"""An alarm that is raised this often within this time chatters.  ISA-18.2 names three times in one minute as a first
+choice; here an alarm ends only after three memory lengths without a crossing, so a minute would hardly hold three."""
+RATE_S = 600.0
+"""EEMUA 191 counts alarms in ten minutes: one in the mean is acceptable, more than ten are a flood."""
+FLOOD = 10
+MOST_FREQUENT = 10
+
+ACTIVE = f"coalesce(returns_to, state) IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
+"""Condition of SQL: the cause is there, or the alarm is latched"""
+STALE = (
+    f"state IN ({', '.join(repr(str(s)) for s in ACTIVE_STATES)}) AND coalesce(reopened_us, raised_us) <= ?"
+)
+"""Condition of SQL, with the time before which it was raised"""
+CHATTERING = f"""id IN (SELECT alarm_id FROM (
+    SELECT t.alarm_id, t.at_us - lag(t.at_us, {CHATTERING_TIMES - 1}) OVER (
+        PARTITION BY axis, parameter, direction ORDER BY t.at_us) AS span_us
+    FROM alarm_transition t JOIN alarm a ON a.id = t.alarm_id WHERE t.event = 'raise'
+) WHERE span_us <= {round(CHATTERING_S * 1e6)})"""
+"""Condition of SQL: with this alarm its name came the third time within ten minutes"""
+
+
+class Frequency(NamedTuple):
+    """How often the alarms of a name were raised."""
+
+    axis: str
+    parameter: str
+    direction: str
+    alarms: int
+
+
+class StateCount(NamedTuple):
+    """Number of alarms in a state other than normal."""
+
+    state: AlarmState
+    priority: Priority
+    alarms: int
+
+
+class AlarmStatistics(NamedTuple):
+    """Alarms raised in a time.  A shelved or suppressed alarm counts as raised, but not as announced."""
+
+    since_us: int
+    until_us: int
+    raised: int
+    announced: int
+    mean_per_ten_minutes: float
+    most_in_ten_minutes: int
+    most_at_us: int | None
+    """When the ten minutes with the most alarms began"""
+    flood_share: float
+    """Share of the ten minutes that had more than ten alarms"""
+    most_frequent: tuple[Frequency, ...]
+    states: tuple[StateCount, ...]
+    """Now"""
+
+
+def statistics(connection: sqlite3.Connection, since_us: int, until_us: int) -> AlarmStatistics:
+    """Alarms raised at or after ``since_us`` and before ``until_us``."""
+    rows = connection.execute(
+        "SELECT t.at_us, t.to_state, axis, parameter, direction FROM alarm_transition t"
+        " JOIN alarm a ON a.id = t.alarm_id WHERE t.event = 'raise' AND t.at_us >= ? AND t.at_us < ?",
+        [since_us, until_us],
+    ).fetchall()
+    announced = [at_us for at_us, state, *_ in rows if state == AlarmState.UNACKNOWLEDGED]
+    width_us = round(RATE_S * 1e6)
+    bins = Counter((at_us - since_us) // width_us for at_us in announced)
+    fullest, most = min(bins.items(), key=lambda found: (-found[1], found[0]), default=(None, 0))
+    number = max(1.0, (until_us - since_us) / width_us)
+    return AlarmStatistics(
+        since_us,
+        until_us,
+        raised=len(rows),
+        announced=len(announced),
+        mean_per_ten_minutes=len(announced) / number,
+        most_in_ten_minutes=most,
+        most_at_us=None if fullest is None else since_us + fullest * width_us,
+        flood_share=sum(count > FLOOD for count in bins.values()) / number,
+        most_frequent=_most_frequent(tuple(name) for _, _, *name in rows),
+        states=tuple(state_counts(connection)),
+    )
+
+
+def _most_frequent(names: Iterable[tuple[str, ...]]) -> tuple[Frequency, ...]:
+    counts = sorted(Counter(names).items(), key=lambda found: (-found[1], found[0]))[:MOST_FREQUENT]
+    return tuple(
+        Frequency(axis, parameter, direction, count) for (axis, parameter, direction), count in counts
+    )
+
+
+def state_counts(connection: sqlite3.Connection) -> list[StateCount]:
+    """Number of alarms by state and priority; those that are normal are left out."""
+    query = "SELECT state, priority, count(*) FROM alarm WHERE state <> 'normal' GROUP BY state, priority"
+    return [StateCount(AlarmState(state), priority, n) for state, priority, n in connection.execute(query)]

@@ -1,0 +1,112 @@
+"""The life cycle of recorded alarms in SQLite: each transition is a row, written with the state that it changes."""
+
+import sqlite3
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmState, Transition, transition
+
+MIGRATION = """
+    ALTER TABLE alarm ADD COLUMN state TEXT NOT NULL DEFAULT 'normal';
+    ALTER TABLE alarm ADD COLUMN returns_to TEXT;
+    ALTER TABLE alarm ADD COLUMN shelved_until_us INTEGER;
+    ALTER TABLE alarm ADD COLUMN priority TEXT NOT NULL DEFAULT 'medium';
+    ALTER TABLE alarm ADD COLUMN work_order TEXT NOT NULL DEFAULT '';
+    CREATE TABLE alarm_transition (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        alarm_id INTEGER NOT NULL REFERENCES alarm (id),
+        at_us INTEGER NOT NULL,
+        event TEXT NOT NULL,
+        from_state TEXT NOT NULL,
+        to_state TEXT NOT NULL,
+        until_us INTEGER,
+        who TEXT NOT NULL,
+        comment TEXT NOT NULL,
+        work_order TEXT NOT NULL
+    ) STRICT;
+    CREATE INDEX alarm_transition_by_alarm ON alarm_transition (alarm_id);
+    CREATE INDEX alarm_transition_by_time ON alarm_transition (event, at_us);
+    CREATE INDEX alarm_by_state ON alarm (state, priority) WHERE state <> 'normal';
+    UPDATE alarm SET state = 'unacknowledged' WHERE ended_us IS NULL;
+    INSERT INTO alarm_transition
+        (alarm_id, at_us, event, from_state, to_state, who, comment, work_order)
+        SELECT id, raised_us, 'raise', 'normal', 'unacknowledged', 'axiswatch', '', ''
+        FROM alarm WHERE ended_us IS NULL;
+"""
+"""An alarm of an earlier version that is active was acknowledged by nobody."""
+
+SERVICE = "axiswatch"
+CONFIGURATION = "configuration"
+"""Who has done it, where it was no person."""
+
+_BY_RULE = (AlarmEvent.SUPPRESS, AlarmEvent.UNSUPPRESS, AlarmEvent.REMOVE, AlarmEvent.RETURN)
+
+
+class Note(NamedTuple):
+    """When and by whom a transition was made, and what was written about it."""
+
+    at_us: int
+    who: str
+    comment: str = ""
+    work_order: str = ""
+
+
+class RecordedTransition(NamedTuple):
+    """A transition in the journal.  ``until_us``: end of a shelf."""
+
+    at_us: int
+    event: AlarmEvent
+    from_state: AlarmState
+    to_state: AlarmState
+    until_us: int | None
+    who: str
+    comment: str
+    work_order: str
+
+
+def take(connection: sqlite3.Connection, alarm_id: int, changes: Iterable[Transition], note: Note) -> None:
+    """Record transitions of an alarm, and its state after them."""
+    for change in changes:
+        after = change.after
+        values = {
+            "alarm": alarm_id,
+            "at": note.at_us,
+            "event": change.event,
+            "before": change.before.state,
+            "after": after.state,
+            "until": after.until_us,
+            "below": after.returns_to,
+            "who": CONFIGURATION if change.event in _BY_RULE else note.who,
+            "comment": note.comment,
+            "work_order": note.work_order,
+        }
+        connection.execute(
+            "INSERT INTO alarm_transition"
+            " (alarm_id, at_us, event, from_state, to_state, until_us, who, comment, work_order)"
+            " VALUES (:alarm, :at, :event, :before, :after, :until, :who, :comment, :work_order)",
+            values,
+        )
+        connection.execute(
+            "UPDATE alarm SET state = :after, returns_to = :below, shelved_until_us = :until,"
+            " work_order = CASE :work_order WHEN '' THEN work_order ELSE :work_order END WHERE id = :alarm",
+            values,
+        )
+
+
+def taken(connection: sqlite3.Connection, alarm_id: int) -> list[RecordedTransition]:
+    """The transitions of an alarm, oldest first."""
+    columns = ", ".join(RecordedTransition._fields)
+    query = f"SELECT {columns} FROM alarm_transition WHERE alarm_id = ? ORDER BY id"
+    return [
+        RecordedTransition(at_us, AlarmEvent(event), AlarmState(before), AlarmState(after), *rest)
+        for at_us, event, before, after, *rest in connection.execute(query, [alarm_id])
+    ]
+
+
+def end_shelf(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife, now_us: int) -> AlarmLife:
+    """Record the end of a shelf that is over; the state then."""
+    if life.at(now_us) == life:
+        return life
+    ended = transition(life, AlarmEvent.SHELF_ENDED)
+    take(connection, alarm_id, [ended], Note(life.until_us or now_us, SERVICE))
+    return ended.after

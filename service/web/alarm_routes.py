@@ -1,0 +1,186 @@
+"""REST under /api/v1/alarms: the alarm journal, and what persons do about alarms."""
+
+import re
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Query
+from pydantic import AwareDatetime, BeforeValidator
+
+from monitor_core.monitoring import AlarmEvent
+from service.store.alarm_statistics import STALE_S
+from service.store.alarm_transitions import Note
+from service.store.journal import AlarmFilter, RecordedAlarm, UnknownAlarmError
+from service.texts import microseconds
+from service.web import models, views
+from service.web.access import Scope, needs
+from service.web.app_state import AppState
+from service.web.problem_details import UnknownResourceError, described
+
+_NOT_FOUND = described(404, "It does not exist")
+_NO_JOURNAL = described(503, "The alarm journal cannot be read or written")
+_CONFLICT = described(409, "Not possible in the present state of the alarm, e.g. acknowledged twice")
+_NO_SHELF = described(400, "The end of the shelf is not in the future, or more than seven days in it")
+_LARGEST_ID = 2**63 - 1
+_WEEK_US = 7 * 86_400_000_000
+
+_DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
+
+
+def _date_and_time(text: str) -> str:
+    """A text that begins as a time does; pydantic takes a number for seconds or milliseconds since 1970.
+
+    Raises:
+        ValueError: it does not.
+    """
+    if not _DATE_AND_TIME.match(text):
+        raise ValueError("must be ISO 8601 with time zone: 2026-03-01T12:00:00Z, or +01:00 as %2B01:00")
+    return text
+
+
+Moment = Annotated[
+    Annotated[AwareDatetime, BeforeValidator(_date_and_time)] | None,
+    Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z; in an address + is %2B"),
+]
+AlarmId = Annotated[int, Path(alias="id", ge=1, le=_LARGEST_ID)]
+
+
+Caller = Annotated[str, Depends(needs(Scope.OPERATE))]
+
+
+class AlarmFilters:
+    """The filters of the list of alarms."""
+
+    def __init__(
+        self,
+        axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
+        parameter: Annotated[str | None, Query(description="only of this parameter")] = None,
+        active: Annotated[bool | None, Query(description="true: not ended, or latched; false: ended")] = None,
+        state: Annotated[
+            AlarmFilter | None,
+            Query(
+                description="only in this state; active: not ended, or latched; stale: shown and active for more than"
+                " 24 hours; chattering: with it, alarms of its name were raised three times within ten minutes"
+            ),
+        ] = None,
+        since: Moment = None,
+        until: Moment = None,
+    ) -> None:
+        self.axis, self.parameter, self.active, self.state = axis, parameter, active, state
+        self.since_us, self.until_us = microseconds(since), microseconds(until)
+
+    def match(self, a: RecordedAlarm, now_us: int) -> bool:
+        """Whether an alarm that the journal does not have yet is asked for."""
+        shown = a.active and not a.life.hidden
+        special = {
+            "active": a.active,
+            "stale": shown and a.since_us <= now_us - STALE_S * 1e6,
+            "chattering": False,
+        }
+        return (
+            self.axis in (None, a.axis)
+            and self.parameter in (None, a.parameter)
+            and self.active in (None, a.active)
+            and (self.state is None or special.get(self.state, a.state == self.state))
+            and (self.since_us is None or a.raised_us >= self.since_us)
+            and (self.until_us is None or a.raised_us < self.until_us)
+        )
+
+
+def router(state: AppState) -> APIRouter:
+    """The routes below /api/v1/alarms."""
+    api = APIRouter(prefix="/alarms")
+
+    @api.get("", summary="Alarms", responses=_NO_JOURNAL)
+    def alarms(
+        filters: Annotated[AlarmFilters, Depends()],
+        limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 100,
+        offset: Annotated[int, Query(ge=0, le=_LARGEST_ID, description="number to skip")] = 0,
+    ) -> models.Alarms:
+        """Alarms raised at or after since and before until: those not yet recorded, then the others, latest first."""
+        now_us, f = state.now_us(), filters
+        waiting = [a for a in reversed(state.snapshot().alarms.unrecorded) if f.match(a, now_us)]
+        first = waiting[offset : offset + limit]
+        recorded, total = state.journal.query(
+            f.axis,
+            f.parameter,
+            f.active,
+            f.since_us,
+            f.until_us,
+            limit - len(first),
+            max(0, offset - len(waiting)),
+            f.state,
+            now_us,
+        )
+        found = [views.alarm(a, now_us) for a in (*first, *recorded)]
+        return models.Alarms(total=total + len(waiting), limit=limit, offset=offset, alarms=found)
+
+    @api.get("/statistics", summary="Alarm statistics", responses=_NO_JOURNAL)
+    def statistics(since: Moment = None, until: Moment = None) -> models.AlarmStatistics:
+        """Alarms per ten minutes and the most frequent ones, from since (seven days before until) to until (now)."""
+        end_us = microseconds(until)
+        end_us = state.now_us() if end_us is None else end_us
+        begin_us = microseconds(since)
+        return views.alarm_statistics(
+            state.journal.statistics(end_us - _WEEK_US if begin_us is None else begin_us, end_us)
+        )
+
+    @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
+    def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
+        """One alarm of the journal, with all that has happened to it."""
+        found = state.journal.get(alarm_id)
+        if found is None:
+            raise _unknown(state, alarm_id)
+        return _record(state, found)
+
+    api.include_router(_actions(state))
+    return api
+
+
+def _actions(state: AppState) -> APIRouter:
+    """What a person does about an alarm; each answers with the alarm then."""
+    api = APIRouter(prefix="/{id}", responses=_NOT_FOUND | _NO_JOURNAL)
+
+    def act(
+        alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
+    ) -> models.AlarmRecord:
+        note = Note(state.now_us(), who, body.comment, body.work_order)
+        try:
+            return _record(state, state.journal.act(alarm_id, event, note, until_us))
+        except UnknownAlarmError:
+            raise _unknown(state, alarm_id) from None
+
+    @api.post("/acknowledge", summary="Acknowledge an alarm", responses=_CONFLICT)
+    def acknowledge(alarm_id: AlarmId, body: models.AlarmNote, who: Caller) -> models.AlarmRecord:
+        """A person knows of the alarm; a latched one ends."""
+        return act(alarm_id, AlarmEvent.ACKNOWLEDGE, who, body)
+
+    @api.post("/shelve", summary="Shelve an alarm", responses=_CONFLICT | _NO_SHELF)
+    def shelve(alarm_id: AlarmId, body: models.AlarmShelf, who: Caller) -> models.AlarmRecord:
+        """Hide an alarm, and the next ones of its axis, parameter and direction, until a time."""
+        until_us = microseconds(body.until)
+        if body.duration_s is not None:
+            until_us = state.now_us() + round(body.duration_s * 1e6)
+        return act(alarm_id, AlarmEvent.SHELVE, who, body, until_us)
+
+    @api.post("/unshelve", summary="Unshelve an alarm", responses=_CONFLICT)
+    def unshelve(alarm_id: AlarmId, body: models.AlarmNote, who: Caller) -> models.AlarmRecord:
+        """Show an alarm again, and all others of its axis, parameter and direction."""
+        return act(alarm_id, AlarmEvent.UNSHELVE, who, body)
+
+    @api.post("/comment", summary="Comment on an alarm")
+    def comment(alarm_id: AlarmId, body: models.AlarmComment, who: Caller) -> models.AlarmRecord:
+        """Add a comment, the number of a work order, or both, to any alarm."""
+        return act(alarm_id, AlarmEvent.COMMENT, who, body)
+
+    return api
+
+
+def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
+    return views.alarm_record(found, state.journal.transitions(found.id), state.now_us())
+
+
+def _unknown(state: AppState, alarm_id: int) -> UnknownResourceError:
+    latest, total = state.journal.query(limit=10)
+    return UnknownResourceError(
+        f"no alarm {alarm_id}; the journal holds {total}", [str(a.id) for a in latest]
+    )

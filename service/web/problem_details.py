@@ -1,0 +1,53 @@
+"""Failed requests: problem details of RFC 9457, in answers and in the schema."""
+
+from collections.abc import Iterable, Mapping
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.responses import JSONResponse
+
+from service.web.models import Problem
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class UnknownResourceError(Exception):
+    """The resource does not exist; ``known`` lists those that do."""
+
+    def __init__(self, detail: str, known: Iterable[str]) -> None:
+        self.detail, self.known = detail, tuple(known)
+        super().__init__(detail)
+
+
+def answer(
+    status: int, detail: str, known: Iterable[str] = (), headers: Mapping[str, str] | None = None
+) -> JSONResponse:
+    """The answer to a request that has failed."""
+    title = HTTPStatus(status).phrase
+    problem = Problem(title=title, status=status, detail=detail, known=list(known))
+    return JSONResponse(problem.model_dump(), status_code=status, headers=headers, media_type=MEDIA_TYPE)
+
+
+def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
+    """Such an answer in the schema of an address."""
+    content = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{Problem.__name__}"}}}
+    return {status: {"description": description, "content": content}}
+
+
+PROTECTED = described(401, "There are tokens, and none was given, or an unknown one") | described(
+    403, "Its scope is too small"
+)
+"""What every address that is not open to all may answer"""
+
+
+def add_to_schema(app: FastAPI) -> None:
+    """Put the body of these answers among the others: FastAPI adds only bodies in plain JSON."""
+    described_alone = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        schema = described_alone()
+        schema["components"]["schemas"][Problem.__name__] = Problem.model_json_schema()
+        return schema
+
+    app.openapi = openapi  # type: ignore[method-assign]

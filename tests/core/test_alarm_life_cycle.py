@@ -1,0 +1,197 @@
+"""The life cycle of an alarm against the diagram of ISA-18.2: what is legal, what is not, and replay of the journal."""
+
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from monitor_core.monitoring import (
+    ACTIVE_STATES,
+    HIDDEN_STATES,
+    MAX_SHELF_S,
+    AlarmEvent,
+    AlarmLife,
+    AlarmRules,
+    AlarmState,
+    AlarmTransitionError,
+    ShelfEndError,
+    Transition,
+    check_shelf,
+    due,
+    replayed,
+    transition,
+)
+
+S, E = AlarmState, AlarmEvent
+PERSON = (E.ACKNOWLEDGE, E.SHELVE, E.UNSHELVE, E.COMMENT)
+
+ARROWS = """
+normal raise unacknowledged
+returned raise unacknowledged
+latched raise unacknowledged
+unacknowledged clear returned
+acknowledged clear normal
+unacknowledged latch latched
+acknowledged latch latched
+unacknowledged acknowledge acknowledged
+returned acknowledge normal
+latched acknowledge normal
+"""
+"""The arrows between shown states, transcribed from the diagram of the standard."""
+
+
+def test_the_arrows_between_shown_states_are_those_of_the_standard() -> None:
+    drawn = {tuple(line.split()) for line in ARROWS.split("\n") if line}
+    found = set()
+    for before in set(S) - set(HIDDEN_STATES):
+        for event in (E.RAISE, E.CLEAR, E.LATCH, E.ACKNOWLEDGE):
+            try:
+                found.add((before, event, transition(AlarmLife(before), event).after.state))
+            except AlarmTransitionError:
+                continue
+    assert found == drawn
+
+
+@pytest.mark.parametrize("below", sorted(set(S) - set(HIDDEN_STATES)))
+def test_what_hides_an_alarm_gives_it_back_as_it_was(below: AlarmState) -> None:
+    life = AlarmLife(below)
+    pairs = [
+        (E.SHELVE, E.UNSHELVE),
+        (E.SHELVE, E.SHELF_ENDED),
+        (E.SUPPRESS, E.UNSUPPRESS),
+        (E.REMOVE, E.RETURN),
+    ]
+    for hide, show in pairs:
+        hidden = transition(life, hide, 5 if hide is E.SHELVE else None).after
+        assert (hidden.hidden, hidden.below, hidden.active) == (True, below, life.active)
+        assert transition(hidden, show).after == life
+    assert transition(AlarmLife(S.SHELVED, below, 5), E.REMOVE).after == AlarmLife(S.OUT_OF_SERVICE, below)
+
+
+def test_a_hidden_alarm_follows_its_cause_and_is_not_acknowledged() -> None:
+    shelved = AlarmLife(S.SHELVED, S.UNACKNOWLEDGED, 10)
+    gone = transition(shelved, E.CLEAR).after
+    assert gone == AlarmLife(S.SHELVED, S.NORMAL, 10)
+    assert transition(gone, E.RAISE).after == shelved
+    with pytest.raises(AlarmTransitionError, match="acknowledge; the alarm is shelved: unshelve it first"):
+        transition(shelved, E.ACKNOWLEDGE)
+    with pytest.raises(AlarmTransitionError, match="shelve; the alarm is suppressed: the configuration"):
+        transition(AlarmLife(S.SUPPRESSED, S.NORMAL), E.SHELVE, 10)
+
+
+def test_acknowledging_twice_is_refused_and_a_latched_alarm_asks_for_it_again() -> None:
+    acknowledged = replayed([(E.RAISE, None), (E.ACKNOWLEDGE, None)])
+    with pytest.raises(AlarmTransitionError, match="the alarm is acknowledged: it can be shelved"):
+        transition(acknowledged, E.ACKNOWLEDGE)
+    (latched,) = due(acknowledged, False, AlarmRules(latched=True))
+    assert (latched.event, latched.after.active) == (E.LATCH, True)
+    assert transition(latched.after, E.ACKNOWLEDGE).after == AlarmLife()
+    assert due(latched.after, False, AlarmRules(latched=True)) == []
+
+
+def test_the_end_of_a_shelf_shows_the_alarm_by_the_clock_alone() -> None:
+    shelved = AlarmLife(S.SHELVED, S.ACKNOWLEDGED, 1_000_000)
+    assert shelved.at(999_999) == shelved
+    assert shelved.at(1_000_000) == AlarmLife(S.ACKNOWLEDGED)
+    check_shelf(2, 1)
+    for until_us in (1, 0):
+        with pytest.raises(ShelfEndError, match="in the future"):
+            check_shelf(until_us, 1)
+    longest_us = round(MAX_SHELF_S * 1e6)
+    check_shelf(1 + longest_us, 1)
+    with pytest.raises(ShelfEndError, match="at most 7 days"):
+        check_shelf(2 + longest_us, 1)
+
+
+@pytest.mark.parametrize(
+    ("rules", "events"),
+    [
+        (AlarmRules(), ["raise", "clear"]),
+        (AlarmRules(latched=True), ["raise", "latch"]),
+        (AlarmRules(suppressed=True), ["suppress", "raise", "clear", "unsuppress"]),
+        (AlarmRules(latched=True, out_of_service=True, suppressed=True),
+         ["remove from service", "raise", "clear", "return to service"]),
+    ],
+)  # fmt: skip
+def test_the_configuration_hides_an_alarm_before_it_is_raised(rules: AlarmRules, events: list[str]) -> None:
+    raised = due(AlarmLife(), True, rules)
+    gone = due(raised[-1].after, False, rules)
+    assert [t.event for t in (*raised, *gone)] == events
+    hidden = rules.suppressed or rules.out_of_service
+    shown = {t.after.state for t in (*raised, *gone) if not t.after.hidden}
+    assert shown == ({S.NORMAL} if hidden else {S.UNACKNOWLEDGED, gone[-1].after.state})
+
+
+def test_another_configuration_takes_effect_on_an_alarm_that_is_there() -> None:
+    life = AlarmLife(S.SHELVED, S.ACKNOWLEDGED, 9)
+    for rules, event in (
+        (AlarmRules(out_of_service=True), E.REMOVE),
+        (AlarmRules(suppressed=True), E.SUPPRESS),
+        (AlarmRules(), E.UNSUPPRESS),
+    ):
+        (changed,) = due(life, True, rules)
+        assert changed.event is event
+        life = changed.after
+    assert life == AlarmLife(S.ACKNOWLEDGED)
+
+
+class Life(RuleBasedStateMachine):
+    """Any cause, any person, any configuration, in any order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now_us, self.life, self.present = 0, AlarmLife(), False
+        self.journal: list[Transition] = []
+
+    def take(self, change: Transition) -> None:
+        assert change.before == self.life
+        self.journal.append(change)
+        self.life = change.after
+
+    @rule(present=st.booleans(), rules=st.builds(AlarmRules, latched=st.booleans(), suppressed=st.booleans(),
+                                                 out_of_service=st.booleans()))  # fmt: skip
+    def cause(self, present: bool, rules: AlarmRules) -> None:
+        for change in due(self.life, present, rules):
+            self.take(change)
+        self.present = present
+        hidden = (rules.suppressed or rules.out_of_service) and self.life.active
+        assert (self.life.state in (S.SUPPRESSED, S.OUT_OF_SERVICE)) == hidden
+        assert due(self.life, present, rules) == []
+
+    @rule(event=st.sampled_from(PERSON), seconds=st.integers(1, 10))
+    def person(self, event: AlarmEvent, seconds: int) -> None:
+        until_us = self.now_us + seconds * 1_000_000 if event is E.SHELVE else None
+        try:
+            self.take(transition(self.life, event, until_us))
+        except AlarmTransitionError as error:
+            assert f"the alarm is {self.life.state}: " in str(error)  # noqa: PT017
+
+    @rule(seconds=st.integers(1, 5))
+    def clock(self, seconds: int) -> None:
+        self.now_us += seconds * 1_000_000
+        shown = self.life.at(self.now_us)
+        if shown != self.life:
+            self.take(transition(self.life, E.SHELF_ENDED))
+            assert self.life == shown
+
+    @invariant()
+    def state_is_legal(self) -> None:
+        life = self.life
+        assert life.hidden == (life.returns_to is not None)
+        assert life.below not in HIDDEN_STATES
+        assert (life.until_us is not None) == (life.state is S.SHELVED)
+        assert life.until_us is None or life.until_us > self.now_us
+        assert (life.below in (S.UNACKNOWLEDGED, S.ACKNOWLEDGED)) == self.present
+        assert life.active == (life.below in ACTIVE_STATES)
+
+    @invariant()
+    def journal_gives_the_same_state(self) -> None:
+        assert replayed((t.event, t.after.until_us) for t in self.journal) == self.life
+
+
+TestLife: Any = Life.TestCase
+TestLife.settings = settings(
+    max_examples=80, stateful_step_count=30, deadline=None, suppress_health_check=list(HealthCheck)
+)

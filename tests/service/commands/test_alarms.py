@@ -1,0 +1,180 @@
+"""`axiswatch alarms` and `axiswatch status` against a daemon that stands still, over a real socket."""
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AlarmRules
+from service.client import AlarmText, Client, ClientError
+from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.store.journal import Entry, Journal
+from tests.service.command_line import as_json, axiswatch, refused, shown
+from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Iterator[Stage]:
+    journal = Journal(tmp_path / "alarms.sqlite")
+    yield Stage(journal)
+    journal.close()
+
+
+@pytest.fixture
+def url(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    with serving(stage) as address:
+        monkeypatch.setenv("AXISWATCH_URL", address)
+        yield address
+
+
+def recorded(stage: Stage, alarm: Alarm = FM_ALARM) -> int:
+    return stage.record("demo.axis1", "N m s/rad", 0.06, alarm)
+
+
+@pytest.mark.usefixtures("url")
+def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
+    assert shown("alarms", "list") == "no alarm\n"
+    number = recorded(stage)
+    words = "    fm is 0.018 N m s/rad (31 %) above its nominal value\n"
+    name, raised = f"{number}  demo.axis1 fm up", "medium priority, raised 2026-03-01 11:59:53 UTC"
+    assert shown("alarms", "list") == f"{name}: unacknowledged, {raised}\n{words}"
+    assert shown("alarms", "ack", number, "--comment", "I look") == f"{name}: acknowledged, {raised}\n{words}"
+    hidden = shown("alarms", "shelve", number, "--for", "2h", "--work-order", "WO-17")
+    until = "shelved until 2026-03-01 14:00:00 UTC"
+    assert hidden == f"{name}: {until}, {raised}, work order WO-17\n{words}"
+    assert shown("alarms", "list", "--state", "unacknowledged") == "no alarm is unacknowledged\n"
+    assert until in shown("alarms", "list", "--state", "shelved", "--axis", "demo.axis1")
+    assert shown("alarms", "unshelve", number).startswith(f"{name}: acknowledged")
+    again = shown("alarms", "shelve", number, "--until", "2026-03-01T13:00:00Z")
+    assert "shelved until 2026-03-01 13:00:00 UTC" in again
+    recorded(stage, replace(FM_ALARM, ended_us=NOON_US))
+    shown("alarms", "comment", number, "--comment", "gearbox changed", "--work-order", "WO-18")
+    lines = shown("alarms", "show", number).splitlines()
+    assert "ended 2026-03-01 12:00:00 UTC, work order WO-18" in lines[0]
+    assert lines[2:6] == [
+        "  2026-03-01 11:59:53 UTC  raise by axiswatch: unacknowledged",
+        "  2026-03-01 12:00:00 UTC  acknowledge by anonymous: acknowledged (I look)",
+        "  2026-03-01 12:00:00 UTC  shelve by anonymous: shelved until 2026-03-01 14:00:00 UTC (WO-17)",
+        "  2026-03-01 12:00:00 UTC  unshelve by anonymous: acknowledged",
+    ]
+    assert lines[-1].endswith("comment by anonymous: shelved (gearbox changed) (WO-18)")
+
+
+@pytest.mark.usefixtures("url")
+def test_answers_as_json_are_those_of_the_api(stage: Stage) -> None:
+    number = recorded(stage)
+    assert as_json("alarms", "ack", number, "--json")["state"] == "acknowledged"
+    assert [a["id"] for a in as_json("alarms", "list", "--json")["alarms"]] == [number]
+    assert [t["event"] for t in as_json("alarms", "show", number, "--json")["transitions"]] == [
+        "raise",
+        "acknowledge",
+    ]
+    stage.healthy()
+    found = as_json("status", "--json")
+    assert (found["ready"], found["active"], found["unacknowledged"]) == (True, 1, 0)
+
+
+@pytest.mark.usefixtures("url")
+def test_an_alarm_that_is_not_yet_recorded_is_in_the_list(stage: Stage) -> None:
+    entry = Entry("demo.axis1", "N m s/rad", 0.06, FM_ALARM, AlarmRules("high"))
+    waiting = AlarmsSnapshot(unrecorded=(as_recorded(entry),), waiting=1)
+    stage.snapshot = replace(stage.snapshot, alarms=waiting)
+    first = "not yet recorded  demo.axis1 fm up: unacknowledged, high priority"
+    assert shown("alarms", "list").startswith(first)
+
+
+def test_status_says_why_it_is_not_ready(stage: Stage, url: str) -> None:
+    recorded(stage)
+    lines = shown("status", code=4).splitlines()
+    assert lines[0].endswith(f"at {url}: not ready")
+    assert lines[1:3] == ["  bus can1: down: Network is down", "  demo.axis2: no sample yet"]
+    assert lines[-1] == "active alarms: 1, unacknowledged: 1"
+    stage.healthy()
+    assert shown("status").splitlines()[0].endswith(f"at {url}: ready")
+
+
+@pytest.mark.usefixtures("url")
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("ack", "1", "1"), "axiswatch: not possible: acknowledge; the alarm is acknowledged: "),
+        (("unshelve", "1"), "axiswatch: not possible: unshelve; the alarm is unacknowledged: "),
+        (("show", "77"), "axiswatch: no alarm 77; the journal holds 1"),
+        (("shelve", "1", "--for", "8d"), "axiswatch: an alarm can be shelved for at most 7 days"),
+        (("shelve", "1", "--until", "2026-03-01T11:00:00Z"), "only until a time in the future"),
+        (("shelve", "1", "--until", "tomorrow"), "axiswatch: until: Input should be a valid datetime"),
+        (("shelve", "1", "--for", "soon"), "write a time, such as 10min"),
+        (("shelve", "1"), "give one of --for and --until"),
+        (("comment", "1"), "give --comment, --work-order or both"),
+        (("list", "--state", "loud"), "'loud' is not one of"),
+        (("ack", "0"), "axiswatch: id: Input should be greater than or equal to 1"),
+    ],
+)
+def test_what_is_refused_says_why(words: tuple[str, ...], message: str, stage: Stage) -> None:
+    recorded(stage)
+    result = axiswatch("alarms", *words)
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.replace("│", " ").split())
+
+
+def test_a_daemon_that_does_not_answer_is_a_message_and_exit_code_4() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"http://127.0.0.1:{free.getsockname()[1]}"
+        for command in (("alarms", "list"), ("status",)):
+            message = refused(*command, "--url", address, code=4)
+            assert message.startswith(f"axiswatch: {address} does not answer (")
+    assert "an address is http://HOST:PORT" in refused("status", "--url", "http://[::1", code=2)
+
+
+@pytest.fixture
+def answering() -> Iterator[Callable[[bytes], tuple[str, list[bytes]]]]:
+    """A server that gives one answer, and keeps the request."""
+    listeners: list[tuple[socket.socket, threading.Thread]] = []
+
+    def start(answer: bytes) -> tuple[str, list[bytes]]:
+        listener = socket.create_server(("127.0.0.1", 0))
+        requests: list[bytes] = []
+
+        def run() -> None:
+            connection, _ = listener.accept()
+            with connection:
+                requests.append(connection.recv(65536))
+                connection.sendall(answer)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        listeners.append((listener, thread))
+        return f"http://127.0.0.1:{listener.getsockname()[1]}", requests
+
+    yield start
+    for listener, thread in listeners:
+        thread.join(30)
+        listener.close()
+
+
+def test_the_token_is_sent_and_another_server_is_named(
+    answering: Callable[[bytes], tuple[str, list[bytes]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address, requests = answering(b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\nconnection: close\r\n\r\nhi")
+    monkeypatch.setenv("AXISWATCH_TOKEN", "secret-7")
+    message = refused("status", "--url", address, code=4)
+    assert message == f"axiswatch: {address} is no axiswatch: it answers 200 without JSON"
+    assert b"authorization: bearer secret-7" in requests[0].lower()
+
+
+def test_the_client_tells_a_refused_request_from_a_daemon_in_trouble(stage: Stage, url: str) -> None:
+    number = recorded(stage)
+    with Client(url) as client:
+        assert client.acknowledge(number, AlarmText("seen"))["transitions"][-1]["comment"] == "seen"
+        with pytest.raises(ClientError, match="the alarm is acknowledged") as conflict:
+            client.acknowledge(number)
+        stage.journal.close()
+        with pytest.raises(ClientError, match="cannot be read or written") as trouble:
+            client.acknowledge(number)
+    assert (conflict.value.status, conflict.value.refused) == (409, True)
+    assert (trouble.value.status, trouble.value.refused) == (503, False)

@@ -1,0 +1,267 @@
+"""What is done about an alarm is in the journal, in one transaction with the state that it makes."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import (
+    AlarmEvent,
+    AlarmLife,
+    AlarmRules,
+    AlarmState,
+    AlarmTransitionError,
+    ShelfEndError,
+    replayed,
+)
+from service.store.alarm_transitions import Note
+from service.store.database import StoreError
+from service.store.journal import MIGRATIONS, Entry, Journal, UnknownAlarmError
+
+S, E = AlarmState, AlarmEvent
+AXIS, SECOND = "demo.axis1", 1_000_000
+RAISED = Alarm("fm", "up", 1 * SECOND, 2 * SECOND, 2 * SECOND, None, 0.018, 0.002, 1)
+PLAIN = AlarmRules()
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[Journal]:
+    opened = Journal(tmp_path / "alarms.sqlite")
+    yield opened
+    opened.close()
+
+
+def recorded(journal: Journal, alarm: Alarm = RAISED, rules: AlarmRules = PLAIN) -> int:
+    (number,) = journal.record([Entry(AXIS, "N m s/rad", 0.06, alarm, rules)])
+    return number
+
+
+def ended(seconds: int, alarm: Alarm = RAISED) -> Alarm:
+    return replace(alarm, ended_us=seconds * SECOND)
+
+
+def by(who: str, seconds: int, comment: str = "", work_order: str = "") -> Note:
+    return Note(seconds * SECOND, who, comment, work_order)
+
+
+def state(journal: Journal, number: int) -> AlarmLife:
+    """As the row has it, which is what its transitions make."""
+    alarm = journal.get(number)
+    assert alarm is not None
+    assert replayed((t.event, t.until_us) for t in journal.transitions(number)) == alarm.life
+    return alarm.life
+
+
+def test_an_alarm_from_its_raising_to_the_work_order(journal: Journal) -> None:
+    number = recorded(journal)
+    journal.act(number, E.ACKNOWLEDGE, by("anna", 5, "I look at it"))
+    assert recorded(journal, ended(9)) == number
+    assert state(journal, number) == AlarmLife()
+    after = journal.act(number, E.COMMENT, by("otto", 20, "gearbox changed", "WO-17"))
+    assert (after.work_order, after.active) == ("WO-17", False)
+    found = [
+        (t.at_us // SECOND, t.event, t.from_state, t.to_state, t.who) for t in journal.transitions(number)
+    ]
+    assert found == [
+        (2, "raise", "normal", "unacknowledged", "axiswatch"),
+        (5, "acknowledge", "unacknowledged", "acknowledged", "anna"),
+        (9, "clear", "acknowledged", "normal", "axiswatch"),
+        (20, "comment", "normal", "normal", "otto"),
+    ]
+    assert [(t.comment, t.work_order) for t in journal.transitions(number)][1::2] == [
+        ("I look at it", ""),
+        ("gearbox changed", "WO-17"),
+    ]
+
+
+def test_what_is_not_possible_changes_nothing(journal: Journal) -> None:
+    number = recorded(journal)
+    journal.act(number, E.ACKNOWLEDGE, by("anna", 5))
+    before = journal.transitions(number), journal.get(number)
+    with pytest.raises(AlarmTransitionError, match="the alarm is acknowledged"):
+        journal.act(number, E.ACKNOWLEDGE, by("otto", 6))
+    with pytest.raises(ShelfEndError):
+        journal.act(number, E.SHELVE, by("otto", 6), 5 * SECOND)
+    with pytest.raises(UnknownAlarmError):
+        journal.act(number + 1, E.ACKNOWLEDGE, by("otto", 6))
+    assert (journal.transitions(number), journal.get(number)) == before
+
+
+def test_state_and_transition_are_one_transaction(journal: Journal, tmp_path: Path) -> None:
+    """The disk takes the row of the transition, and refuses that of the alarm."""
+    number, revision = recorded(journal), journal.revision
+    with sqlite3.connect(tmp_path / "alarms.sqlite") as other:
+        other.execute(
+            "CREATE TRIGGER full BEFORE UPDATE OF state ON alarm BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
+        )
+    other.close()
+    with pytest.raises(StoreError, match="disk is full"):
+        journal.act(number, E.ACKNOWLEDGE, by("anna", 5))
+    assert state(journal, number) == AlarmLife(S.UNACKNOWLEDGED)
+    assert len(journal.transitions(number)) == 1
+    assert journal.revision == revision
+
+
+def test_a_shelf_ends_by_itself_and_the_cause_is_followed(journal: Journal) -> None:
+    number = recorded(journal)
+    journal.act(number, E.SHELVE, by("anna", 5, "spare part on its way"), 60 * SECOND)
+    journal.end_shelves(59 * SECOND)
+    assert state(journal, number) == AlarmLife(S.SHELVED, S.UNACKNOWLEDGED, 60 * SECOND)
+    assert [a.id for a in journal.query(active=True)[0]] == [number]
+    journal.end_shelves(61 * SECOND)
+    assert state(journal, number) == AlarmLife(S.UNACKNOWLEDGED)
+    last = journal.transitions(number)[-1]
+    assert (last.at_us, last.event, last.who) == (60 * SECOND, "shelf ended", "axiswatch")
+
+
+def test_a_person_may_act_when_the_shelf_is_over_but_its_end_is_not_recorded(journal: Journal) -> None:
+    number = recorded(journal)
+    journal.act(number, E.SHELVE, by("anna", 5), 60 * SECOND)
+    assert journal.act(number, E.ACKNOWLEDGE, by("anna", 70)).state == "acknowledged"
+    assert [t.event for t in journal.transitions(number)][2:] == ["shelf ended", "acknowledge"]
+
+
+def test_the_next_alarm_of_that_name_is_shelved_too_and_unshelving_shows_all(journal: Journal) -> None:
+    first = recorded(journal)
+    journal.act(first, E.SHELVE, by("anna", 3), 60 * SECOND)
+    recorded(journal, ended(4))
+    again = replace(RAISED, raised_us=10 * SECOND, updated_us=10 * SECOND)
+    second = recorded(journal, again)
+    other = recorded(journal, replace(again, direction="down"))
+    assert state(journal, second) == AlarmLife(S.SHELVED, S.UNACKNOWLEDGED, 60 * SECOND)
+    assert journal.transitions(second)[-1].comment == f"as alarm {first}, which is shelved"
+    assert state(journal, other) == AlarmLife(S.UNACKNOWLEDGED)
+    journal.act(second, E.UNSHELVE, by("anna", 20))
+    assert (state(journal, first), state(journal, second)) == (AlarmLife(), AlarmLife(S.UNACKNOWLEDGED))
+    late = replace(RAISED, raised_us=70 * SECOND, updated_us=70 * SECOND)
+    recorded(journal, ended(30, again))
+    journal.act(first, E.SHELVE, by("anna", 40), 60 * SECOND)
+    assert state(journal, recorded(journal, late)) == AlarmLife(S.UNACKNOWLEDGED)
+
+
+def test_a_cause_that_went_and_came_back_while_the_disk_was_full_is_unacknowledged(journal: Journal) -> None:
+    number = recorded(journal)
+    journal.act(number, E.ACKNOWLEDGE, by("anna", 5))
+    assert recorded(journal, replace(RAISED, reopened_us=8 * SECOND, crossings=2)) == number
+    assert recorded(journal, replace(RAISED, reopened_us=8 * SECOND, crossings=3)) == number
+    assert state(journal, number) == AlarmLife(S.UNACKNOWLEDGED)
+    assert [t.event for t in journal.transitions(number)] == ["raise", "acknowledge", "clear", "raise"]
+
+
+def test_rules_of_the_configuration_hold_at_once_and_after_a_change_of_it(journal: Journal) -> None:
+    hidden = recorded(journal, rules=AlarmRules("high", suppressed=True))
+    assert state(journal, hidden) == AlarmLife(S.SUPPRESSED, S.UNACKNOWLEDGED)
+    assert [t.who for t in journal.transitions(hidden)] == ["configuration", "axiswatch"]
+    with pytest.raises(AlarmTransitionError, match=r"\[robot.axis.alarms\]"):
+        journal.act(hidden, E.ACKNOWLEDGE, by("anna", 5))
+    rules = AlarmRules("low", latched=True)
+    journal.obey({(AXIS, "kT"): AlarmRules("high"), (AXIS, "fm"): rules}, 6 * SECOND)
+    assert state(journal, hidden) == AlarmLife(S.UNACKNOWLEDGED)
+    recorded(journal, ended(9), rules)
+    alarm = journal.get(hidden)
+    assert alarm is not None
+    assert (alarm.state, alarm.active, alarm.priority, alarm.ended_us) == ("latched", True, "low", 9 * SECOND)
+    assert journal.query(active=True)[1] == 1
+    journal.act(hidden, E.ACKNOWLEDGE, by("anna", 10))
+    assert (journal.query(active=True)[1], journal.query(active=False)[1]) == (0, 1)
+
+
+def test_an_old_journal_keeps_its_alarms_and_the_active_ones_become_unacknowledged(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.sqlite"
+    old = sqlite3.connect(path)
+    for migration in MIGRATIONS[:-1]:
+        old.executescript(migration)
+    old.execute(f"PRAGMA user_version={len(MIGRATIONS) - 1}")
+    columns = "axis, parameter, direction, unit, onset_us, raised_us, updated_us, ended_us, crossings, first_parameter"
+    for raised, gone in ((2, 3), (5, None)):
+        values = (AXIS, "fm", "up", "1", 1, raised, raised, gone, 1, "fm")
+        old.execute(f"INSERT INTO alarm ({columns}) VALUES ({', '.join('?' * 10)})", values)
+    old.commit()
+    old.close()
+    journal = Journal(path)
+    assert [(a.active, state(journal, a.id).state, a.priority) for a in journal.query()[0]] == [
+        (True, "unacknowledged", "medium"),
+        (False, "normal", "medium"),
+    ]
+    assert journal.act(2, E.ACKNOWLEDGE, by("anna", 5)).state == "acknowledged"
+    journal.close()
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(
+        st.one_of(
+            st.sampled_from([E.ACKNOWLEDGE, E.SHELVE, E.UNSHELVE, E.COMMENT]),
+            st.builds(AlarmRules, latched=st.booleans(), suppressed=st.booleans()),
+        ),
+        max_size=12,
+    )
+)
+def test_whatever_happens_the_journal_replayed_gives_the_state(
+    journal: Journal, steps: list[AlarmEvent | AlarmRules]
+) -> None:
+    """Rules: the cause comes or goes under them."""
+    alarm = replace(RAISED, parameter=f"p{journal.revision}")
+    number, at = recorded(journal, alarm), 10
+    for step in steps:
+        at += 2
+        if isinstance(step, AlarmRules):
+            gone = alarm.ended_us is None
+            when = at * SECOND
+            alarm = replace(alarm, ended_us=when if gone else None, reopened_us=None if gone else when)
+            assert recorded(journal, alarm, step) == number
+            assert state(journal, number).active or alarm.ended_us is not None
+        else:
+            with suppress(AlarmTransitionError):
+                journal.act(number, step, by("anna", at), (at + 3) * SECOND if step is E.SHELVE else None)
+        state(journal, number)
+
+
+# --- statistics ---------------------------------------------------------------------------------------------
+
+
+def test_rates_floods_and_the_most_frequent(journal: Journal) -> None:
+    """Two hours: eleven alarms in ten minutes, a flood; and a suppressed one, which is raised but not announced."""
+    for k in range(11):
+        e = replace(RAISED, parameter=f"p{k % 3}", raised_us=(1200 + 60 * k) * SECOND - k)
+        recorded(journal, replace(e, ended_us=e.raised_us + 1))
+    recorded(journal, replace(RAISED, raised_us=3000 * SECOND), AlarmRules("high", suppressed=True))
+    recorded(journal, replace(RAISED, direction="down", raised_us=7200 * SECOND))
+    found = journal.statistics(0, 7200 * SECOND)
+    assert (found.raised, found.announced) == (12, 11)
+    assert found.mean_per_ten_minutes == pytest.approx(11 / 12)
+    assert (found.most_in_ten_minutes, found.most_at_us, found.flood_share) == (11, 1200 * SECOND, 1 / 12)
+    names = [(f.parameter, f.direction, f.alarms) for f in found.most_frequent]
+    assert names == [("p0", "up", 4), ("p1", "up", 4), ("p2", "up", 3), ("fm", "up", 1)]
+    shifted = journal.statistics(1199 * SECOND + 20, 7200 * SECOND)
+    assert (shifted.most_in_ten_minutes, shifted.flood_share) == (10, 0)
+    counts = {(c.state, c.priority): c.alarms for c in found.states}
+    assert counts == {("returned", "medium"): 11, ("suppressed", "high"): 1, ("unacknowledged", "medium"): 1}
+    assert journal.statistics(0, 1).most_at_us is None
+
+
+def test_stale_chattering_and_shelved_alarms_are_found(journal: Journal) -> None:
+    day = 86_400
+    old = recorded(journal, replace(RAISED, parameter="kT"))
+    shelved = recorded(journal, replace(RAISED, parameter="Ja"))
+    journal.act(shelved, E.SHELVE, by("anna", 5), day * SECOND)
+    numbers = []
+    for k in range(4):
+        e = replace(RAISED, raised_us=(day + (300, 700, 900, 2000)[k]) * SECOND)
+        numbers.append(recorded(journal, replace(e, ended_us=e.raised_us + SECOND)))
+
+    def found(name: str, now: int = day + 3000) -> list[int]:
+        return [a.id for a in journal.query(state=name, now_us=now * SECOND)[0]]  # type: ignore[arg-type]
+
+    assert found("chattering") == [numbers[2]]
+    assert (found("stale"), found("stale", day + 1)) == ([old], [])
+    assert found("shelved") == [shelved]
+    assert found("returned") == numbers[::-1]
+    assert found("active") == [shelved, old]
+    assert [a.id for a in journal.standing()] == [old, shelved]

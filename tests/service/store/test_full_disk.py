@@ -1,0 +1,134 @@
+"""A full disk: a small one that is really mounted, which needs root; without it these tests are skipped."""
+
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AlarmEvent
+from service.pipeline.alarm_recording import RETRY_S, Alarms, AxisAlarm, Quantity
+from service.store.alarm_transitions import Note
+from service.store.checkpoints import Checkpoints
+from service.store.database import StoreError
+from service.store.journal import Journal
+
+AXIS = "demo.axis1"
+ALARM = Alarm("p", "up", 10, 20, 20, None, 0.5, 0.1, 1)
+
+
+class SmallDisk:
+    """A disk of half a megabyte."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self._filler = folder, folder / "filler"
+
+    def fill(self) -> None:
+        """Up to the last byte."""
+        with self._filler.open("ab", buffering=0) as file:
+            for size in (4096, 1):
+                try:
+                    while file.write(bytes(size)) == size:
+                        pass
+                except OSError:
+                    continue
+
+    def free(self) -> None:
+        """As before."""
+        self._filler.unlink()
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[SmallDisk]:
+    folder = tmp_path / "small"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", str(folder)]
+    try:
+        mounted = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError as error:
+        pytest.skip(f"no disk can be mounted: {error}")
+    if mounted.returncode:
+        pytest.skip(f"no disk can be mounted: {mounted.stderr.strip()}")
+    yield SmallDisk(folder)
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)  # a test that fails leaves files open
+
+
+def comment_until_full(journal: Journal) -> None:
+    """Some comments may fit into what earlier commits have left of the file."""
+    for _ in range(100):
+        journal.act(1, AlarmEvent.COMMENT, Note(40, "anna", "x" * 2000))
+
+
+@pytest.mark.parametrize("store", [Journal, Checkpoints])
+def test_a_disk_that_is_full_at_the_start_is_an_error_that_names_the_file(
+    store: type[Journal] | type[Checkpoints], disk: SmallDisk
+) -> None:
+    disk.fill()
+    path = disk.folder / "state.sqlite"
+    with pytest.raises(StoreError, match=r"state\.sqlite\.lock: No space left on device"):
+        store(path)
+    disk.free()
+    store(path).close()
+    disk.fill()
+    with pytest.raises(StoreError, match=r"state\.sqlite"):
+        store(path)
+    disk.free()
+    store(path).close()
+
+
+def test_alarms_are_shown_while_the_disk_is_full_and_recorded_in_order_when_it_has_space(
+    disk: SmallDisk,
+) -> None:
+    """Thirty alarms, of which a third ends meanwhile."""
+    journal, now = Journal(disk.folder / "alarms.sqlite"), [0.0]
+    names = [f"p{k}" for k in range(31)]
+    raised = [replace(ALARM, parameter=name, raised_us=20 + k) for k, name in enumerate(names)]
+    quantities = {(AXIS, name): Quantity("1", 1.0) for name in names}
+    alarms = Alarms(journal, quantities, lambda: now[0])
+    alarms.record([AxisAlarm(AXIS, raised[0])])
+    disk.fill()
+    with pytest.raises(StoreError, match="full"):
+        comment_until_full(journal)
+    for k, alarm in enumerate(raised[1:]):
+        alarms.record([AxisAlarm(AXIS, alarm)])
+        if k % 3 == 0:
+            alarms.record([AxisAlarm(AXIS, replace(alarm, ended_us=1000 + k))])
+        now[0] += RETRY_S
+    assert "full" in str(alarms.problem)
+    shown = alarms.snapshot(5)
+    assert [a.parameter for a in shown.unrecorded] == names[1:]
+    assert [a.parameter for a in shown.standing] == names[:1]
+    assert len(alarms.open(AXIS)) == 21
+    assert journal.query()[1] == 1
+    disk.free()
+    now[0] += RETRY_S
+    alarms.record([])
+    after = alarms.snapshot(5)
+    assert (after.unrecorded, after.waiting) == ((), 0)
+    journal.close()
+    again = Journal(disk.folder / "alarms.sqlite")
+    found = sorted(again.query()[0], key=lambda a: a.id)
+    assert [a.parameter for a in found] == names
+    assert [a.parameter for a in found if a.ended_us is None] == [a.parameter for a in alarms.open(AXIS)]
+    assert again.messages == ()
+    again.close()
+
+
+def test_a_shelf_that_is_over_hides_nothing_though_its_end_cannot_be_recorded(disk: SmallDisk) -> None:
+    journal, now = Journal(disk.folder / "alarms.sqlite"), [0.0]
+    alarms = Alarms(journal, {(AXIS, "p"): Quantity("1", 1.0)}, lambda: now[0])
+    alarms.record([AxisAlarm(AXIS, ALARM)])
+    journal.act(1, AlarmEvent.SHELVE, Note(30, "anna"), 100)
+    disk.fill()
+    with pytest.raises(StoreError, match="full"):
+        comment_until_full(journal)
+    (alarm,) = (a for a in alarms.snapshot(200).standing if a.parameter == "p")
+    assert alarm.state == "shelved"
+    assert alarm.life.at(200).state == "unacknowledged"
+    disk.free()
+    now[0] += RETRY_S
+    (alarm,) = (a for a in alarms.snapshot(200).standing if a.parameter == "p")
+    assert alarm.state == "unacknowledged"
+    journal.close()

@@ -1,0 +1,150 @@
+"""What persons do about alarms over REST, what is refused and why, and alarms that the disk refuses."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AlarmRules
+from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.store.journal import Entry
+from tests.service.web.conftest import NOON_US, Stage
+
+HOUR_US = 3_600_000_000
+
+
+@pytest.fixture
+def number(stage: Stage, fm_alarm: Alarm) -> int:
+    return stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+
+
+def post(client: TestClient, path: str, body: dict[str, Any] | None = None, status: int = 200) -> Any:
+    answer = client.post(f"/api/v1/alarms/{path}", json={} if body is None else body)
+    assert answer.status_code == status, answer.text
+    if status in (400, 404, 409, 503):
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert answer.json()["status"] == status
+    return answer.json()
+
+
+def get(client: TestClient, path: str) -> Any:
+    answer = client.get(f"/api/v1/alarms{path}")
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def test_an_alarm_is_acknowledged_shelved_and_comes_back_by_itself(
+    stage: Stage, client: TestClient, number: int
+) -> None:
+    seen = post(client, f"{number}/acknowledge", {"comment": "I look at it"})
+    assert (seen["state"], seen["active"]) == ("acknowledged", True)
+    body = {"until": "2026-03-01T15:00:00+01:00", "comment": "part is ordered", "work_order": "WO-17"}
+    shelved = post(client, f"{number}/shelve", body)
+    assert (shelved["state"], shelved["returns_to"]) == ("shelved", "acknowledged")
+    assert (shelved["shelved_until"], shelved["work_order"]) == ("2026-03-01T14:00:00.000000Z", "WO-17")
+    assert [a["id"] for a in get(client, "?state=shelved")["alarms"]] == [number]
+    stage.now_us = NOON_US + 2 * HOUR_US
+    (back,) = get(client, "?active=true")["alarms"]
+    assert (back["state"], back["returns_to"], back["shelved_until"]) == ("acknowledged", None, None)
+    stage.journal.end_shelves(stage.now_us)
+    events = [(t["event"], t["who"], t["comment"]) for t in get(client, f"/{number}")["transitions"]]
+    assert events == [
+        ("raise", "axiswatch", None),
+        ("acknowledge", "anonymous", "I look at it"),
+        ("shelve", "anonymous", "part is ordered"),
+        ("shelf ended", "axiswatch", None),
+    ]
+    again = post(client, f"{number}/shelve", {"duration_s": 3600})
+    assert again["shelved_until"] == "2026-03-01T15:00:00.000000Z"
+    assert post(client, f"{number}/unshelve")["state"] == "acknowledged"
+    assert post(client, f"{number}/comment", {"work_order": "WO-18"})["work_order"] == "WO-18"
+
+
+def test_what_is_not_possible_is_a_problem_with_its_reason(client: TestClient, number: int) -> None:
+    post(client, f"{number}/acknowledge")
+    twice = post(client, f"{number}/acknowledge", status=409)
+    assert twice["title"] == "Conflict"
+    assert twice["detail"].startswith("not possible: acknowledge; the alarm is acknowledged: ")
+    assert "the alarm is acknowledged" in post(client, f"{number}/unshelve", status=409)["detail"]
+    unknown = post(client, "77/acknowledge", status=404)
+    assert (unknown["detail"], unknown["known"]) == ("no alarm 77; the journal holds 1", [str(number)])
+    past: list[dict[str, Any]] = [{"duration_s": 0}, {"until": "2026-03-01T12:00:00Z"}]
+    far: list[dict[str, Any]] = [{"duration_s": 7 * 86400 + 1}, {"duration_s": 1e300}]
+    for shelf in past:
+        assert "in the future" in post(client, f"{number}/shelve", shelf, status=400)["detail"]
+    for shelf in (*far, {"until": "9999-12-31T00:00:00Z"}):
+        assert "at most 7 days" in post(client, f"{number}/shelve", shelf, status=400)["detail"]
+    assert len(get(client, f"/{number}")["transitions"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("action", "body"),
+    [
+        ("shelve", {}),
+        ("shelve", {"duration_s": 60, "until": "2026-03-01T13:00:00Z"}),
+        ("shelve", {"until": "2026-03-01T13:00:00"}),
+        ("comment", {"comment": ""}),
+        ("comment", {"comment": "x" * 2001}),
+        ("acknowledge", {"who": "somebody else"}),
+    ],
+)
+def test_bodies_that_are_not_as_described_are_refused(
+    action: str, body: dict[str, Any], client: TestClient, number: int
+) -> None:
+    post(client, f"{number}/{action}", body, status=422)
+
+
+def test_a_form_of_another_site_changes_nothing(client: TestClient, number: int) -> None:
+    """A browser sends such bodies to any site without asking it."""
+    for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
+        answer = client.post(
+            f"/api/v1/alarms/{number}/acknowledge", content=b"{}", headers={"content-type": kind}
+        )
+        assert answer.status_code == 422
+    assert get(client, f"/{number}")["state"] == "unacknowledged"
+
+
+def test_an_alarm_that_the_disk_refuses_is_first_in_the_list_and_makes_not_ready(
+    stage: Stage, client: TestClient, number: int, fm_alarm: Alarm
+) -> None:
+    entries = [
+        Entry("demo.axis2", "1", 1.0, replace(fm_alarm, past=(), parameter=p), AlarmRules("high"))
+        for p in ("kT", "Ja")
+    ]
+    stage.healthy()
+    assert client.get("/readyz").status_code == 200
+    waiting = AlarmsSnapshot(unrecorded=tuple(map(as_recorded, entries)), waiting=2)
+    stage.snapshot = replace(stage.snapshot, alarms=waiting)
+    ready = client.get("/readyz")
+    assert (ready.status_code, ready.json()["reasons"]) == (
+        503,
+        ["alarms that are not yet recorded: 2; the messages say why"],
+    )
+    body = get(client, "?active=true")
+    assert body["total"] == 3
+    found = [(a["id"], a["recorded"], a["parameter"], a["priority"]) for a in body["alarms"]]
+    assert found == [(None, False, "Ja", "high"), (None, False, "kT", "high"), (number, True, "fm", "medium")]
+    pages = [get(client, f"?limit=2&offset={k}")["alarms"] for k in range(4)]
+    assert [[a["parameter"] for a in page] for page in pages] == [["Ja", "kT"], ["kT", "fm"], ["fm"], []]
+    for query, total in {
+        "axis=demo.axis1": 1, "parameter=kT": 1, "state=unacknowledged": 3, "state=shelved": 0, "active=false": 0,
+        "state=stale": 0, "state=chattering": 0, "since=2026-03-01T12:00:00Z": 0, "until=2026-03-01T12:00:00Z": 3,
+    }.items():  # fmt: skip
+        assert get(client, f"?{query}")["total"] == total, query
+
+
+def test_statistics_are_of_the_last_seven_days_unless_told_otherwise(
+    stage: Stage, client: TestClient, number: int
+) -> None:
+    body = get(client, "/statistics")
+    assert (body["since"], body["until"]) == ("2026-02-22T12:00:00.250000Z", "2026-03-01T12:00:00.250000Z")
+    assert (body["raised"], body["announced"], body["most_in_ten_minutes"]) == (1, 1, 1)
+    name = {"axis": "demo.axis1", "parameter": "fm", "direction": "up", "alarms": 1}
+    assert body["most_frequent"] == [name]
+    assert body["states"] == [{"state": "unacknowledged", "priority": "medium", "alarms": 1}]
+    assert get(client, "/statistics?until=2026-03-01T11:00:00Z")["raised"] == 0
+    stage.journal.close()
+    assert client.get("/api/v1/alarms/statistics").status_code == 503
+    assert "cannot be read or written" in post(client, f"{number}/acknowledge", status=503)["detail"]
