@@ -52,8 +52,8 @@ def test_an_alarm_is_acknowledged_shelved_and_comes_back_by_itself(
     events = [(t["event"], t["who"], t["comment"]) for t in get(client, f"/{number}")["transitions"]]
     assert events == [
         ("raise", "axiswatch", None),
-        ("acknowledge", "anonymous", "I look at it"),
-        ("shelve", "anonymous", "part is ordered"),
+        ("acknowledge", "local", "I look at it"),
+        ("shelve", "local", "part is ordered"),
         ("shelf ended", "axiswatch", None),
     ]
     again = post(client, f"{number}/shelve", {"duration_s": 3600})
