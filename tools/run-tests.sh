@@ -22,13 +22,12 @@ find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat 
 ahead() {
   .venv/bin/python -c "import tests.conftest
 from service.commands.warm import compile_offline
-from monitor_core.monitoring import FEWEST_LANES
-from service.pipeline.warming import CYCLIC_CLOCK, HYPOTHESES, compile_kernel
+from service.pipeline.warming import Shape, compile_kernel
 $1"
 }
 if [ $# = 0 ]; then
-  ahead "compile_kernel(FEWEST_LANES); compile_kernel(HYPOTHESES)" &
-  ahead "compile_kernel(1); compile_kernel(CYCLIC_CLOCK); compile_offline()" &
+  ahead "compile_kernel(Shape.MANY_AXES); compile_kernel(Shape.MULTIMODEL)" &
+  ahead "compile_kernel(Shape.FEW_AXES); compile_kernel(Shape.CYCLIC_CLOCK); compile_offline()" &
 fi
 { .venv/bin/ruff check . && .venv/bin/ruff format --check .; } || { kill $(jobs -p) 2>/dev/null; exit 1; }
 wait

@@ -15,8 +15,9 @@ from service.config import Config
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.warming import CYCLIC_CLOCK, EARLY, HYPOTHESES, CacheFiller
-from service.pipeline.worker import BusIntake, Compiled, Recording, Worker
+from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
+from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 from service.texts import now_us
@@ -102,10 +103,13 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     def compile_kernel() -> None:
         try:
             monitors = AxisMonitors(config.axes)
-            if filler.fill([*monitors.batch_sizes, *([CYCLIC_CLOCK] if needs_cyclic_clock(config) else [])]):
+            shapes = {batch_shape(lanes) for lanes in monitors.batch_sizes}
+            if needs_cyclic_clock(config):
+                shapes.add(Shape.CYCLIC_CLOCK)
+            if filler.fill(shapes):
                 monitors.compile()
                 compiled.estimates.set_result(None)
-            if filler.fill([HYPOTHESES] if monitors.multimodel else []):
+            if filler.fill({Shape.MULTIMODEL} if monitors.multimodel else ()):
                 monitors.compile_multimodel()
                 compiled.multimodel.set_result(None)
         except BaseException as error:
@@ -136,7 +140,7 @@ def _worker(
     stop: threading.Event,
 ) -> tuple[Worker, Journal]:
     """The worker with the files of the state directory, which are closed in the reverse order."""
-    recording = Recording(FrameRecorder(record) if record else None)
+    recording = Recording(FrameRecorder(record) if record else None, _extracts(config))
     stack.callback(recording.close)
     journal = Journal(config.service.state_dir / "alarms.sqlite")
     stack.callback(journal.close)
@@ -158,6 +162,15 @@ def _worker(
         config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
     )
     return worker, journal
+
+
+def _extracts(config: Config) -> Extracts | None:
+    """What writes the frames around alarms, unless the configuration leaves no room for them."""
+    kept = config.service
+    if not kept.recordings_mb:
+        return None
+    folder = RecordingFolder(kept.state_dir / "recordings", round(kept.recordings_mb * 1e6))
+    return Extracts(folder, kept.recording_before_s, kept.recording_after_s, now_us)
 
 
 def _shown(host: str) -> str:

@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import EXIT_CODES
 from service.pipeline.kernel_cache import choose
-from service.pipeline.warming import EARLY, FEW_AXES
+from service.pipeline.warming import EARLY, Shape
 
 COMMANDS = (
     "demo",
@@ -82,7 +82,9 @@ def main() -> None:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     choose(os.environ)
     if sys.argv[1:2] in (["demo"], ["run"]) and {"-h", "--help"}.isdisjoint(sys.argv):
-        EARLY.begin([FEW_AXES])  # a cold start: the compiler need not wait for the libraries of this process
+        EARLY.begin(
+            Shape.FEW_AXES
+        )  # a cold start: the compiler need not wait for the libraries of this process
     app()
 
 

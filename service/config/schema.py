@@ -140,6 +140,12 @@ class ServiceConfig(Table):
     """time between points of the history [s]"""
     history_length_s: Positive = Field(3600.0, le=604800)
     """length of the history kept in memory [s]"""
+    recording_before_s: Positive = Field(120.0, le=3600)
+    """raw frames before an alarm that are recorded with it, kept in memory until then [s]"""
+    recording_after_s: Positive = Field(30.0, le=3600)
+    """raw frames after an alarm that are recorded with it [s]"""
+    recordings_mb: Real = Field(500.0, ge=0)
+    """all recordings together; the oldest are removed; 0: none is made [MB]"""
 
 
 class WebConfig(Table):

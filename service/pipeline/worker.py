@@ -6,7 +6,7 @@ shows them is replaced in one assignment.
 
 import threading
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from time import perf_counter
 from typing import NamedTuple, Protocol
@@ -15,13 +15,12 @@ import structlog
 
 from service.can.bus_reader import ReaderStats
 from service.can.frames import FrameBlock
-from service.can.log_files import FrameRecorder
-from service.can.user_errors import RecordError
 from service.config import Config
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import Alarms
+from service.pipeline.alarm_recording import Alarms, AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, RecentHistory, Snapshot
 
 TICK_S = 0.1
@@ -49,35 +48,6 @@ class Reader(Protocol):
 
     def stats(self) -> ReaderStats:
         """State and counters."""
-
-
-class Recording:
-    """Recording of frames to a file, until the disk refuses them."""
-
-    def __init__(self, recorder: FrameRecorder | None) -> None:
-        self._recorder = recorder
-        self.problem: str | None = None
-        """Why recording has ended, for the operator."""
-
-    def write(self, bus: str, frames: FrameBlock) -> None:
-        """Write frames as received; a failure ends the recording, not the monitoring."""
-        if self._recorder is None or self.problem is not None:
-            return
-        try:
-            self._recorder.write(bus, frames)
-        except RecordError as error:
-            self.problem = f"recording has ended: {error}"
-            log.error("recording has ended", reason=str(error))
-
-    def close(self) -> None:
-        """Close the file."""
-        if self._recorder is None:
-            return
-        try:
-            self._recorder.close()
-        except RecordError as error:
-            if self.problem is None:
-                log.error("the end of the recording is lost", reason=str(error))
 
 
 class BusIntake:
@@ -140,7 +110,7 @@ class Worker:
         config: the whole configuration.
         pipeline: decoding and monitors, restored.
         buses: sources of frames.
-        recording: file that frames are recorded to.
+        recording: files that frames are recorded to.
         alarms: the way to the journal.
         checkpointer: the way to the checkpoints.
         compiled: until the kernel of the estimates is ready, frames wait in their queues.
@@ -201,6 +171,7 @@ class Worker:
     def _tick(self) -> bool:
         """Process one block; returns whether frames may still wait."""
         busy = not self._waits() and self._block()
+        self._recording.tick()
         self.snapshot = self._snapshot()
         # While samples wait for the detectors, these would be older than the estimates.
         if not self._pipeline.monitors.deferred_samples:
@@ -219,13 +190,18 @@ class Worker:
         start = perf_counter()
         if self._compiled.multimodel.done():
             self._compiled.multimodel.result()
-            self._alarms.record(self._pipeline.monitors.resume_multimodel())
+            self._record(self._pipeline.monitors.resume_multimodel())
         counts = [self._take(bus) for bus in self._buses]
-        self._alarms.record(self._pipeline.update())
-        self._alarms.record(self._pipeline.monitors.trends.update(1))
+        self._record(self._pipeline.update())
+        self._record(self._pipeline.monitors.trends.update(1))
         if any(counts):
             self._time.observe(perf_counter() - start)
         return any(count >= MOST_FRAMES for count in counts)
+
+    def _record(self, changes: Iterable[AxisAlarm]) -> None:
+        changes = list(changes)
+        self._alarms.record(changes)
+        self._recording.follow(changes)
 
     def _take(self, bus: BusIntake) -> int:
         frames = bus.take(MOST_FRAMES)
@@ -238,8 +214,8 @@ class Worker:
             while self._block():
                 pass
             self._pipeline.flush()
-            self._alarms.record(self._pipeline.update())
-            self._alarms.record(self._pipeline.monitors.trends.update())
+            self._record(self._pipeline.update())
+            self._record(self._pipeline.monitors.trends.update())
         if left := self._pipeline.monitors.deferred_samples:
             log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
         self._checkpointer.save()
@@ -259,7 +235,7 @@ class Worker:
         )
 
     def _all_messages(self) -> tuple[str, ...]:
-        now = (self._alarms.problem, self._checkpointer.problem, self._recording.problem)
+        now = (self._alarms.problem, self._checkpointer.problem, *self._recording.problems)
         compiling = [COMPILING] if self._waits() else []
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)

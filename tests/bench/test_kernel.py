@@ -20,7 +20,7 @@ from monitor_core.monitoring import FEWEST_LANES, AxisBatch, Fleet
 from monitor_core.monitoring import axis_batch as bank_module
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from service.pipeline.warming import HYPOTHESES
+from service.pipeline.warming import Shape
 from tests.bench.measure import Say, in_turns, memory_mb
 from tests.conftest import ROOT
 from tests.core.figures import settings_of
@@ -144,10 +144,10 @@ def test_few_axes_one_by_one_or_in_lanes(samples: int, rounds: int, seed: int, s
 _COMPILE = """
 import os, sys
 from time import perf_counter
-from service.pipeline.warming import compile_kernel
+from service.pipeline.warming import Shape, compile_kernel
 from tests.bench.measure import memory_mb
 start = perf_counter()
-compile_kernel(int(sys.argv[1]))
+compile_kernel(Shape(sys.argv[1]))
 print(perf_counter() - start, memory_mb(os.getpid(), "VmHWM"))
 """
 
@@ -155,15 +155,15 @@ print(perf_counter() - start, memory_mb(os.getpid(), "VmHWM"))
 def test_compile_time(tmp_path: Path, say: Say, monkeypatch: pytest.MonkeyPatch) -> None:
     """It happens once on each machine."""
     rows = []
-    for shape, lanes in (("few axes", 1), ("many axes", FEWEST_LANES), ("hypotheses", HYPOTHESES)):
-        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / shape.partition(" ")[0]))
-        (cold, most_mb), (warm, _) = compiled(lanes), compiled(lanes)
-        rows.append((f"kernel for {shape}", cold, most_mb, warm))
+    for shape in Shape:
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / shape))
+        (cold, most_mb), (warm, _) = compiled(shape), compiled(shape)
+        rows.append((f"kernel: {shape}", cold, most_mb, warm))
     say("compile the kernel", ("", "s", "most MB", "load from the cache, s"), rows)
 
 
-def compiled(lanes: int) -> tuple[float, float]:
-    command = [sys.executable, "-c", _COMPILE, str(lanes)]
+def compiled(shape: Shape) -> tuple[float, float]:
+    command = [sys.executable, "-c", _COMPILE, shape]
     out = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     seconds, most_mb = map(float, out.split())
     return seconds, most_mb

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import threading
-from collections.abc import Iterable
+from collections.abc import Collection
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,7 @@ from service.commands.daemon import needs_cyclic_clock, run_daemon
 from service.commands.exit_codes import DaemonFailedError
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.warming import HYPOTHESES, CacheFiller
+from service.pipeline.warming import CacheFiller, Shape
 from service.store.journal import Journal
 from tests.conftest import ROOT
 from tests.end_to_end.processes import demo_config, edit
@@ -46,14 +46,14 @@ def test_the_kernel_of_the_estimates_is_compiled_first(
     fill, compiled, order = CacheFiller.fill, AxisMonitors.compile, list[str]()
     served, last, stop = (threading.Event() for _ in range(3))
 
-    def slowly(self: CacheFiller, lanes: Iterable[int]) -> bool:
-        if HYPOTHESES in lanes:
+    def slowly(self: CacheFiller, shapes: Collection[Shape]) -> bool:
+        if Shape.MULTIMODEL in shapes:
             order.append("multi-model detector")
             last.set()
         else:
             assert served.wait(60)
             order.append("estimates")
-        return fill(self, lanes)
+        return fill(self, shapes)
 
     def recorded(self: AxisMonitors) -> None:
         compiled(self)

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from monitor_core.monitoring import FEWEST_LANES
 from service.pipeline.kernel_cache import VARIABLE
-from service.pipeline.warming import HYPOTHESES, CacheFiller
+from service.pipeline.warming import CacheFiller, Shape
 from tests.bench.measure import memory_mb
 from tests.end_to_end.processes import daemon, demo_config, robot, wait_for
 from tests.end_to_end.test_daemon import killed
@@ -45,9 +44,9 @@ def test_memory_does_not_grow(tmp_path: Path) -> None:
 def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     with capture_logs() as logs:
-        assert CacheFiller().fill([1, FEWEST_LANES, HYPOTHESES])
+        assert CacheFiller().fill(Shape)
         monkeypatch.setattr(sys, "executable", "/no/such/program")
-        assert CacheFiller().fill([1, FEWEST_LANES, HYPOTHESES])
+        assert CacheFiller().fill(Shape)
     assert logs == []
 
 
@@ -56,7 +55,7 @@ def test_the_second_process_compiles_what_the_first_then_uses(
 ) -> None:
     """Compiled for other types than those of the kernel, a part would be there twice, and no second saved."""
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    assert CacheFiller().fill([1])
+    assert CacheFiller().fill([Shape.FEW_AXES])
     for part in ("update_estimates", "update_tests"):
         assert len(list(tmp_path.rglob(f"update.{part}-*.nbc"))) == 1
 

@@ -9,7 +9,7 @@ from structlog.testing import capture_logs
 
 from service.pipeline import kernel_cache
 from service.pipeline.kernel_cache import VARIABLE, choose, fingerprint
-from service.pipeline.warming import CacheFiller, compile_kernel
+from service.pipeline.warming import CacheFiller, Shape, compile_kernel
 from tests.end_to_end.processes import wait_for
 
 
@@ -44,10 +44,10 @@ FAILED = "the kernel could not be compiled in a process of its own"
 
 
 def test_a_filled_cache_needs_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    compile_kernel(1)
+    compile_kernel(Shape.FEW_AXES)
     monkeypatch.setattr(sys, "executable", "/no/such/program")
     with capture_logs() as logs:
-        assert CacheFiller().fill([1])
+        assert CacheFiller().fill([Shape.FEW_AXES])
     assert logs == []
 
 
@@ -60,7 +60,7 @@ def test_a_process_that_fails_is_told_and_the_start_goes_on(
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     monkeypatch.setattr(sys, "executable", program)
     with capture_logs() as logs:
-        assert CacheFiller().fill([1])
+        assert CacheFiller().fill([Shape.FEW_AXES])
     assert [entry["event"] for entry in logs] == [FAILED]
     assert reason in logs[0]["reason"]
 
@@ -72,7 +72,7 @@ def test_a_stop_ends_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     endless.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(endless))
     filler, ended = CacheFiller(), list[bool]()
-    thread = threading.Thread(target=lambda: ended.append(filler.fill([1])))
+    thread = threading.Thread(target=lambda: ended.append(filler.fill([Shape.FEW_AXES])))
     thread.start()
     wait_for((tmp_path / "begun").exists)
     with capture_logs() as logs:
@@ -87,5 +87,5 @@ def test_after_a_stop_none_is_started(tmp_path: Path, monkeypatch: pytest.Monkey
     filler = CacheFiller()
     filler.stop()
     with capture_logs() as logs:
-        assert not filler.fill([1])
+        assert not filler.fill([Shape.FEW_AXES])
     assert logs == []

@@ -18,7 +18,8 @@ from service.pipeline import worker as worker_module
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer, states_of
-from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Recording, Worker
+from service.pipeline.recording import Recording
+from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
 from service.store.journal import Journal, RecordedAlarm

@@ -1,0 +1,309 @@
+"""Files of the raw frames: everything, on request of ``run --record``, and the minutes around each alarm.
+
+The frames of the last minutes are kept in memory.  An alarm, or a request, begins an extract: once the time after it
+has passed, a thread writes the frames before and after to a candump log.  Replayed, it raises the alarm again.
+"""
+
+import os
+import queue
+import re
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+import structlog
+
+from service.can.frames import FrameBlock
+from service.can.log_files import FrameRecorder
+from service.can.user_errors import RecordError
+from service.pipeline.alarm_recording import AxisAlarm
+
+MOST_RING_BYTES = 64_000_000
+"""Frames kept in memory: at 20 000 frames/s two minutes"""
+_SILENT_US = 5_000_000
+"""An extract does not wait longer for later frames, as where the bus has become silent."""
+_FORMAT = "%Y%m%dT%H%M%SZ"
+_NAME = re.compile(r"frames-(\d{8}T\d{6}Z)-(\d{8}T\d{6}Z)\.log")
+
+log = structlog.get_logger(__name__)
+
+
+class FrameRing:
+    """The last frames of all buses, bounded by time and by memory.
+
+    Args:
+        length_s: how long a frame is kept [s].
+        most_bytes: memory of the frames.
+    """
+
+    def __init__(self, length_s: float, most_bytes: int = MOST_RING_BYTES) -> None:
+        self._length_us, self._most_bytes = round(length_s * 1e6), most_bytes
+        self._blocks = deque[tuple[str, FrameBlock]]()
+        self._bytes = 0
+
+    def add(self, bus: str, frames: FrameBlock) -> None:
+        """Add the next frames of a bus, at least one."""
+        kept = FrameBlock(frames.records.copy())  # a part of a larger array would keep all of it
+        self._blocks.append((bus, kept))
+        self._bytes += kept.records.nbytes
+        newest = int(kept.t_us[-1])
+        # A distance, as a clock that was set back leaves times that are ahead.
+        while self._bytes > self._most_bytes or abs(newest - self._last_us(0)) > self._length_us:
+            _, oldest = self._blocks.popleft()
+            self._bytes -= oldest.records.nbytes
+
+    @property
+    def oldest_us(self) -> int | None:
+        """Time of the oldest frame; None without any."""
+        return int(self._blocks[0][1].t_us[0]) if self._blocks else None
+
+    @property
+    def newest_us(self) -> int | None:
+        """Time of the newest block; None without any."""
+        return self._last_us(-1) if self._blocks else None
+
+    def between(self, from_us: int, until_us: int) -> list[tuple[str, FrameBlock]]:
+        """The frames of that time, as blocks of one bus, in the order of their receipt."""
+        found = []
+        for bus, frames in self._blocks:
+            part = frames.select((frames.t_us >= from_us) & (frames.t_us <= until_us))
+            if part:
+                found.append((bus, part))
+        return found
+
+    def _last_us(self, block: int) -> int:
+        return int(self._blocks[block][1].t_us[-1])
+
+
+class RecordingFolder:
+    """The folder of the extracts.  Names of files hold the time of their first and last frame.
+
+    Args:
+        path: it is made when the first file is written.
+        most_bytes: the oldest files are removed where all take more.
+    """
+
+    def __init__(self, path: Path, most_bytes: int) -> None:
+        self.path, self._most_bytes = path, most_bytes
+
+    def files(self) -> list[Path]:
+        """All extracts, oldest first."""
+        try:
+            return sorted(file for file in self.path.iterdir() if _NAME.fullmatch(file.name))
+        except FileNotFoundError:
+            return []
+
+    def file(self, name: str) -> Path | None:
+        """The extract of that name, if there is one."""
+        path = self.path / name
+        return path if _NAME.fullmatch(name) and path.is_file() else None
+
+    def holding(self, t_us: int) -> str | None:
+        """Name of the oldest extract with the frames of that time; None where there is none."""
+        for file in self.files():
+            times = _NAME.fullmatch(file.name)
+            if (
+                times is not None
+                and _seconds(times[1]) * 1_000_000 <= t_us < (_seconds(times[2]) + 1) * 1_000_000
+            ):
+                return file.name
+        return None
+
+    def write(self, blocks: list[tuple[str, FrameBlock]]) -> Path:
+        """Write an extract, then remove the oldest ones that are too many.
+
+        Raises:
+            RecordError: the folder does not take it; nothing of it stays.
+        """
+        times = [(int(frames.t_us.min()), int(frames.t_us.max())) for _, frames in blocks]
+        first, last = min(t for t, _ in times), max(t for _, t in times)
+        path = self.path / f"frames-{_stamp(first)}-{_stamp(last)}.log"
+        unfinished = self.path / "unfinished.log"
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            unfinished.unlink(missing_ok=True)
+            with FrameRecorder(unfinished) as recorder:
+                for bus, frames in blocks:
+                    recorder.write(bus, frames)
+            os.replace(unfinished, path)
+        except OSError as error:
+            raise RecordError(f"cannot write {path}: {error.strerror}") from None
+        except RecordError:
+            unfinished.unlink(missing_ok=True)
+            raise
+        self._remove_oldest()
+        return path
+
+    def _remove_oldest(self) -> None:
+        files = self.files()
+        sizes = [file.stat().st_size for file in files]
+        while len(files) > 1 and sum(sizes) > self._most_bytes:  # the newest stays
+            files[0].unlink(missing_ok=True)
+            log.info("the oldest recording is removed, all take too much", file=files[0].name)
+            del files[0], sizes[0]
+
+
+@dataclass(slots=True)
+class _Extract:
+    from_us: int
+    until_us: int
+    written: Future[Path] = field(default_factory=Future)
+
+
+class Extracts:
+    """Writes the frames around alarms, and those of the last minutes on request.
+
+    An alarm that is raised while the frames after another are awaited is in the same file: many at once cost one.
+
+    Args:
+        folder: of the files.
+        before_s: time before an alarm [s].
+        after_s: time after it [s].
+        now_us: wall clock.
+    """
+
+    def __init__(
+        self, folder: RecordingFolder, before_s: float, after_s: float, now_us: Callable[[], int]
+    ) -> None:
+        self.folder, self._now_us = folder, now_us
+        self._before_us, self._after_us = round(before_s * 1e6), round(after_s * 1e6)
+        self._ring = FrameRing(before_s + after_s + 2 * _SILENT_US / 1e6)
+        self._begun: _Extract | None = None
+        self._requests = queue.SimpleQueue[Future[Path]]()
+        self._jobs = queue.SimpleQueue[tuple[_Extract, list[tuple[str, FrameBlock]]] | None]()
+        self._writer = threading.Thread(target=self._write_all, name="recordings", daemon=True)
+        self._writer.start()
+        self.problem: str | None = None
+        """Why the last extract could not be written, for the operator."""
+
+    def add(self, bus: str, frames: FrameBlock) -> None:
+        """Keep the next frames of a bus."""
+        self._ring.add(bus, frames)
+
+    def alarm(self, raised_us: int) -> None:
+        """Begin an extract for an alarm, unless its time is in the one that has begun, or too long ago."""
+        oldest = self._ring.oldest_us
+        if self._begun is None and oldest is not None and raised_us >= oldest and not self._covers(raised_us):
+            self._begun = _Extract(raised_us - self._before_us, raised_us + self._after_us)
+
+    def request(self) -> Future[Path]:
+        """Ask, from any thread, for a file with the frames of the last minutes; its path, or a RecordError."""
+        asked = Future[Path]()
+        self._requests.put(asked)
+        return asked
+
+    def tick(self) -> None:
+        """Hand over to the writer what is complete."""
+        now_us = self._now_us()
+        while not self._requests.empty():
+            until_us = self._ring.newest_us or now_us
+            self._hand_over(_Extract(until_us - self._before_us, until_us, self._requests.get()))
+        if (begun := self._begun) is not None:
+            newest = self._ring.newest_us
+            if (newest is not None and newest > begun.until_us) or now_us > begun.until_us + _SILENT_US:
+                self._begun = None
+                self._last_us = begun.until_us
+                self._hand_over(begun)
+
+    def close(self) -> None:
+        """Write what has begun, with the frames that are there, and end the thread."""
+        if self._begun is not None:
+            self._hand_over(self._begun)
+        self._jobs.put(None)
+        self._writer.join()
+        while not self._requests.empty():
+            self._requests.get().set_exception(RecordError("the daemon has stopped"))
+
+    _last_us = 0
+    """End of the last extract"""
+
+    def _covers(self, t_us: int) -> bool:
+        return self._last_us - self._after_us - self._before_us <= t_us <= self._last_us
+
+    def _hand_over(self, extract: _Extract) -> None:
+        self._jobs.put((extract, self._ring.between(extract.from_us, extract.until_us)))
+
+    def _write_all(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            extract, blocks = job
+            try:
+                if not blocks:
+                    raise RecordError("no frames in that time: there is nothing to record")
+                path = self.folder.write(blocks)
+            except RecordError as error:
+                self.problem = f"frames around an alarm are not recorded: {error}"
+                log.error("frames are not recorded", reason=str(error))
+                extract.written.set_exception(error)
+            else:
+                self.problem = None
+                log.info("frames recorded", file=path.name)
+                extract.written.set_result(path)
+
+
+class Recording:
+    """All recording of frames: to one file until the disk refuses it, and around alarms.
+
+    Args:
+        recorder: everything is written to it.
+        extracts: the time around alarms.
+    """
+
+    def __init__(self, recorder: FrameRecorder | None = None, extracts: Extracts | None = None) -> None:
+        self._recorder, self._extracts = recorder, extracts
+        self._ended: str | None = None
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What is not recorded and why, for the operator."""
+        found = (self._ended, self._extracts and self._extracts.problem)
+        return tuple(problem for problem in found if problem)
+
+    def write(self, bus: str, frames: FrameBlock) -> None:
+        """Write frames as received; a failure ends the recording, not the monitoring."""
+        if self._extracts is not None:
+            self._extracts.add(bus, frames)
+        if self._recorder is None or self._ended is not None:
+            return
+        try:
+            self._recorder.write(bus, frames)
+        except RecordError as error:
+            self._ended = f"recording has ended: {error}"
+            log.error("recording has ended", reason=str(error))
+
+    def follow(self, changes: Iterable[AxisAlarm]) -> None:
+        """Record the frames around the alarms that were raised."""
+        if self._extracts is None:
+            return
+        for change in changes:
+            alarm = change.alarm
+            if alarm.ended_us is None and alarm.kind != "forecast":
+                self._extracts.alarm(alarm.reopened_us or alarm.raised_us)
+
+    def tick(self) -> None:
+        """Write what is complete."""
+        if self._extracts is not None:
+            self._extracts.tick()
+
+    def close(self) -> None:
+        """Write what has begun, and close the files."""
+        if self._extracts is not None:
+            self._extracts.close()
+        if self._recorder is None:
+            return
+        try:
+            self._recorder.close()
+        except RecordError as error:
+            if self._ended is None:
+                log.error("the end of the recording is lost", reason=str(error))
+
+
+def _stamp(t_us: int) -> str:
+    return datetime.fromtimestamp(t_us // 1_000_000, UTC).strftime(_FORMAT)
+
+
+def _seconds(stamp: str) -> int:
+    return int(datetime.strptime(stamp, _FORMAT).replace(tzinfo=UTC).timestamp())

@@ -1,0 +1,102 @@
+"""The division of unknown messages into numbers: those of simulated robots and of hand-made frames are found again."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from service.can.frames import concatenate_frames
+from service.can.inferred_layout import Field, find_multiplexer, infer_layout
+from service.can.log_files import CanLog
+from tests.service.pipeline.robots import blocks, demo
+
+N = 1000
+
+
+def smooth(rng: np.random.Generator, largest: float, noise: float) -> NDArray[np.float64]:
+    """A motion: some sines up to ``largest``, and noise."""
+    t = np.arange(N) * 0.005
+    sines = sum(np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in rng.uniform(0.1, 2, 3))
+    return np.asarray(largest * sines / 3 + noise * rng.standard_normal(N), np.float64)
+
+
+def packed(form: str, *columns: NDArray[np.float64]) -> NDArray[np.uint8]:
+    whole = [c if kind in "fd" else np.rint(c).astype(int) for kind, c in zip(form[1:], columns, strict=True)]
+    rows = zip(*(c.tolist() for c in whole), strict=True)
+    return np.frombuffer(b"".join(struct.pack(form, *row) for row in rows), np.uint8).reshape(N, -1)
+
+
+def places(fields: tuple[Field, ...]) -> list[tuple[int, int, str, str]]:
+    kinds = {(True, True): "float", (False, True): "signed", (False, False): "unsigned"}
+    return [(f.first_byte, f.width, f.byte_order, kinds[f.is_float, f.is_signed]) for f in fields]
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10_000), st.sampled_from("<>"), st.permutations("hif"), st.floats(1, 300))
+def test_numbers_of_every_width_order_and_place(
+    seed: int, order: str, kinds: list[str], noise: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    columns = {
+        "h": smooth(rng, 2e4, noise),
+        "i": smooth(rng, 3e7, 10 * noise),
+        "f": smooth(rng, 8, 1e-3 * noise),
+    }
+    form, name = order + "".join(kinds), {"<": "little", ">": "big"}[order]
+    data, first = packed(form, *(columns[kind] for kind in kinds)), 0
+    for kind, found in zip(kinds, infer_layout(data), strict=True):
+        width = struct.calcsize(kind)
+        sign = "float" if kind == "f" else "signed"
+        assert places((found,)) == [(first, width, name, sign)]
+        assert found.kind == "signal"
+        expected = columns[kind].astype(np.float32) if kind == "f" else np.rint(columns[kind])
+        np.testing.assert_array_equal(found.values(data), expected)
+        first += width
+
+
+def test_the_messages_of_the_demo(tmp_path: Path, seed: int) -> None:
+    """Torque in 16 bits, angle in 32 bits, a counter: nothing but the frames is known."""
+    frames = concatenate_frames(list(blocks(demo(tmp_path, 1), 10.0, seed)))
+    fields = infer_layout(frames.select(frames.ids == 0x181).data)
+    assert places(fields[:2]) == [(0, 2, "little", "signed"), (2, 4, "little", "signed")]
+    assert [field.kind for field in fields] == ["signal", "signal", "counter"]
+
+
+def test_counter_state_constant_and_checksum() -> None:
+    rng = np.random.default_rng(5)
+    data = np.zeros((N, 4), np.uint8)
+    data[:, 0] = np.arange(N) % 256
+    data[:, 1] = np.arange(N) > N // 2
+    data[:, 3] = rng.integers(0, 256, N)
+    found = {field.first_byte: field.kind for field in infer_layout(data) if field.width == 1}
+    assert (found[0], found[3]) == ("counter", "random")
+    assert [f.kind for f in infer_layout(data[:, 1:2])] == ["state"]
+    assert [f.kind for f in infer_layout(data[:, 2:3])] == ["constant"]
+
+
+def test_registers_of_an_inverter_are_told_apart() -> None:
+    """Speed and current in turn, named by the first byte."""
+    rng = np.random.default_rng(7)
+    data = np.zeros((N, 3), np.uint8)
+    data[:, 0] = np.where(np.arange(N) % 2, 0x30, 0x20)
+    speed, current = smooth(rng, 2e4, 20), smooth(rng, 3e3, 20)
+    data[:, 1:] = packed("<h", np.where(np.arange(N) % 2, speed, current))
+    assert find_multiplexer(data) == 0
+    assert find_multiplexer(data[::2]) is None
+    assert places(infer_layout(data[::2, 1:])) == [(0, 2, "little", "signed")]
+
+
+@pytest.mark.records
+def test_a_real_bus(records_dir: Path) -> None:
+    """Two inverters, idle: their big-endian numbers are found, and no multiplexer where there is one value."""
+    frames = concatenate_frames(
+        [block.frames for block in CanLog(records_dir / "can/inverter_idle.log").blocks()]
+    )
+    data = frames.select(frames.ids == 0x4EC).data[:, :8]
+    assert places(infer_layout(data))[:2] == [(0, 2, "big", "unsigned"), (2, 2, "big", "signed")]
+    data = frames.select(frames.ids == 0xC0).data[:, :8]
+    assert find_multiplexer(data) is None
