@@ -35,6 +35,9 @@ function operation(path, method, op) {
     ]);
     inside.append(el("h4", {}, "Parameters"), table(["Name", "In", "Type", "Meaning"], rows));
   }
+  for (const [media, content] of Object.entries(op.requestBody?.content ?? {})) {
+    inside.append(el("h4", {}, "Request"), table(["Media type", "Body"], [[code(media), kind(content.schema)]]));
+  }
   const rows = Object.entries(op.responses).map(([status, answer]) => {
     const [media, content] = Object.entries(answer.content ?? {})[0] ?? ["", {}];
     return [code(status), content.schema ? kind(content.schema) : media, answer.description];
