@@ -196,7 +196,7 @@ def _unknown(headers: Headers) -> JSONResponse:
     detail = (
         "this token is not known, or was revoked"
         if given
-        else "this needs a token: Authorization: Bearer TOKEN"
+        else "this needs a token, as `axiswatch token new` makes it: Authorization: Bearer TOKEN"
     )
     return problem_answer(
         401, Problem(detail=detail), {"WWW-Authenticate": f'Bearer realm="axiswatch"{error}'}
