@@ -6,7 +6,6 @@ nothing.  HEAD is answered wherever GET is.  Each request that would change some
 
 import asyncio
 import re
-from urllib.parse import urlsplit
 
 import structlog
 from fastapi.responses import JSONResponse
@@ -23,10 +22,12 @@ from service.web.problem_details import answer
 log = structlog.get_logger(__name__)
 
 MOST_BODY_BYTES = 64 * 1024
-"""Of a request; the largest that the API has is a comment of an operator."""
+"""Of a request; those of the API are much smaller."""
 _NO_ROOM = f"the body of a request may have {MOST_BODY_BYTES} bytes"
 LONGEST_REQUEST_S = 30.0
 """Until its body has arrived and its answer has begun."""
+LONGEST_ANSWER_S = 300.0
+"""From then on: 5 MB of metrics over a slow line, but nobody holds a connection for ever by not reading."""
 REPORTS = "/reports/"
 COOKIE = "axiswatch-token"
 """Holds the token for reports only: a link sends no Authorization header.  Nothing can be changed there."""
@@ -118,9 +119,10 @@ class Gate:
         method = "GET" if scope["method"] == "HEAD" else scope["method"]
         inner = {**scope, "method": method, "state": {**scope.get("state", {}), "caller": who}}
         try:
-            async with asyncio.timeout(LONGEST_REQUEST_S):
+            async with asyncio.timeout(LONGEST_REQUEST_S) as exchange.limit:
                 await self._app(inner, exchange.receive, exchange.send)
         except TimeoutError:
+            exchange.limit = None
             if exchange.status is not None:
                 raise
             detail = f"not complete, or not answered, within {LONGEST_REQUEST_S:g} s"
@@ -134,6 +136,7 @@ class _Exchange:
     def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
         self.scope, self._receive, self._send = scope, receive, send
         self.status: int | None = None
+        self.limit: asyncio.Timeout | None = None
         self._received = 0
         self._endless = "transfer-encoding" in Headers(scope=scope)
 
@@ -154,6 +157,8 @@ class _Exchange:
         """Pass a part of the answer on to the server."""
         if message["type"] == "http.response.start":
             self.status = message["status"]
+            if self.limit is not None:
+                self.limit.reschedule(asyncio.get_running_loop().time() + LONGEST_ANSWER_S)
             headers = MutableHeaders(scope=message)
             for name, value in _HEADERS.items():
                 headers.setdefault(name, value)
@@ -169,7 +174,7 @@ class _Exchange:
 def _too_large(headers: Headers) -> JSONResponse | None:
     """The connection is closed with the refusal: what is on its way is not read."""
     length = headers.get("content-length", "0")
-    if length.isdecimal() and int(length) <= MOST_BODY_BYTES:
+    if length.isdecimal() and len(length) < 10 and int(length) <= MOST_BODY_BYTES:
         return None
     return answer(413, _NO_ROOM, headers={"Connection": "close"})
 
@@ -188,7 +193,7 @@ def _unknown(headers: Headers) -> JSONResponse:
     detail = (
         "this token is not known, or was revoked"
         if given
-        else "this needs a token: Authorization: Bearer TOKEN"
+        else "this needs a token, as `axiswatch token new` makes it: Authorization: Bearer TOKEN"
     )
     return answer(401, detail, headers={"WWW-Authenticate": f'Bearer realm="axiswatch"{error}'})
 
@@ -196,7 +201,7 @@ def _unknown(headers: Headers) -> JSONResponse:
 def _of_another_page(headers: Headers) -> bool:
     """Whether a browser sends this for a page of another origin; only browsers send these headers."""
     origin = headers.get("origin")
-    foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
+    foreign = origin is not None and origin.partition("://")[2].lower() != headers.get("host", "").lower()
     return foreign or headers.get("sec-fetch-site", "none") not in ("same-origin", "none")
 
 

@@ -70,7 +70,7 @@ def test_every_command_shown_is_run_here() -> None:
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
     commands = (
-        "check listen run status alarms simulate replay play model excite identify calibrate init commission"
+        "check listen run status alarms simulate replay play model excite identify calibrate init commission token"
     )
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands.split())}
 
@@ -107,6 +107,18 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["axes"]
     assert "<svg" in (tmp_path / "replay.html").read_text(encoding="utf-8")
     assert run_program(*arguments(play, tmp_path)).returncode == 0
+
+
+def test_others_are_let_in(tmp_path: Path) -> None:
+    """In the order of the documents: a token is made, listed and revoked, beside this [web]."""
+    (web,) = (block for block in TOML if "[web]" in block)
+    edit(demo_config(tmp_path, axes=1), ("[[bus]]", f"{web}\n[[bus]]"))
+    results = [axiswatch(*arguments(command, tmp_path)) for command in shown("axiswatch token")]
+    assert [result.exit_code for result in results] == [0, 0, 0]
+    made, listed, revoked = (result.stdout for result in results)
+    assert made.startswith("axw_")
+    assert "operate" in listed
+    assert revoked == "anna is revoked\n"
 
 
 def test_an_experiment_is_planned(tmp_path: Path) -> None:

@@ -3,13 +3,14 @@
 import asyncio
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import pytest
 import structlog
 from fastapi import Body, Depends, FastAPI
+from fastapi.responses import StreamingResponse
 from fastapi.testclient import TestClient
 
 from service.commands.run import _rendering
@@ -270,6 +271,7 @@ def test_two_hosts_are_none(asked: TestClient) -> None:
     [
         {"Origin": "http://evil.com"},
         {"Origin": "null"},
+        {"Origin": "http://["},
         {"Origin": "http://localhost:9999"},
         {"Sec-Fetch-Site": "cross-site"},
         {"Sec-Fetch-Site": "same-site", "Origin": "http://localhost"},
@@ -303,7 +305,8 @@ def test_a_large_body_is_refused_before_it_is_read(asked: TestClient) -> None:
         answer = asked.post(path, content=b"x" * (MOST_BODY_BYTES + 1))
         assert "65536 bytes" in refused(answer, 413)
         assert answer.headers["connection"] == "close"
-        refused(asked.post(path, content=b"", headers={"Content-Length": "-1"}), 413)
+        for length in ("-1", "x", "9" * 5000):
+            refused(asked.post(path, content=b"", headers={"Content-Length": length}), 413)
     answer = asked.post("/comment", content=parts(), headers={"Content-Type": "application/json"})
     refused(answer, 413)  # of unknown length
     assert answer.headers["connection"] == "close"
@@ -316,8 +319,22 @@ def test_a_request_that_takes_too_long_is_given_up(stage: Stage, monkeypatch: py
     async def slow() -> None:
         await asyncio.sleep(60)
 
-    monkeypatch.setattr(gate, "LONGEST_REQUEST_S", 0.01)
-    assert "within 0.01 s" in refused(TestClient(app, base_url="http://localhost").get("/slow"), 503)
+    async def parts() -> AsyncIterator[bytes]:
+        yield b"begun, "
+        await asyncio.sleep(0.1)
+        yield b"ended"
+
+    @app.get("/long")
+    async def long_answer() -> StreamingResponse:
+        return StreamingResponse(parts())
+
+    monkeypatch.setattr(gate, "LONGEST_REQUEST_S", 0.05)
+    client = TestClient(app, base_url="http://localhost")
+    assert "within 0.05 s" in refused(client.get("/slow"), 503)
+    assert client.get("/long").text == "begun, ended"
+    monkeypatch.setattr(gate, "LONGEST_ANSWER_S", 0.05)
+    with pytest.raises(TimeoutError):
+        client.get("/long")
 
 
 @pytest.mark.parametrize("path", ["/", "/static/page.js", "/api/v1/axes", "/healthz", "/metrics", "/nothing"])
