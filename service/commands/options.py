@@ -175,7 +175,7 @@ def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--a
     return found[0]
 
 
-def bus_named(text: str, messages: Path) -> BusConfig:
+def bus_named(text: str, messages: Path | None = None) -> BusConfig:
     """The bus of "socketcan:can0", with further options after commas.
 
     Raises:
@@ -196,13 +196,14 @@ def bus_named(text: str, messages: Path) -> BusConfig:
     for key, _, value in pairs:
         options[key.strip()] = _value(value.strip())
     name = channel if re.fullmatch(r"[\w-]+", channel, re.ASCII) else "bus1"
-    values = {
+    values: dict[str, object] = {
         "name": name,
         "interface": interface,
         "channel": channel,
-        "messages": str(messages.resolve()),
         "options": options,
     }
+    if messages is not None:
+        values["messages"] = str(messages.resolve())
     bus = BusConfig.model_validate(values, context=Reading(Path.cwd()))
     for finding in usable_bus(bus):
         if finding.path != ("messages",):  # that is reported as a file
