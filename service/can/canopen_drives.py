@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import configparser
 import io
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from canopen import ObjectDictionary
     from canopen.objectdictionary import ODVariable
 
+LAST_NODE = 127
 SUFFIXES: Final = (".eds", ".dcf")
 _NAMES: Final = {
     "0x6064": "position actual value",
@@ -40,6 +42,12 @@ _TOOL = "with the tool of the drive, and save the file again"
 def node_name(node_id: int) -> str:
     """The name under which the objects of a node are signals."""
     return f"node{node_id}"
+
+
+def node_of(name: str) -> int | None:
+    """The node id in such a name; None: it is another one."""
+    found = re.fullmatch(r"node(\d{1,3})", name)
+    return int(found[1]) if found and 1 <= int(found[1]) <= LAST_NODE else None
 
 
 def object_name(index: int, subindex: int = 0) -> str:

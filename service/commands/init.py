@@ -24,7 +24,7 @@ RecordFile = Annotated[
     typer.Argument(
         metavar="FILE",
         help="A table (.csv .parquet .mat) of the healthy, moving robot, or the description of its"
-        " bus (.dbc .kcd .sym .arxml).",
+        " bus (.dbc .kcd .sym .arxml), or of its CANopen drives (.eds .dcf).",
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
@@ -32,6 +32,17 @@ Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Fi
 
 ListenFor = Annotated[
     float, typer.Option("--seconds", min=1.0, max=600.0, metavar="N", help="With --bus: how long.")
+]
+Nodes = Annotated[
+    list[int] | None,
+    typer.Option(
+        "--node",
+        min=1,
+        max=127,
+        metavar="N",
+        help="With the EDS of CANopen drives: node id of a drive, once for each. Without it those on the bus.",
+        show_default=False,
+    ),
 ]
 
 
@@ -41,17 +52,20 @@ def init(
     force: Force = False,
     bus: BusOption = None,
     seconds: ListenFor = 10.0,
+    node: Nodes = None,
 ) -> None:
     """Write a first configuration: which columns of a table, or signals of a bus, are torque and motion of which axis.
 
     The names of the columns and their values are looked at; each proposal says how sure it is. Check it, then run
     `axiswatch commission` with it. A table without names is understood by its values alone. Of a bus that a
-    file describes the values are those on the bus, while the robot moves, where --bus names it.
+    file describes the values are those on the bus, while the robot moves, where --bus names it. Of CANopen drives the
+    EDS tells what they send; what it is in SI units is in their data sheets.
     """
     check_writable(output)
     if output.exists() and not force:
         raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
     with explained():
+        from service.can.canopen_drives import SUFFIXES
         from service.can.message_files import KINDS
         from service.can.user_errors import RecordError
         from service.commands.proposed_configuration import table_lines
@@ -64,9 +78,13 @@ def init(
             else:
                 _from_bus(record, bus_named(bus, record), seconds, output)
             return
+        if record.suffix.lower() in SUFFIXES:
+            _from_drives(record, node, None if bus is None else bus_named(bus), seconds, output)
+            return
         if bus is not None:
             raise typer.BadParameter(
-                f"{record} describes no bus: give its .dbc, .kcd, .sym or .arxml file", param_hint="--bus"
+                f"{record} describes no bus: give its .dbc, .kcd, .sym or .arxml file, or the .eds of its drives",
+                param_hint="--bus",
             )
         if not is_table(record):
             raise typer.BadParameter(
@@ -145,6 +163,38 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
             console.print(f"{what}: {_few(names)}", markup=False)
     write_all([(output, "\n".join(bus_lines(found.axes, description, output, bus)) + "\n")])
     console.print(f"Next: axiswatch commission --config {output} --minutes 10", markup=False)
+
+
+def _from_drives(
+    eds: Path, nodes: list[int] | None, bus: BusConfig | None, seconds: float, output: Path
+) -> None:
+    """Write a configuration for CANopen drives, those given or those that are heard on the bus.
+
+    Raises:
+        DescriptionError: the file cannot be used, or the drives do not send torque and motion.
+        BusError: the bus cannot be opened.
+        RecordError: no such drive is heard.
+    """
+    from service.can.user_errors import RecordError
+    from service.commands.proposed_configuration import drive_lines
+    from service.ingest.drive_objects import nodes_in, objects_of
+
+    console = Console(highlight=False, soft_wrap=True)
+    if nodes is None:
+        if bus is None:
+            raise typer.BadParameter("say which drives: --node 3 --node 4, or --bus", param_hint="--node")
+        heard = heard_on(bus, seconds, console)
+        nodes = nodes_in(eds, heard)
+        if not nodes:
+            raise RecordError(
+                f"no drive of {eds} on {bus.interface} {bus.channel}: {heard.size} frames in {seconds:g} s; is the"
+                " master on, which starts the drives and sends the SYNC?"
+            )
+    drives = {node: objects_of(eds, node) for node in nodes}
+    for node, found in drives.items():
+        console.print(f"node {node}: {found}", markup=False)
+    write_all([(output, "\n".join(drive_lines(drives, eds, output, bus)) + "\n")])
+    console.print(f"Next: fill in {output}, then axiswatch listen --config {output}", markup=False)
 
 
 _NAMED = 12

@@ -175,7 +175,7 @@ def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--a
     return found[0]
 
 
-def bus_named(text: str, messages: Path | None) -> BusConfig:
+def bus_named(text: str, messages: Path | None = None) -> BusConfig:
     """The bus of "socketcan:can0", with further options after commas; ``messages`` is the file that describes it.
 
     Raises:

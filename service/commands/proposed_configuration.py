@@ -8,8 +8,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from service.config.canopen_axis import CURRENT, VELOCITY
 from service.config.schema import BusConfig
 from service.ingest.column_roles import AxisRoles, TableRoles
+from service.ingest.drive_objects import DriveObjects
 from service.ingest.signal_roles import BusAxis, SignalRole
 from service.ingest.unit_names import Quantity, unit_in
 from service.ingest.unknown_messages import UnknownMessage
@@ -43,10 +45,74 @@ def bus_lines(
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts the unit on the bus, -1 turns the sign; of the angle of an arm it is the gear ratio."
-    yield from _bus_table(_BUS if bus is None else bus.name, bus)
+    yield from _bus_lines(bus)
     yield f"messages = {_quoted(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
     yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
+
+
+def drive_lines(
+    drives: Mapping[int, DriveObjects], eds: Path, output: Path, bus: BusConfig | None = None
+) -> Iterator[str]:
+    """The file ``output`` for CANopen drives.
+
+    Args:
+        drives: by their node ids.
+        eds: of all of them.
+        output: the file.
+        bus: of the drives; None: it is not known.
+    """
+    yield f"# Proposed by `axiswatch init` from {eds.name}."
+    yield "# Fill in what the data sheets say: remove # and put your values; `axiswatch check` names what lacks."
+    yield from _bus_lines(bus)
+    yield ""
+    yield "[[robot]]"
+    yield 'name = "robot1"'
+    yield ""
+    yield "[robot.defaults]  # of all axes of this robot; an axis may have its own"
+    first = next(iter(drives.values()))
+    if first.interval_s is None:
+        yield f"sample_interval_s = {_INTERVAL_S:g}  # time between two SYNCs: correct it; `listen` measures it"
+    else:
+        yield f"sample_interval_s = {first.interval_s:g}  # time between two SYNCs"
+    yield _MODEL
+    current = first.torque == CURRENT
+    if current:
+        yield "#torque = { kT_Nm_per_A = 0.1 }  # torque constant of the motor"
+    yield ""
+    yield "[robot.defaults.canopen]"
+    yield f"eds = {_quoted(os.path.relpath(eds.resolve(), output.resolve().parent))}"
+    if current:
+        yield "#rated_current_A = 1.0  # object 0x6075 (mA), data sheet of the motor: 0x6078 is in thousandths of it"
+    else:
+        yield "#rated_torque_Nm = 1.0  # object 0x6076 (mN m), data sheet of the motor: 0x6077 is in thousandths of it"
+    if first.motion == VELOCITY:
+        yield 'motion = "speed"'
+        yield '#speed_unit = "rpm"  # of object 0x606C, or "counts/s": manual of the drive'
+    else:
+        yield "#counts_per_turn = 4096  # of the position: object 0x608F, data sheet of the encoder"
+    yield '#side = "arm"  # where the position is measured behind the gear; then also:'
+    yield "#motor_turns = 100  # of the motor for one turn of the arm: data sheet of the gear"
+    for place, node_id in enumerate(drives, 1):
+        yield ""
+        yield "[[robot.axis]]"
+        yield f'name = "axis{place}"'
+        yield f"canopen = {{ node_id = {node_id} }}"
+
+
+def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
+    """The bus, without what describes its messages; None: only its name in a log is known."""
+    yield "[[bus]]"
+    if bus is None:
+        name = channel if re.fullmatch(r"[\w-]+", channel, re.ASCII) else _BUS
+        yield f"name = {_quoted(name)}"
+        yield f"channel = {_quoted(channel)}  # of the interface; the name in a log"
+        return
+    yield f"name = {_quoted(bus.name)}"
+    yield f"interface = {_quoted(bus.interface)}"
+    yield f"channel = {_quoted(bus.channel)}"
+    if bus.options:
+        yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
 
 
 def unknown_bus_lines(
@@ -62,7 +128,7 @@ def unknown_bus_lines(
     """
     yield "# Proposed by `axiswatch discover`: what the numbers mean is a guess by their values."
     yield "# Put in the units: the factor of a torque makes it N m, that of a motion rad or rad/s, both of the motor."
-    yield from _bus_table(name if re.fullmatch(r"[\w-]+", name, re.ASCII) else _BUS, bus, name)
+    yield from _bus_lines(bus, name)
     for message in messages:
         yield ""
         yield "[[bus.message]]"
@@ -78,18 +144,6 @@ def unknown_bus_lines(
         yield "]"
     yield ""
     yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
-
-
-def _bus_table(name: str, bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
-    yield "[[bus]]"
-    yield f"name = {_quoted(name)}"
-    if bus is None:
-        yield f"channel = {_quoted(channel)}  # of the interface; the name in a log"
-        return
-    yield f"interface = {_quoted(bus.interface)}"
-    yield f"channel = {_quoted(bus.channel)}"
-    if bus.options:
-        yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
 
 
 def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from service.can.canopen_drives import read_drive
+from service.can.canopen_drives import node_of, read_drive
 from service.can.frames import FrameKey
 from service.can.message_files import read_messages
 from service.can.messages import Bits, DescriptionError, Message, MessageSet, message_of, united
@@ -29,8 +29,13 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
             yield read_messages(bus.messages)
         if bus.name == name and bus.message:
             yield MessageSet(tuple(map(_message, bus.message)), "[[bus.message]]")
-    drives = [axis.canopen for robot in config.robot for axis in robot.axis if axis.bus == name]
-    for eds, node_id in dict.fromkeys((drive.eds, drive.node_id) for drive in drives if drive is not None):
+    axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == name]
+    drives = {axis.canopen.node_id: axis.canopen.eds for axis in axes if axis.canopen is not None}
+    for axis in axes:
+        if axis.canopen is not None:  # a drive of no axis is one of the same kind
+            nodes = (node_of(signal.message or "") for signal in axis.signal)
+            drives = {node_id: axis.canopen.eds for node_id in nodes if node_id is not None} | drives
+    for node_id, eds in sorted(drives.items()):
         yield read_drive(eds, node_id)
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from service.can.canopen_drives import node_name, object_name
+from service.can.canopen_drives import LAST_NODE, node_name, object_name
 from service.config.base_table import FilePath, Positive, Table
 
 POSITION, VELOCITY, TORQUE, CURRENT = 0x6064, 0x606C, 0x6077, 0x6078
@@ -27,7 +27,7 @@ class CanopenConfig(Table):
 
     eds: FilePath
     """EDS or DCF of the drive, with its transmit PDOs as they are configured, relative to this file"""
-    node_id: Annotated[int, Field(strict=True)] = Field(ge=1, le=127)
+    node_id: Annotated[int, Field(strict=True)] = Field(ge=1, le=LAST_NODE)
     """node id of the drive"""
     device: Annotated[int, Field(strict=True)] = Field(1, ge=1, le=8)
     """number of the axis in a drive of several axes: the second has its objects at 0x6800"""

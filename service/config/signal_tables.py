@@ -8,7 +8,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import Array, InlineTable
 
-from service.config.robot_defaults import DEFAULTS
+from service.config.robot_defaults import DEFAULTS, completed
 
 SIGNAL = "signal"
 """Key of the auxiliary signals of an axis"""
@@ -30,9 +30,10 @@ def signal_table(robot: Any, axis: Any, name: str) -> Any:
 def detach(robot: Any, left_out: Collection[str]) -> None:
     """Let signals that are the motion of an axis which will be left out name the place of that motion themselves."""
     defaults = robot.get(DEFAULTS, {})
+    (complete,) = completed({"robot": [robot.unwrap()]})["robot"]
     motions = {
-        str(axis["name"]): {**defaults.get(quantity, {}), **axis.get(quantity, {})}
-        for axis in robot["axis"]
+        str(axis["name"]): axis[quantity]
+        for axis in complete["axis"]
         for quantity in ("speed", "angle")
         if quantity in axis
     }

@@ -1,8 +1,8 @@
 // What a person does about an alarm: the buttons of its row, and the small form that they open.
 
 import { el, text } from "./dom.js";
+import { ask } from "./token.js";
 
-const PATIENCE_MS = 10000;
 const ACTIONS = {
   acknowledge: { label: "Acknowledge", states: ["unacknowledged", "returned", "latched"] },
   shelve: { label: "Shelve", states: ["unacknowledged", "acknowledged", "latched"] },
@@ -42,14 +42,7 @@ async function send() {
   const { alarm, action } = opened;
   const body = { comment: form.elements.comment.value, work_order: form.elements.order.value };
   if (action === "shelve") body.duration_s = Number(form.elements.duration.value);
-  const answer = await fetch(`/api/v1/alarms/${alarm.id}/${action}`, {
-    method: "POST",
-    headers: { "Content-Type": "application/json" },
-    body: JSON.stringify(body),
-    signal: AbortSignal.timeout(PATIENCE_MS),
-  });
-  const found = await answer.json();
-  if (!answer.ok) throw new Error(typeof found.detail === "string" ? found.detail : `status ${answer.status}`);
+  await ask(`/api/v1/alarms/${alarm.id}/${action}`, body);
 }
 
 form.addEventListener("submit", async (event) => {

@@ -21,7 +21,7 @@ let lostSince = null;
 
 async function refresh() {
   try {
-    const [service, axes, active, ended] = await Promise.all(PATHS.map(ask));
+    const [service, axes, active, ended] = await Promise.all(PATHS.map((path) => ask(path)));
     answered = new Date();
     lostSince = null;
     showService(service, active.total);

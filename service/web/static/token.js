@@ -9,20 +9,25 @@ let form = null;
 /** The daemon wants a token, and has none, or one that is not valid. */
 export class TokenNeeded extends Error {}
 
-/** The body of an answer. Where a token is needed, the form comes up. */
-export async function ask(path) {
+/** The body of an answer; with a body of its own, the request is a POST. Where a token is needed, the form comes up. */
+export async function ask(path, body = null) {
   const token = sessionStorage.getItem(KEY);
   const headers = token === null ? {} : { Authorization: `Bearer ${token}` };
-  const answer = await fetch(path, { signal: AbortSignal.timeout(PATIENCE_MS), cache: "no-store", headers });
-  const body = await answer.json();
-  if (answer.status === 401) {
-    showForm(body.detail);
-    throw new TokenNeeded(body.detail);
+  const request = { signal: AbortSignal.timeout(PATIENCE_MS), cache: "no-store", headers };
+  if (body !== null) {
+    headers["Content-Type"] = "application/json";
+    Object.assign(request, { method: "POST", body: JSON.stringify(body) });
   }
-  if (!answer.ok) throw new Error(body.detail ?? `status ${answer.status}`);
+  const answer = await fetch(path, request);
+  const found = await answer.json();
+  if (answer.status === 401) {
+    showForm(found.detail);
+    throw new TokenNeeded(found.detail);
+  }
+  if (!answer.ok) throw new Error(typeof found.detail === "string" ? found.detail : `status ${answer.status}`);
   form?.remove();
   form = null;
-  return body;
+  return found;
 }
 
 export const hasToken = () => sessionStorage.getItem(KEY) !== null;

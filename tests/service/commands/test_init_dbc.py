@@ -10,6 +10,7 @@ import pytest
 from service.config import load
 from service.config.schema import NamedAxis
 from tests.conftest import ROOT
+from tests.service import canopen_files
 from tests.service.command_line import refused, shown
 from tests.service.commands import can_logs
 from tests.service.drive_descriptions import TEXTS
@@ -92,6 +93,29 @@ def test_other_formats(name: str, folder: Path) -> None:
     torque, motion = axis.config.torque, axis.config.motion
     assert (torque.message, torque.signal, torque.factor) == ("Drive", "Torque", 1)
     assert (motion.message, motion.signal, axis.config.output) == ("Motion", "Angle", "angle")
+
+
+def test_canopen_drives(folder: Path) -> None:
+    """Of what the drive does not say, there are lines to be filled in."""
+    eds = folder / "drive.eds"
+    eds.write_text(canopen_files.eds(), encoding="utf-8")
+    assert "say which drives: --node 3 --node 4, or --bus" in refused("init", eds)
+    torque, motion, _ = canopen_files.TWO_PDOS
+    pdos = (torque._replace(objects=["60780010"]), motion._replace(objects=["606C0020"]))
+    eds.write_text(canopen_files.eds(pdos), encoding="utf-8")
+    assert "node 7: current 0x6078, velocity 0x606C" in shown("init", eds, "--node", 7)
+    text = Path("axis.toml").read_text(encoding="utf-8").replace("\n#", "\n").replace("\nside", "\n#side")
+    Path("axis.toml").write_text(text[text.index("[[bus]]") :], encoding="utf-8")
+    assert "no problems" in shown("check", "--config", "axis.toml")
+    (axis,) = load(Path("axis.toml"), {}).axes
+    assert (axis.config.torque.signal, axis.config.motion.signal, axis.config.output) == (
+        "0x6078",
+        "0x606C",
+        "speed",
+    )
+    eds.write_text(canopen_files.eds((motion,)), encoding="utf-8")
+    words = refused("init", eds, "--node", 7, "--force")
+    assert "node7 does not send 0x6077 (torque actual value): no transmit PDO holds it in drive.eds" in words
 
 
 def test_no_axis_in_it(folder: Path) -> None:

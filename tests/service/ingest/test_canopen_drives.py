@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from service.can.frames import Frame, FrameBlock
 from service.can.messages import DescriptionError, find_signal
 from service.can.sync_cycle import SyncCycle
 from service.config import ConfigErrors, load
+from service.config.commissioned import Found, commissioned
 from service.config.remarks import remarks
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder
@@ -189,6 +191,20 @@ def test_values_of_the_data_sheet(folder: Path, old: str, new: str, torque: floa
 def test_a_position_in_counts_has_their_resolution(folder: Path) -> None:
     motion = configured(folder).axes[0].config.motion
     assert (motion.resolution, motion.factor) == (1.0, pytest.approx(COUNT))
+
+
+def test_an_axis_that_follows_a_drive_of_no_axis(folder: Path) -> None:
+    """Where commissioning leaves an axis out, its angle is read where it is: the drive is one of the same file."""
+    node = "canopen = { node_id = 3 }\n"
+    other = '[[robot.axis]]\nname = "b"\ncanopen = { node_id = 4 }\n'
+    text = CONFIG.replace(node, f'{node}signal = [{{ name = "pose", axis = "b" }}]\n{other}')
+    (robot,) = tomllib.loads(commissioned(text, {"r.a": Found("nominal.toml", None, ["kT"])}))["robot"]
+    ((signal,),) = (axis["signal"] for axis in robot["axis"])
+    assert signal == {"name": "pose", "message": "node4", "signal": "0x6064", "factor": pytest.approx(COUNT)}
+    listing = ", ".join(f"{key} = {value!r}" for key, value in signal.items())
+    config = configured(folder, (node, f"{node}signal = [{{ {listing} }}]\n"))
+    ingest = Ingest(config, "can0", {"r.a": config.axes[0].sources})
+    assert {key.can_id for key in ingest.keys} == {0x80, 0x183, 0x283, 0x284}
 
 
 def test_the_second_axis_of_a_drive(folder: Path) -> None:
