@@ -52,6 +52,7 @@ class AlarmJson(TypedDict):
     priority: str
     shelved_until: str | None
     work_order: str | None
+    recording: str | None
     words: str
     raised: str
     ended: str | None
@@ -155,6 +156,14 @@ class Client:
         """Add a comment or the number of a work order."""
         return self._act(alarm_id, "comment", text)
 
+    def record(self) -> str:
+        """Have the raw frames of the last minutes written to a file; its name."""
+        return str(self._ask("POST", "recordings")["name"])
+
+    def recording(self, name: str) -> bytes:
+        """The content of a recording, a candump log."""
+        return self._send("GET", f"recordings/{name}").content
+
     def _act(
         self,
         alarm_id: int,
@@ -173,19 +182,32 @@ class Client:
         query: Mapping[str, str | int] | None = None,
         body: Mapping[str, object] | None = None,
     ) -> Any:
+        answer = self._send(method, path, query, body)
+        return self._json(answer)
+
+    def _send(
+        self,
+        method: str,
+        path: str,
+        query: Mapping[str, str | int] | None = None,
+        body: Mapping[str, object] | None = None,
+    ) -> httpx.Response:
         import httpx
 
         try:
             answer = self._http.request(method, f"/api/v1/{path}", params=query, json=body)
-            found = answer.json()
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             raise ClientError(f"{self._url} does not answer ({error}); does the daemon run there?") from error
+        if answer.is_error:
+            raise ClientError(_reason(self._json(answer)), answer.status_code)
+        return answer
+
+    def _json(self, answer: httpx.Response) -> Any:
+        try:
+            return answer.json()
         except ValueError as error:
             message = f"{self._url} is no axiswatch: it answers {answer.status_code} without JSON"
             raise ClientError(message) from error
-        if answer.is_error:
-            raise ClientError(_reason(found), answer.status_code)
-        return found
 
 
 def _reason(problem: Any) -> str:

@@ -98,6 +98,8 @@ def show(
         _print_json(found)
         return
     print(_line(found))
+    if found["recording"] is not None:
+        print(f"  frames around it: {found['recording']}")
     for t in found["transitions"]:
         words = [f"  {_time(t['at'])}  {t['event']} by {t['who']}: {t['to_state']}"]
         words += [f"until {_time(t['until'])}"] if t["until"] and t["event"] == "shelve" else []

@@ -69,7 +69,11 @@ def run_daemon(
         compiled = _in_background(config, stack)
         compiled.multimodel.add_done_callback(lambda done: None if done.exception() else complete())
         readers = _open_buses(config, core, stack)
-        worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
+        recorder = FrameRecorder(record) if record else None
+        extracts = _extracts(config)
+        recording = Recording(recorder, extracts)
+        stack.callback(recording.close)
+        worker, journal = _worker(config, core, compiled, readers, recording, stack, stop)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
         for reader in readers.values():
@@ -84,7 +88,7 @@ def run_daemon(
             ready(url)
 
         pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
-        app = create_app(lambda: worker.snapshot, journal, reports=pages, access=access)
+        app = create_app(lambda: worker.snapshot, journal, reports=pages, access=access, extracts=extracts)
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
     if worker.error is not None:
@@ -167,13 +171,11 @@ def _worker(
     core: FramePipeline,
     compiled: Compiled,
     readers: Mapping[str, CanReader],
-    record: Path | None,
+    recording: Recording,
     stack: ExitStack,
     stop: threading.Event,
 ) -> tuple[Worker, Journal]:
     """The worker with the files of the state directory, which are closed in the reverse order."""
-    recording = Recording(FrameRecorder(record) if record else None, _extracts(config))
-    stack.callback(recording.close)
     journal = Journal(config.service.state_dir / "alarms.sqlite")
     stack.callback(journal.close)
     checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")

@@ -27,6 +27,7 @@ COMMANDS = (
     "run",
     "status",
     "alarms",
+    "record",
     "simulate",
     "play",
     "replay",

@@ -102,9 +102,9 @@ class RecordingFolder:
         path = self.path / name
         return path if _NAME.fullmatch(name) and path.is_file() else None
 
-    def holding(self, t_us: int) -> str | None:
-        """Name of the oldest extract with the frames of that time; None where there is none."""
-        for file in self.files():
+    def holding(self, t_us: int, files: Iterable[Path] | None = None) -> str | None:
+        """Name of the oldest extract with the frames of that time, among these files, or all; None: there is none."""
+        for file in self.files() if files is None else files:
             times = _NAME.fullmatch(file.name)
             if (
                 times is not None

@@ -111,7 +111,12 @@ def router(state: AppState) -> APIRouter:
             f.state,
             now_us,
         )
-        found = [views.alarm(a, now_us) for a in (*first, *recorded)]
+        folder = state.recordings
+        files = [] if folder is None else folder.files()  # looked at once
+        found = [
+            views.alarm(a, now_us, None if folder is None else folder.holding(a.since_us, files))
+            for a in (*first, *recorded)
+        ]
         return models.Alarms(total=total + len(waiting), limit=limit, offset=offset, alarms=found)
 
     @api.get("/statistics", summary="Alarm statistics", responses=_NO_JOURNAL)
@@ -176,7 +181,8 @@ def _actions(state: AppState) -> APIRouter:
 
 
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
-    return views.alarm_record(found, state.journal.transitions(found.id), state.now_us())
+    recording = None if state.recordings is None else state.recordings.holding(found.since_us)
+    return views.alarm_record(found, state.journal.transitions(found.id), state.now_us(), recording)
 
 
 def _unknown(state: AppState, alarm_id: int) -> UnknownResourceError:

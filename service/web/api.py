@@ -11,6 +11,7 @@ from service.web.alarm_routes import Moment
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
 from service.web.problem_details import UnknownResourceError, described
+from service.web.recording_routes import router as recording_router
 
 _NOT_FOUND = described(404, "It does not exist")
 _LONGEST_S = 1.0
@@ -30,6 +31,7 @@ def router(state: AppState) -> APIRouter:
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
     api.include_router(alarm_router(state), tags=["alarms"])
+    api.include_router(recording_router(state.extracts), tags=["recordings"])
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:

@@ -10,6 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
+from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.store.journal import Journal
@@ -35,6 +36,7 @@ def create_app(
     now_us: Callable[[], int] = now_us,
     reports: ReportPages | None = None,
     access: Access | None = None,
+    extracts: Extracts | None = None,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
 
@@ -44,9 +46,10 @@ def create_app(
         now_us: the clock for ages.
         reports: pages of the commissioning.
         access: who may ask; default: everyone on this machine.
+        extracts: recordings of the frames around alarms.
     """
     access = access or Access()
-    state = AppState(snapshot, journal, access, now_us, reports)
+    state = AppState(snapshot, journal, access, now_us, reports, extracts)
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Generic, TypeVar
 
+from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.journal import Journal
 from service.texts import now_us
@@ -24,6 +25,12 @@ class AppState:
     access: Access
     now_us: Callable[[], int] = now_us
     reports: ReportPages | None = None
+    extracts: Extracts | None = None
+
+    @property
+    def recordings(self) -> RecordingFolder | None:
+        """The folder of the frames around alarms; None: none are recorded."""
+        return None if self.extracts is None else self.extracts.folder
 
 
 _T = TypeVar("_T")

@@ -296,6 +296,9 @@ class Alarm(Body):
     recorded: bool = Field(
         description="false: the journal does not have it yet, as the disk refuses it; it is tried again"
     )
+    recording: TextOrNull = Field(
+        description="name of the file with the raw frames around it, see /api/v1/recordings; null: there is none (yet)"
+    )
     axis: str
     state: AlarmState = Field(
         description="state of ISA-18.2. normal: it is over; unacknowledged, acknowledged: it is active; returned: its"
@@ -501,6 +504,19 @@ class Readiness(Body):
 
     ready: bool
     reasons: list[str] = Field(description="why not every axis is monitored")
+
+
+class Recording(Body):
+    """A file with the raw frames of some minutes."""
+
+    name: str
+    size_bytes: int
+
+
+class Recordings(Body):
+    """All recordings."""
+
+    recordings: list[Recording] = Field(description="oldest first")
 
 
 class Problem(Body):

@@ -135,17 +135,17 @@ def reach(r: Reach, now_us: int) -> models.Reach:
     return _body(models.Reach, r, words=reach_words(r, now_us))
 
 
-def alarm(a: RecordedAlarm, now_us: int = 0) -> models.Alarm:
-    """One alarm, in its state at this time."""
-    return _alarm(models.Alarm, a, now_us)
+def alarm(a: RecordedAlarm, now_us: int = 0, recording: str | None = None) -> models.Alarm:
+    """One alarm, in its state at this time, with the name of its recording."""
+    return _alarm(models.Alarm, a, now_us, recording=recording)
 
 
 def alarm_record(
-    a: RecordedAlarm, transitions: Iterable[RecordedTransition], now_us: int
+    a: RecordedAlarm, transitions: Iterable[RecordedTransition], now_us: int, recording: str | None
 ) -> models.AlarmRecord:
-    """One alarm with its transitions."""
+    """One alarm with its transitions and the name of its recording."""
     found = [_body(models.AlarmTransition, t) for t in transitions]
-    return _alarm(models.AlarmRecord, a, now_us, transitions=found)
+    return _alarm(models.AlarmRecord, a, now_us, transitions=found, recording=recording)
 
 
 def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:

@@ -2,6 +2,7 @@
 
 import { buttons } from "./alarm_actions.js";
 import { el, text } from "./dom.js";
+import { hasToken } from "./token.js";
 import { count, moment, percent, span, unit, withDeviation } from "./format.js";
 
 let shown = null;
@@ -52,8 +53,15 @@ function stateOf(alarm) {
   const until = alarm.shelved_until === null ? "" : ` until ${moment(alarm.shelved_until)}`;
   const state = alarm.state === "normal" ? [] : [alarm.state === "returned" ? "unacknowledged" : alarm.state + until];
   found.push(el("small", { className: "words" }, [...state, `${alarm.priority} priority`].join(", ")));
+  if (alarm.recording !== null) found.push(el("small", { className: "words" }, framesOf(alarm)));
   if (alarm.work_order !== null) found.push(el("small", { className: "words" }, `work order ${alarm.work_order}`));
   return found;
+}
+
+/** The raw frames around it, to download; a link sends no token, so with one it is only named. */
+function framesOf(alarm) {
+  if (hasToken()) return `frames: ${alarm.recording}`;
+  return el("a", { href: `/api/v1/recordings/${encodeURIComponent(alarm.recording)}`, download: alarm.recording }, "frames");
 }
 
 /** That it has no name yet, or what it was called before it had this one. */

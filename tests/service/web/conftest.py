@@ -27,6 +27,7 @@ from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
+from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
@@ -185,9 +186,17 @@ class Stage:
     now_us: int = NOON_US + 250_000
     reports: ReportPages | None = None
     access: Access | None = None
+    extracts: Extracts | None = None
 
     def app(self) -> FastAPI:
-        return create_app(lambda: self.snapshot, self.journal, lambda: self.now_us, self.reports, self.access)
+        return create_app(
+            lambda: self.snapshot,
+            self.journal,
+            lambda: self.now_us,
+            self.reports,
+            self.access,
+            self.extracts,
+        )
 
     def client(self) -> TestClient:
         return TestClient(self.app(), base_url="http://localhost")

@@ -1,0 +1,63 @@
+"""REST under /api/v1/recordings: raw frames around alarms, their files, and a new one on request."""
+
+from concurrent.futures import TimeoutError as NotWrittenError
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+from fastapi import Path as PathParameter
+from fastapi.responses import FileResponse
+from starlette.exceptions import HTTPException
+
+from service.can.user_errors import RecordError
+from service.pipeline.recording import Extracts
+from service.web import models
+from service.web.access import Scope, needs
+from service.web.problem_details import UnknownResourceError, described
+
+_WAIT_S = 20.0
+"""For the writer: the disk may be slow"""
+
+
+def router(extracts: Extracts | None) -> APIRouter:
+    """The routes below /api/v1/recordings; None: the configuration leaves no room for recordings."""
+    api = APIRouter(prefix="/recordings")
+
+    @api.get("", summary="Recordings")
+    def recordings() -> models.Recordings:
+        """The files with the raw frames around alarms, oldest first."""
+        files = [] if extracts is None else extracts.folder.files()
+        return models.Recordings(recordings=[_body(file) for file in files])
+
+    @api.post(
+        "", summary="Record the last minutes", status_code=201,
+        responses=described(503, "There are no frames, or the disk does not take them"),
+    )  # fmt: skip
+    def record(_who: Annotated[str, Depends(needs(Scope.OPERATE))]) -> models.Recording:
+        """Write the raw frames of the last minutes, as they are kept for an alarm, to a file."""
+        if extracts is None:
+            raise HTTPException(503, "recordings_mb in [service] is 0: no frames are kept")
+        try:
+            return _body(extracts.request().result(_WAIT_S))
+        except RecordError as error:
+            raise HTTPException(503, str(error)) from None
+        except NotWrittenError:
+            raise HTTPException(503, f"the file was not written within {_WAIT_S:.0f} s") from None
+
+    @api.get(
+        "/{name}", summary="One recording", response_class=FileResponse,
+        responses=described(404, "It does not exist"),
+    )  # fmt: skip
+    def recording(name: Annotated[str, PathParameter(description="as in the list")]) -> FileResponse:
+        """A candump log, for `axiswatch replay`, can-utils or python-can."""
+        file = None if extracts is None else extracts.folder.file(name)
+        if file is None:
+            known = [] if extracts is None else [file.name for file in extracts.folder.files()]
+            raise UnknownResourceError(f"there is no recording {name!r}", known)
+        return FileResponse(file, media_type="text/plain", filename=file.name)
+
+    return api
+
+
+def _body(file: Path) -> models.Recording:
+    return models.Recording(name=file.name, size_bytes=file.stat().st_size)
