@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     )
     from monitor_core.identification.problem import Disturbance, IdentificationError, Problem
     from monitor_core.identification.records import suspicions as check_record
-    from monitor_core.identification.records.record import Record
+    from monitor_core.identification.records.measured_record import Record
     from monitor_core.modeling.simulated_axis import SimulatedAxis
     from monitor_core.modeling.standard_drives import (
         REFERENCE_VALUES,

@@ -27,7 +27,7 @@ from monitor_core.identification.black_boxes.frequency_response import (
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.record import Bools, Record
+from monitor_core.identification.records.measured_record import Bools, Record
 from monitor_core.identification.records.uniform_grid import grid_interval, resample
 
 _POINTS = 300

@@ -21,7 +21,7 @@ from monitor_core.identification.outlook import Watched, outlook, shortest_memor
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.lively_parts import lively_parts
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.starting import (
     Growth,
     best_of,

@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import Drive, split_name
 from monitor_core.identification.problem import IdentificationError
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import StateSpace
 from monitor_core.wording import did_you_mean

@@ -19,7 +19,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import SIGNAL, Balance, Term, unexplained
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 

@@ -24,7 +24,7 @@ from monitor_core.identification.greybox import (
     traces_of,
 )
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.record import Record, between
+from monitor_core.identification.records.measured_record import Record, between
 from monitor_core.identification.records.rigid_body import Term, rigid_fits
 from monitor_core.identification.torque_balance import (
     explained_torque,

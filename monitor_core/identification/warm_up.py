@@ -30,7 +30,7 @@ from monitor_core.drive.thermal_state import HEAT, MOVED, ThermalModel, ThermalS
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.warm_up_error import model_errors
 from monitor_core.identification.warm_up_search import Search, chosen, heat_course, speeds_of, windows_of
 

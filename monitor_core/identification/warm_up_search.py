@@ -16,7 +16,7 @@ from monitor_core.drive.thermal_state import ThermalModel, ThermalStart
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.predictor.prediction_errors import Predictor
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 
 WINDOW_S = 10.0
 LEAST_FALL = 0.04

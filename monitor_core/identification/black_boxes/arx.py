@@ -22,7 +22,7 @@ from monitor_core.identification.black_boxes.frequency_response import (
     by_gradient,
     on_circle,
 )
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, stretches
 
 _LARGEST = 200

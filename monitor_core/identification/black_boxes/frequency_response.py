@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, stretches
 
 Complexes = NDArray[np.complex128]

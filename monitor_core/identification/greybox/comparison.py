@@ -21,7 +21,7 @@ from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.residuals import Information, information
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Motion, Problem
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 
 _SPEED_S = 0.02
 """An angle is differenced over that time: over less its resolution would dominate."""

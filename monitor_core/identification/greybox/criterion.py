@@ -21,7 +21,7 @@ from monitor_core.identification.greybox.levenberg_marquardt import (
 from monitor_core.identification.predictor.parameter_vector import LEVEL
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.records.record import Bools, Record
+from monitor_core.identification.records.measured_record import Bools, Record
 
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""

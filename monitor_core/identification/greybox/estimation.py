@@ -16,7 +16,7 @@ from monitor_core.identification.greybox.levenberg_marquardt import End
 from monitor_core.identification.greybox.residuals import Information, independence, information, whiteness
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.kernel.tables import OF_MOTION
 
 _SLACK = 20.0

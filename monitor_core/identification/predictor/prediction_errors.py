@@ -18,7 +18,7 @@ from monitor_core.identification.predictor.middle_speed import MiddleSpeed, midd
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
 from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.kernel.fixed_predictor import (
     FROM_OUTPUT,
     FROM_RECORD,

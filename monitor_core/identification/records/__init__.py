@@ -6,13 +6,21 @@ at.  Thresholds are set so that a healthy record gives no finding: each constant
 
 from monitor_core.identification.records.arm_links import LinkWeights, link_weights
 from monitor_core.identification.records.lively_parts import lively_parts
+from monitor_core.identification.records.measured_record import (
+    UNITS,
+    Bools,
+    Finding,
+    Known,
+    Record,
+    Severity,
+    between,
+)
 from monitor_core.identification.records.motion_checks import (
     is_about_nominal,
     known_of,
     shown_inertia,
     suspicions,
 )
-from monitor_core.identification.records.record import UNITS, Bools, Finding, Known, Record, Severity, between
 from monitor_core.identification.records.rigid_body import rigid_fit, speed_scales
 from monitor_core.identification.records.turning_weight import TurningWeight, turning_weight
 from monitor_core.identification.records.value_patterns import (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 
 ENOUGH = 40_000
 """Samples to find starting values, the speed scale of friction, and whether a drive is right at all."""

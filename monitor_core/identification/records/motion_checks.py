@@ -12,7 +12,7 @@ from scipy.linalg import eigvals
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
-from monitor_core.identification.records.record import Finding, Known, Record
+from monitor_core.identification.records.measured_record import Finding, Known, Record
 from monitor_core.identification.records.rigid_body import USUAL, Rigid, Term, rigid_fits
 from monitor_core.identification.records.sample_checks import signals, strange, times
 

@@ -17,7 +17,7 @@ from scipy.signal import oaconvolve
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
-from monitor_core.identification.records.record import Record, segments
+from monitor_core.identification.records.measured_record import Record, segments
 from monitor_core.identification.records.uniform_grid import mean_torque
 
 Term = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"]

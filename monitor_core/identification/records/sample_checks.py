@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.identification.records.record import Bools, Finding, Known, Record
+from monitor_core.identification.records.measured_record import Bools, Finding, Known, Record
 from monitor_core.samples import PHYSICAL_LIMITS
 
 _HALF = 2

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.identification.greybox import Estimate, Problem, traces_of
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
 from monitor_core.identification.starting.growing_chains import Stem, longer, stems
 from monitor_core.identification.starting.response import Measured, Response, measure

@@ -24,7 +24,7 @@ from monitor_core.identification.black_boxes.arx import Arx, fit_arx
 from monitor_core.identification.black_boxes.frequency_response import DECIBEL, Complexes
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.record import Bools, Record
+from monitor_core.identification.records.measured_record import Bools, Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample, stretches
 
 _ORDER = 100

@@ -10,8 +10,8 @@ import numpy as np
 from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import value_of
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.motion_checks import rigid_inertia
-from monitor_core.identification.records.record import Record
 from monitor_core.identification.records.rigid_body import USUAL, rigid_fits
 from monitor_core.identification.starting.growing_chains import stems
 from monitor_core.identification.starting.response import Measured, Response, measure

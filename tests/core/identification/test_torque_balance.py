@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight
 from tests.core.chains import chain, values
 
