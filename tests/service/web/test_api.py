@@ -219,7 +219,8 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
     }
     assert body["alarms"] == [
         {
-            "id": number, "recorded": True, "recording": None, "state": "unacknowledged", "returns_to": None, "shelved_until": None,
+            "id": number, "recorded": True, "recording": None,
+            "state": "unacknowledged", "returns_to": None, "shelved_until": None,
             "priority": "medium", "work_order": None, "axis": "demo.axis1", "parameter": "fm",
             "direction": "up", "stage": "named",
             "causes": [
