@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor_core.arrays import Ints
 from service.can.decode_plan import Column, MessagePlan
-from service.can.frames import FrameBlock, FrameKey
+from service.can.frames import EXTENDED, FrameBlock, FrameKey
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
 from service.can.sync_cycle import SyncCycle
 
@@ -71,7 +71,10 @@ class Decoder:
         left, ids = frames.size, frames.ids
         left -= sum(cycle.take(frames) for cycle in self._sync.values())
         for key in self._messages:
-            places = np.flatnonzero(ids == key.record_id)
+            mask = self.known.masks.get(key)
+            alike = ids if mask is None else ids & np.uint32(mask | EXTENDED)
+            wanted = key.record_id if mask is None else key.record_id & (mask | EXTENDED)
+            places = np.flatnonzero(alike == wanted)
             if places.size:
                 left -= places.size
                 decoded = self._decoded(key, frames, places)

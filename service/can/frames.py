@@ -25,6 +25,10 @@ def _record(data_bytes: int) -> np.dtype[np.void]:
 CLASSIC_RECORD, FD_RECORD = _record(CLASSIC_BYTES), _record(FD_BYTES)
 
 
+ID_BITS = 0x1FFFFFFF
+"""Of an id without its flag"""
+
+
 class FrameKey(NamedTuple):
     """Identifies the messages of a bus."""
 

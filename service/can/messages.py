@@ -15,7 +15,7 @@ from cantools.database.conversion import BaseConversion
 from cantools.database.errors import Error as CodingError
 
 from monitor_core.wording import did_you_mean, listed
-from service.can.frames import FrameKey
+from service.can.frames import EXTENDED, ID_BITS, FrameKey
 
 __all__ = ["CodingError", "DescriptionError", "Message", "MessageSet", "Signal"]
 
@@ -56,6 +56,23 @@ class MessageSet(NamedTuple):
     """By their names"""
     sync: Mapping[FrameKey, FrameKey] = MappingProxyType({})
     """Messages whose values are sampled at a SYNC, and the frames of that"""
+    masks: Mapping[FrameKey, int] = MappingProxyType({})
+    """Messages of which only these bits of the identifier count; of the others all do"""
+
+    def mask(self, key: FrameKey) -> int:
+        """The bits of the id in a record that count for a message."""
+        return self.masks.get(key, ID_BITS) | EXTENDED
+
+    def carries(self, key: FrameKey, record_id: int) -> bool:
+        """Whether a frame with that id in its record carries a message."""
+        return (record_id ^ key.record_id) & self.mask(key) == 0
+
+    def counted(self, frames: Mapping[FrameKey, int]) -> dict[FrameKey, int]:
+        """How many frames there are of each message, of frames counted by their own ids."""
+        return {
+            key: sum(count for own, count in frames.items() if self.carries(key, own.record_id))
+            for key in map(key_of_message, self.messages)
+        }
 
 
 def united(parts: Sequence[MessageSet]) -> MessageSet:
@@ -65,6 +82,7 @@ def united(parts: Sequence[MessageSet]) -> MessageSet:
         " and ".join(dict.fromkeys(part.source for part in parts)),
         {name: group for part in parts for name, group in part.groups.items()},
         {key: sync for part in parts for key, sync in part.sync.items()},
+        {key: mask for part in parts for key, mask in part.masks.items()},
     )
 
 
@@ -163,8 +181,10 @@ def _message(known: MessageSet, name: str) -> Message:
         message.refresh(strict=True)
     except CodingError as error:
         raise DescriptionError(f"{known.source} is wrong about this message: {error}") from None
+    key = key_of_message(message)
     for other in known.messages:
-        if other is not message and key_of_message(other) == key_of_message(message):
+        own = key_of_message(other)
+        if other is not message and (own.record_id ^ key.record_id) & known.mask(key) & known.mask(own) == 0:
             raise DescriptionError(
                 f"{known.source} gives its identifier {message.frame_id:#x} to {other.name}, too"
             )

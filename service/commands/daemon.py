@@ -160,7 +160,7 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
 def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[str, CanReader]:
     readers = {}
     for bus in config.bus:
-        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].keys)
+        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].filter)
         reader.open()
         stack.callback(reader.close)
     return readers

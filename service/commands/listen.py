@@ -94,7 +94,7 @@ def live_buses(config: Config, everything: bool = False) -> Iterator[list[LiveBu
     try:
         for bus in config.bus:
             ingest = Ingest(config, bus.name)
-            reader = CanReader(bus, None if everything else ingest.keys)
+            reader = CanReader(bus, None if everything else ingest.filter)
             opened.append(LiveBus(bus.name, reader, ingest))
             reader.open()
         for live in opened:

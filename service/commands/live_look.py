@@ -73,6 +73,8 @@ def look_at(
         DescriptionError, IngestError: the configuration cannot be used.
         RecordError: the record cannot be written.
     """
+    from service.config.bus_messages import messages_of
+
     path = folder / LOOK
     path.unlink(missing_ok=True)
     heard = record_buses(config, path, seconds, stop, show)
@@ -80,7 +82,9 @@ def look_at(
     proposals = _proposals(text, folder, str(path), loaded)
     axes = []
     for axis, inputs in _inputs(config):
-        missing = tuple(_missing(axis, inputs, heard.traffic[axis.config.bus], heard.seconds))
+        known = messages_of(config, axis.config.bus)
+        traffic = known.counted(heard.traffic[axis.config.bus])
+        missing = tuple(_missing(axis, inputs, traffic, heard.seconds))
         found = loaded.get(axis.id)
         facts = "" if found is None else _facts(axis, inputs, found)
         unusable = () if missing or found is not None else (_unusable(lost.get(axis.id, "")),)
@@ -119,14 +123,12 @@ def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, st
 
 
 def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
-    from service.can.messages import key_of_message
     from service.config.bus_messages import messages_of
 
     for bus in config.bus:
         traffic, state, lost = heard.traffic[bus.name], heard.states[bus.name], heard.lost[bus.name]
         where = f"bus {bus.name} ({bus.interface} {bus.channel})"
         described = messages_of(config, bus.name)
-        known = set(map(key_of_message, described.messages))
         if state != "up":
             yield f"{where} is {state}"
         elif errors := lost.get("error_frame", 0):
@@ -136,7 +138,7 @@ def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
                 f"{where} is silent: no frame in {heard.seconds:.0f} s; is the controller on, does it send, and are"
                 " cable, termination and bit rate right?"
             )
-        elif not known & set(traffic):
+        elif not any(described.counted(traffic).values()):
             yield (
                 f"{where}: {traffic.total()} frames, and none of their messages is in {described.source}:"
                 f" {_ids(traffic)}; does that describe this robot, and this bus?"

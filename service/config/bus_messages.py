@@ -10,6 +10,11 @@ from service.can.message_files import read_messages
 from service.can.messages import Bits, DescriptionError, Message, MessageSet, message_of, united
 from service.config.schema import BitsConfig, Config, MessageConfig
 
+_FIRST_BROADCAST = 240
+"""Parameter groups whose second byte is below are sent to a destination."""
+_PRIORITY = 6
+"""Usual one of J1939, of what is sent here"""
+
 
 def messages_of(config: Config, bus: str) -> MessageSet:
     """The messages of the bus of that name.
@@ -28,7 +33,8 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
         if bus.name == name and bus.messages is not None:
             yield read_messages(bus.messages)
         if bus.name == name and bus.message:
-            yield MessageSet(tuple(map(_message, bus.message)), "[[bus.message]]")
+            masks = {_key(m): _mask(m) for m in bus.message if m.pgn is not None}
+            yield MessageSet(tuple(map(_message, bus.message)), "[[bus.message]]", masks=masks)
     axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == name]
     drives = {axis.canopen.node_id: axis.canopen.eds for axis in axes if axis.canopen is not None}
     for axis in axes:
@@ -40,9 +46,27 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
 
 
 def _message(message: MessageConfig) -> Message:
-    return message_of(
-        message.name, FrameKey(message.id, message.is_extended), [*map(bits_of, message.signal)]
+    return message_of(message.name, _key(message), [*map(bits_of, message.signal)])
+
+
+def is_addressed(pgn: int) -> bool:
+    """Whether a parameter group of J1939 is sent to a destination, which is then a part of the identifier (PDU1)."""
+    return pgn >> 8 & 0xFF < _FIRST_BROADCAST
+
+
+def _key(message: MessageConfig) -> FrameKey:
+    if message.pgn is None:
+        return FrameKey(message.id or 0, message.is_extended)
+    destination = 0xFF if is_addressed(message.pgn) else 0  # to all
+    return FrameKey(
+        _PRIORITY << 26 | message.pgn << 8 | destination << 8 | (message.source_address or 0), True
     )
+
+
+def _mask(message: MessageConfig) -> int:
+    """The bits of the identifier that count."""
+    group = 0x3FF0000 if is_addressed(message.pgn or 0) else 0x3FFFF00
+    return group | (0 if message.source_address is None else 0xFF)
 
 
 def bits_of(s: BitsConfig) -> Bits:

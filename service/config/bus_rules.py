@@ -9,7 +9,7 @@ from service.can.canopen_drives import node_name, read_drive
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
 from service.config.base_table import Table
-from service.config.bus_messages import bits_of, messages_of
+from service.config.bus_messages import bits_of, is_addressed, messages_of
 from service.config.problems import Finding, Keys
 from service.config.schema import (
     FLOAT_BITS,
@@ -124,11 +124,27 @@ def _table_of_ids(bus: BusConfig) -> Iterator[Finding]:
     yield from same_names("message", bus.message)
     for i, message in enumerate(bus.message):
         path: Keys = ("message", i)
-        if message.id > LAST_STANDARD_ID and not message.is_extended:
-            yield Finding((*path, "id"), "has more than 11 bits: extended = true, or leave extended out")
+        yield from (finding.inside(path) for finding in _identifier(message))
         yield from (finding.inside(path) for finding in same_names("signal", message.signal))
         for k, signal in enumerate(message.signal):
             yield from (finding.inside((*path, "signal", k)) for finding in _bits(signal))
+
+
+def _identifier(message: MessageConfig) -> Iterator[Finding]:
+    """Either an identifier or a parameter group of J1939."""
+    if (message.id is None) == (message.pgn is None):
+        words = "missing" if message.id is None else "give it or pgn, not both"
+        yield Finding(("id",), f"{words} ({MessageConfig.meaning('id')})")
+    if message.id is not None and message.id > LAST_STANDARD_ID and not message.is_extended:
+        yield Finding(("id",), "has more than 11 bits: extended = true, or leave extended out")
+    if message.pgn is None and message.source_address is not None:
+        yield Finding(("source_address",), "belongs to pgn: an id has it in its lowest byte")
+    if message.pgn is not None and not message.is_extended:
+        yield Finding(("extended",), "J1939 has identifiers of 29 bits: remove this")
+    if message.pgn is not None and is_addressed(message.pgn) and message.pgn & 0xFF:
+        yield Finding(
+            ("pgn",), f"its lowest byte is the destination, and counts as 0: {message.pgn & ~0xFF:#x}"
+        )
 
 
 def _bits(signal: BitsConfig) -> Iterator[Finding]:

@@ -24,9 +24,9 @@ def torque_of_drive(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("canopen", "rated_current_A"), "give the rated torque or the rated current, not both")
     elif drive.rated_current_A is not None and kT is None:
         yield Finding(
-            ("canopen", "rated_current_A"),
-            "the current makes no torque without torque = { kT_Nm_per_A = ... }, the torque constant of the motor (data"
-            " sheet) [N m/A]",
+            ("torque", "kT_Nm_per_A"),
+            "missing: the current, object 0x6078, makes no torque without torque = { kT_Nm_per_A = ... }, the torque"
+            " constant of the motor (data sheet) [N m/A]",
         )
     elif drive.rated_torque_Nm is not None and kT is not None:
         yield Finding(

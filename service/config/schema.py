@@ -203,6 +203,7 @@ class WebConfig(Table):
 MAX_BYTES = 64
 """Of the longest frame"""
 LAST_STANDARD_ID, _LAST_ID = 0x7FF, 0x1FFFFFFF
+_LAST_PGN = 0x3FFFF
 FLOAT_BITS = (16, 32, 64)
 
 
@@ -230,8 +231,12 @@ class MessageConfig(Table):
 
     name: Text
     """name by which axes refer to the message"""
-    id: Annotated[int, Field(strict=True)] = Field(ge=0, le=_LAST_ID)
-    """identifier, as 0x181"""
+    id: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=_LAST_ID)
+    """identifier, as 0x181; or pgn"""
+    pgn: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=_LAST_PGN)
+    """parameter group number of J1939, as 0xFF31: any priority, and any source address unless it is given"""
+    source_address: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=0xFF)
+    """with pgn: source address of the drive"""
     extended: Annotated[bool, Field(strict=True)] | None = None
     """the identifier has 29 bits; default: it is above 0x7FF"""
     signal: tuple[BitsConfig, ...] = Field(min_length=1)
@@ -240,7 +245,9 @@ class MessageConfig(Table):
     @property
     def is_extended(self) -> bool:
         """Whether its identifier has 29 bits."""
-        return self.id > LAST_STANDARD_ID if self.extended is None else self.extended
+        if self.extended is None:
+            return self.id is None or self.id > LAST_STANDARD_ID
+        return self.extended
 
 
 class BusConfig(Table):

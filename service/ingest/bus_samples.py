@@ -60,8 +60,13 @@ class Ingest:
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:
-        """The wanted frames, for the filters of the bus."""
+        """The wanted frames."""
         return self.decoder.keys
+
+    @property
+    def filter(self) -> tuple[FrameKey, ...] | None:
+        """What a bus need let through; None: everything, since of some messages only a part of the id is known."""
+        return None if set(self.keys) & self.decoder.known.masks.keys() else self.keys
 
     @property
     def dropped(self) -> Mapping[str, int]:

@@ -202,7 +202,7 @@ def test_from_a_can_log_to_a_configuration(folder: Path, seed: int) -> None:
     log = can_logs.log_of(rows, config, folder / "healthy.blf", 180 / np.pi)
     result = axiswatch("commission", log, "--config", config, "--budget", "2min", "--output", "made", "--yes")
     assert result.exit_code == 0, result.output
-    assert "the DBC says that the angle is in degrees" in result.output
+    assert "the description of the bus says that the angle is in degrees" in result.output
     (axis,) = load(folder / "made" / "axiswatch.toml").axes
     assert axis.config.motion.factor == pytest.approx(np.pi / 180)
     assert axis.config.torque.factor == -1

@@ -59,8 +59,8 @@ def test_what_is_wrong_is_named_before_and_after_the_recording(folder: Path, two
     assert "-> torque.factor = -1; proposed after the recording" in looked
     assert "cell.a2: 200 samples" in looked
     for part in (looked, after):
-        assert "cell.a1: the DBC says that the angle is in degrees" in part
-        assert "cell.a2: the DBC" not in part
+        assert "cell.a1: the description of the bus says that the angle is in degrees" in part
+        assert "cell.a2: the description" not in part
     assert result.exit_code == MISTAKE
     right = "2 proposed changes, and nobody to ask: cell.a1: angle.factor = 0.0174533; cell.a1: torque.factor = -1."
     assert right in words_of(result.stderr)
@@ -208,7 +208,7 @@ def test_on_a_real_device(folder: Path, seed: int, monkeypatch: pytest.MonkeyPat
     for part in (looked, after):
         assert "frames are received in bunches" in part
         assert "the samples of the records are" not in part
-        assert "the DBC says that the angle is in degrees" in part
+        assert "the description of the bus says that the angle is in degrees" in part
         assert "-> torque.factor = -1" in part
     assert "cell.a2: it does not move: let the robot work" in looked
     assert result.exit_code == MISTAKE

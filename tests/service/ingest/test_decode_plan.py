@@ -135,18 +135,21 @@ def table_signals(draw: st.DrawFn) -> list[Bits]:
     return found
 
 
-def by_the_bits(signal: Bits, data: bytes) -> float:
-    """The value, from the definition of a table's signal."""
-    number = 0
+def bits_of(signal: Bits) -> list[int]:
+    """The bits of a table's signal, the highest first, by its definition."""
     if signal.byte_order == "little":
-        number = int.from_bytes(data, "little") >> signal.start_bit & (1 << signal.length) - 1
-    else:
-        at = signal.start_bit
-        for _ in range(
-            signal.length
-        ):  # from the highest bit down, then on with the highest bit of the next byte
-            number = number << 1 | data[at // 8] >> at % 8 & 1
-            at = at - 1 if at % 8 else at + 15
+        return list(range(signal.start_bit + signal.length - 1, signal.start_bit - 1, -1))
+    found = [signal.start_bit]
+    while len(found) < signal.length:  # down, then on with the highest bit of the next byte
+        found.append(found[-1] - 1 if found[-1] % 8 else found[-1] + 15)
+    return found
+
+
+def by_the_bits(signal: Bits, data: bytes) -> float:
+    """The value, bit by bit."""
+    number = 0
+    for at in bits_of(signal):
+        number = (number << 1) | (data[at // 8] >> (at % 8) & 1)
     if signal.kind == "float":
         raw = number.to_bytes(signal.length // 8, "big")
         real: float = struct.unpack(f">{ {16: 'e', 32: 'f', 64: 'd'}[signal.length] }", raw)[0]
@@ -168,6 +171,7 @@ def test_a_table_of_ids_has_the_values_of_its_bits_and_of_cantools(table: list[B
     data = np.frombuffer(b"".join(frames), np.uint8).reshape(-1, 64)
     columns, _ = MessagePlan(message, [signal.name for signal in table]).decode(data)
     for signal in table:
+        assert signal.bytes_needed == 1 + max(bits_of(signal)) // 8
         alone = Message(1, "M", 64, [message.get_signal_by_name(signal.name)])  # cantools refuses any overlap
         for k, frame in enumerate(frames):
             found = bits(float(columns[signal.name].values[k]))

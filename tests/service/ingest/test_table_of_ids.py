@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameBlock
+from service.can.messages import DescriptionError
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder
 from service.ingest.records import read_record
@@ -62,6 +63,38 @@ def test_it_gives_the_samples_of_a_database(tmp_path: Path, seed: int) -> None:
     for sample, plain in zip(plant.fed(current, frames)["r.a"], expected["r.a"], strict=True):
         assert sample.torque == KT * plain.torque + KT * 0.5
         assert sample.motion == plain.motion
+
+
+def test_parameter_groups_of_j1939(tmp_path: Path) -> None:
+    """Of any priority and to any destination; from one source, or from any."""
+    bits = {"start_bit": 0, "length": 16, "kind": "signed"}
+    messages = [
+        {"name": "Drive", "pgn": 0xFF31, "source_address": 0x21, "signal": [{"name": "Torque", **bits}]},
+        {"name": "Motion", "pgn": 0xEF00, "signal": [{"name": "Angle", **bits}]},
+    ]
+    found = plant.axis("a", ("Drive", "Torque"), ("Motion", "Angle"), "angle")
+    config = plant.make_config(tmp_path, found, messages=None, message=messages)
+    ingest = Ingest(config, "bus0")
+    assert ingest.filter is None
+    torques = [0x18FF3121, 0x0CFF3121, 0x18FF3122, 0x19FF3121, 0x18FF3221]
+    motions = [0x18EFFF05, 0x0CEF1207, 0x18EE1207, 0x1AEF1207]
+    frames = [
+        Frame(5000 * k, can_id, True, bytes([kind, 0]))
+        for k in range(4)
+        for kind, can_id in ((1, torques[k]), (2, motions[k]))
+    ]
+    frames.append(Frame(20_000, torques[4], True, b"\1\0"))
+    frames.append(Frame(20_000, 0xFF3121 & 0x7FF, False, b"\1\0"))
+    samples = plant.fed(ingest, frames)["r.a"]
+    assert [(s.t_us, s.torque, s.motion) for s in samples] == [(0, 1.0, 2.0), (5000, 1.0, 2.0)]
+    assert ingest.dropped["unwanted"] == len(frames) - 4
+    counts = ingest.decoder.known.counted(FrameBlock.from_frames(frames).counts())
+    assert sorted(counts.values()) == [2, 2]
+    sent = {frame.key.can_id for frame in FrameEncoder(config, "bus0").encode({"r.a": (1.0, 2.0)}, 0)}
+    assert sent == {0x18FF3121, 0x18EFFF00}
+    twice = [*messages, {**messages[0], "name": "Twin", "source_address": None}]
+    with pytest.raises(DescriptionError, match=r"gives its identifier 0x18ff3121 to Twin, too"):
+        Ingest(plant.make_config(tmp_path, found, messages=None, message=twice), "bus0")
 
 
 def test_a_current_is_sent_as_one(tmp_path: Path) -> None:
