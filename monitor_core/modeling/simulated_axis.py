@@ -56,12 +56,12 @@ class SimulatedAxis:
     @property
     def angle(self) -> float:
         """Angle at the sensor now, rad; 0 for a drive with the speed as output, where it is unknown."""
-        return float(self._C @ self._x) if self._drive.output == "angle" else 0.0
+        return float(self._C.dot(self._x)) if self._drive.output == "angle" else 0.0
 
     @property
     def speed(self) -> float:
         """Speed at the sensor now, rad/s."""
-        return float(self._speed @ self._x)
+        return float(self._speed.dot(self._x))
 
     def set(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name; the others and the motion stay as they are.
@@ -95,8 +95,11 @@ class SimulatedAxis:
         if h not in self._held:
             self._held[h] = zero_order_hold(self._A, self._B, h)
         Ad, Bd = self._held[h]
-        for _ in range(self._parts):
-            self._x = Ad @ self._x + Bd @ self.inputs(torque)
+        u = self.inputs(torque)
+        for part in range(self._parts):
+            if part:
+                self._follow(u)
+            self._x = Ad.dot(self._x) + Bd.dot(u)
         return self.angle, self.speed
 
     def inputs(self, torque: float) -> Floats:
@@ -104,15 +107,21 @@ class SimulatedAxis:
         u = self._constant.copy()
         for i in self._of_torque:
             u[i] = torque
+        self._follow(u)
+        return u
+
+    def _follow(self, u: Floats) -> None:
+        """Friction and gravity of the motion now."""
         if self._friction:
-            speed = self.speed / self._speed_scale  # in units of that of Coulomb friction
+            speed = (
+                float(self._speed.dot(self._x)) / self._speed_scale
+            )  # in units of that of Coulomb friction
             for i, _, ratio in self._friction:
                 u[i] = math.tanh(ratio * speed)
         if self._weight:
             angle = self.angle
             for i, kind, ratio in self._weight:
                 u[i] = math.cos(ratio * angle) if kind == COSINE else math.sin(ratio * angle)
-        return u
 
 
 BLOCK = 64

@@ -42,20 +42,20 @@ class Situation(NamedTuple):
 
 
 def of_case(case: Case, seed: int) -> Situation:
-    rec = record(seed, case, 500, jitter=0.3, gaps=3)
+    rec = record(seed, case, 250, jitter=0.3, gaps=2)
     return Situation(case, case.settings(alpha1=0.5, alpha2=0.5), rec)
 
 
 def alarms(seed: int, widen: float = 0.0, own: tuple[Threshold, ...] = ()) -> Situation:
     case = BY_NAME["paper"]
     settings = replace(case.settings(alpha1=0.5, alpha2=2.0, covariance_reset=widen), thresholds=own)
-    rec = record(seed, case, 1200, true={**case.values, "kT": 1.1, "fm": 0.03})
+    rec = record(seed, case, 600, true={**case.values, "kT": 1.1, "fm": 0.03})
     return Situation(case, settings, rec, lambda paper: len({a[:2] for a in paper.log.alarms}) >= 2)
 
 
 def run_on(seed: int) -> Situation:
     case = BY_NAME["paper"]
-    rec = record(seed, case, 800, true={**case.values, "kT": 1.3})
+    rec = record(seed, case, 400, true={**case.values, "kT": 1.3})
     settings = case.settings(alpha1=0.5, alpha2=0.5, run_on=True)
     return Situation(case, settings, rec, lambda paper: paper.g[0, 0] > 2 * settings.alpha2)
 
@@ -63,14 +63,14 @@ def run_on(seed: int) -> Situation:
 def search_for_P0(name: str, seed: int) -> Situation:
     case = BY_NAME[name]
     settings = case.settings(P0=(), lam=0.98)
-    return Situation(case, settings, record(seed, case, 700), lambda paper: len(paper.diagonals) == 500)
+    return Situation(case, settings, record(seed, case, 570), lambda paper: len(paper.diagonals) == 500)
 
 
 def lost_samples(seed: int) -> Situation:
     """It waits after them: sixty samples settle anyway."""
     case = BY_NAME["speed-zero-nominals"]._replace(lost_s=0.01)
-    rec = record(seed, case, 600, jitter=0.2)
-    return Situation(case, case.settings(), rec, lambda paper: 110 < np.isnan(paper.log.eps).sum() < 560)
+    rec = record(seed, case, 350, jitter=0.2)
+    return Situation(case, case.settings(), rec, lambda paper: 110 < np.isnan(paper.log.eps).sum() < 310)
 
 
 def pause(name: str, seed: int) -> Situation:
@@ -89,8 +89,8 @@ def outliers(name: str, grows: bool, seed: int) -> Situation:
     case, rng = BY_NAME[name], np.random.default_rng(seed)
     after = gains_after(case.model, H, case.torque_noise, NOISE[case.output]) if grows else ()
     settings = replace(case.settings(outlier_limit=6.0, settle_s=0.1), K_after=after)
-    rec = record(seed, case, 600)
-    hit = np.flatnonzero(rng.random(600) < 0.002)
+    rec = record(seed, case, 350)
+    hit = np.flatnonzero(rng.random(350) < 0.004)
     rec.y[hit] += rng.choice([-1, 1], hit.size) * NOISE[case.output] * np.exp(rng.uniform(3, 7, hit.size))
     rec.y[300:310] += 50 * NOISE[case.output]  # more in a row than are passed over
     rec.y[0] += 1000 * NOISE[case.output]  # it restarts
@@ -119,7 +119,7 @@ FIVE_MASSES = (
 
 def five_masses(case: Case, seed: int) -> Situation:
     settings = case.settings(alpha1=0.5, alpha2=0.1)
-    rec = record(seed, case, 500, jitter=0.2, gaps=1)
+    rec = record(seed, case, 250, jitter=0.2, gaps=1)
     return Situation(case, settings, rec, lambda paper: len(paper.log.alarms) > 0)
 
 
@@ -138,7 +138,7 @@ def any_masses(masses: int, seed: int) -> Situation:
     drive = partial(chain, masses, sensor=sensor, gravity=gravity)
     scale = rng.uniform(0.2, 2.0)
     case = Case(f"{sensor} {names}", output, tuple(names), given, drive=drive, speed_scale=scale, within=0.3)
-    return Situation(case, case.settings(alpha1=0.5, alpha2=0.5), record(seed, case, 500, jitter=0.2, gaps=1))
+    return Situation(case, case.settings(alpha1=0.5, alpha2=0.5), record(seed, case, 250, jitter=0.2, gaps=1))
 
 
 OWN = (Threshold(0.7, 1.5, 0.02), Threshold(0.4, 3.0), Threshold(0.0, 2.5, 0.1))
@@ -246,7 +246,7 @@ def test_no_drive_is_compiled_anew(seed: int) -> None:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_psi_is_the_derivative_of_the_prediction(case: Case, seed: int) -> None:
     """theta is pinned by a tiny P(0); the derivative of the whole prediction is taken by the complex step."""
-    rec = record(seed, case, 250, jitter=0.3)
+    rec = record(seed, case, 120, jitter=0.3)
     model, settings = case.model, replace(case.settings(settle_s=0.0), P0=tuple(1e-40 * case.model.scale**2))
     theta = model.theta0
     _, trace = AxisMonitor(model, settings).update_traced(SampleBlock(*rec))

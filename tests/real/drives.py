@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,7 @@ equation
 """
 
 
+@cache
 def one_mass(*, gravity: bool = False) -> Drive:
     """The drive of that text, or the same with a weight."""
     text = ONE_MASS.replace("equation\n", WEIGHT) if gravity else ONE_MASS

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME
 from monitor_core.identification.greybox.levenberg_marquardt import (
     NEARLY,
@@ -134,8 +134,9 @@ def fit_starts(predictor: Predictor) -> Floats:
         return xi
 
     def evaluate(own: Floats) -> Normal:
-        value = criterion(predictor, np.concatenate([xi[:shared], own]), np.inf)
-        return value._replace(g=value.g[shared:], H=value.H[shared:, shared:])
+        errors = predictor.errors_by_starts(np.concatenate([xi[:shared], own]))
+        columns = np.split(np.arange(own.size), len(errors))
+        return _normal(predictor, errors, columns, np.ones(own.size), np.inf)
 
     own = xi[shared:]
     endless = np.full(own.size, np.inf)
@@ -153,25 +154,35 @@ def criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
 
     The cost is infinite where the prediction runs away.
     """
+    errors = predictor.errors(xi)
+    columns = [predictor.columns(i) for i in range(len(errors))]
+    return _normal(predictor, errors, columns, predictor.layout.rates(xi), limit)
+
+
+def _normal(
+    predictor: Predictor, errors: Sequence[Errors], columns: Sequence[Ints], rates: Floats, limit: float
+) -> Normal:
+    """The model of these errors, whose psi are by these entries of a vector; ``rates`` (P,): d number / d entry."""
     with np.errstate(all="ignore"):  # errors may be finite while their squares are not
-        found = _criterion(predictor, xi, limit)
-    return found if np.isfinite(found.cost + found.H.sum()) else found._replace(cost=np.inf)
+        found = _sums(predictor, errors, columns, rates.size, limit)
+        found = found._replace(g=found.g * rates, H=found.H * np.outer(rates, rates))
+        return found if np.isfinite(found.cost + found.H.sum()) else found._replace(cost=np.inf)
 
 
-def _criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
-    rates, P = predictor.layout.rates(xi), xi.size
+def _sums(
+    predictor: Predictor, errors: Sequence[Errors], columns: Sequence[Ints], P: int, limit: float
+) -> Normal:
     cost, g, H, samples = 0.0, np.zeros(P), np.zeros((P, P)), 0
-    for i, (eps, psi, good) in enumerate(predictor.errors(xi)):
+    for i, (eps, psi, good) in enumerate(errors):
         if not good:
             return Normal(np.inf, g, H, samples)
-        columns = predictor.columns(i)
         weight = np.minimum(1.0, limit / np.maximum(np.abs(eps), 1e-300)) if limit < np.inf else None
         weighted = psi if weight is None else psi * weight[:, None]
         cost += _loss(eps, limit)
-        g[columns] += weighted.T @ eps
-        H[np.ix_(columns, columns)] += weighted.T @ psi
+        g[columns[i]] += weighted.T @ eps
+        H[np.ix_(columns[i], columns[i])] += weighted.T @ psi
         samples += int(predictor.series[i].measured.sum())
-    return Normal(cost, g * rates, H * np.outer(rates, rates), samples)
+    return Normal(cost, g, H, samples)
 
 
 def robust_deviation(errors: Sequence[Errors], predictor: Predictor) -> float:

@@ -79,6 +79,7 @@ class Predictor:
         self._torque = self._kinds == TORQUE
         self._source = np.array([self._source_of(kind) for kind in acting.inputs])
         self._last: tuple[Floats, list[Errors]] = (np.empty(0), [])
+        self._last_gain: tuple[Floats, Gain] | None = None
         self._signal_mean = np.average(
             [s.signals[s.level].mean(axis=0) for s in self.series], axis=0, weights=[len(r) for r in records]
         )
@@ -155,16 +156,28 @@ class Predictor:
             self._last = (xi.copy(), self._errors(xi))
         return self._last[1]
 
-    def _errors(self, xi: Floats) -> list[Errors]:
+    def errors_by_starts(self, xi: Floats) -> list[Errors]:
+        """As ``errors``, with psi (N, own) by the free initial states alone: the others are most of the work."""
+        return self._errors(xi, starts=True)
+
+    def _errors(self, xi: Floats, *, starts: bool = False) -> list[Errors]:
         with np.errstate(all="ignore"):
             try:
-                K = self.gain(xi)
+                K = self._kept_gain(xi)
             except ValueError:
-                return [self._nothing(s) for s in self.series]
-            return [self._record_errors(xi, i, K) for i in range(len(self.series))]
+                return [self._nothing(s, starts) for s in self.series]
+            return [self._record_errors(xi, i, K, starts) for i in range(len(self.series))]
 
-    def _nothing(self, s: Series) -> Errors:
-        return Errors(np.full(s.u.size, math.inf), np.zeros((s.u.size, self.columns(0).size)), good=False)
+    def _kept_gain(self, xi: Floats) -> Gain:
+        """Of the last vector, where only initial states have changed since."""
+        shared = xi[: self.layout.shared]
+        if self._last_gain is None or not np.array_equal(self._last_gain[0], shared):
+            self._last_gain = (shared.copy(), self.gain(xi))
+        return self._last_gain[1]
+
+    def _nothing(self, s: Series, starts: bool) -> Errors:
+        columns = self.own if starts else self.columns(0).size
+        return Errors(np.full(s.u.size, math.inf), np.zeros((s.u.size, columns)), good=False)
 
     def _linear(self, point: Point, signals: Floats) -> Linear:
         """The drive at these values of the signals; the slopes of scheduled parameters are further derivatives."""
@@ -179,16 +192,21 @@ class Predictor:
         more = [np.concatenate([slopes, slopes[..., which] * signals], axis=-1) for slopes in system[5:]]
         return Linear(*system[:5], *more)
 
-    def _record_errors(self, xi: Floats, i: int, K: Gain) -> Errors:
+    def _record_errors(self, xi: Floats, i: int, K: Gain, starts: bool) -> Errors:
         s, point = self.series[i], self.layout.point(xi)
         levels = [self._linear(point, signals) for signals in s.signals]
         acts = self._acts(levels)
         levels = [_with_inputs(system, acts) for system in levels]
         x0, Z0 = self._start(xi, i, levels[s.level[0]])
+        if starts:
+            levels, Z0 = [_without_slopes(system) for system in levels], np.eye(self.n)[:, : self.own]
         P = Z0.shape[1]
         dK = np.zeros((self.n, P))
-        dK[:, : K.dK.shape[1]] = K.dK
+        if not starts:
+            dK[:, : K.dK.shape[1]] = K.dK
         X, dX = self._held(point, s, levels, self._torque[acts])
+        if starts:
+            dX = dX[:, :, :0]  # a late torque has brought the derivative by its delay
         motion = self._motion_inputs(point, s, levels, acts, dX.shape[2] // self.n)
         C = np.array([system.C for system in levels])
         dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
@@ -306,6 +324,11 @@ def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
     return system._replace(
         B=system.B[:, which], dB=system.dB[:, which], ratio=system.ratio[which], dratio=system.dratio[which]
     )
+
+
+def _without_slopes(system: Linear) -> Linear:
+    """The system with the derivatives by no parameter."""
+    return Linear(*system[:5], *(slopes[..., :0] for slopes in system[5:]))
 
 
 def _widened(slopes: Floats, q: int) -> Floats:

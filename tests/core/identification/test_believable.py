@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -40,12 +40,13 @@ SCALE = 0.05
 ALL = ("J", "fv", "fc", "tau0")
 
 
+@cache
 def record(
     seed: int,
     *,
     weight: bool = False,
     one_speed: bool = False,
-    seconds: float = 40.0,
+    seconds: float = 20.0,
     disturbed: float = 0.0,
     travel: float = 0.0,
 ) -> Record:
@@ -188,7 +189,7 @@ def test_the_level_of_torque_noise_is_looked_for_where_it_is(seed: int) -> None:
 
 
 def test_the_shortest_memory_that_shows_small_changes_is_taken(seed: int) -> None:
-    rec = record(seed, disturbed=0.5)
+    rec = record(seed, disturbed=0.5, seconds=40.0)
     shown = {memory: found([rec], memory_s=memory).watched for memory in (0.05, 0.8)}
     few, many = (max(w.change for w in watched) for watched in shown.values())
     assert many < 0.2 < few
@@ -203,7 +204,7 @@ def test_no_memory_is_taken_with_which_the_record_is_too_short(
     memories_s: tuple[float, ...], expected: float, seed: int
 ) -> None:
     """Forty seconds are 33 memories of 1.2 s; the usual memory is taken all the same."""
-    assert found([record(seed, disturbed=3.0)], memories_s=memories_s).memory_s == expected
+    assert found([record(seed, disturbed=3.0, seconds=40.0)], memories_s=memories_s).memory_s == expected
 
 
 def test_outlook(seed: int) -> None:

@@ -130,18 +130,40 @@ def test_the_initial_states_are_those_of_least_squares(seed: int, monkeypatch: p
     start, shared = predictor.start(), predictor.layout.shared
     J = all_gradients(predictor, start)[:, shared:]
     best = start[shared:] - np.linalg.lstsq(J, all_errors(predictor, start), rcond=None)[0]
-    looked, errors = list[Floats](), predictor._errors
+    looked, errors = list[Floats](), predictor.errors_by_starts
 
     def watched(xi: Floats) -> list[Errors]:
         looked.append(xi)
         return errors(xi)
 
-    monkeypatch.setattr(predictor, "_errors", watched)
+    monkeypatch.setattr(predictor, "errors_by_starts", watched)
     found = fit_starts(predictor)
     assert len(looked) <= 2
     np.testing.assert_array_equal(found[:shared], start[:shared])
     np.testing.assert_allclose(J @ found[shared:], J @ best, rtol=0, atol=1e-7 * abs(J @ best).max())
     assert abs(J @ (best - start[shared:])).max() > 1
+
+
+@pytest.mark.parametrize("output", ["speed", "angle", "mean speed"])
+def test_derivatives_by_initial_states_alone_are_the_same(output: str, seed: int) -> None:
+    """To the last bit: of two records, with friction, a late torque whose delay is free, and a value that varies."""
+    name = {"speed": "speed-output-error-late", "angle": "angle-friction", "mean speed": "mean-speed"}[output]
+    case = BY_NAME[name]
+    records = [case_record(seed + k, case, 300, jitter=0.2) for k in range(2)]
+    records = [replace(rec, signals={"heat": np.linspace(0.0, 1.0, 300)}) for rec in records]
+    free = case.model.monitored
+    problem = as_monitor(
+        case, K=None, initial="free", predictor="innovations", free_delay=True, delay_s=0.001,
+        varying={free[0]: ("heat",)},
+    )  # fmt: skip
+    predictor = Predictor(problem, records, Disturbance(torque=1.0))
+    xi, shared = predictor.start(), predictor.layout.shared
+    xi[:shared] += 1e-3
+    for part, all_ in zip(predictor.errors_by_starts(xi), predictor.errors(xi), strict=True):
+        np.testing.assert_array_equal(part.eps, all_.eps)
+        np.testing.assert_array_equal(part.psi, all_.psi[:, shared:])
+        assert part.good
+        assert part.psi.any()
 
 
 def test_the_errors_are_those_of_the_vector_as_it_is_now(seed: int) -> None:

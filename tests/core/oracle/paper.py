@@ -104,6 +104,9 @@ class Paper:
     def _rub(self, h: float, delay: float) -> None:
         """Friction of the interval, and its derivatives by the complex step: of theta, and of x with it."""
 
+        if not self.matrices.rubs.any():
+            return
+
         def inputs_at(theta: NDArray[Any], x: NDArray[Any], delay: Any) -> NDArray[Any]:
             during = Interval(h, delay, self.torque_before)
             return with_friction(self.matrices, self.s, theta, self.u, self.y, x, during)

@@ -18,7 +18,7 @@ from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import OUTPUT_NOISE, TORQUE_NOISE, plant_with
 
-SECONDS, PIECE = 40, 50
+SECONDS, PIECE = 20, 50
 N = round(SECONDS / INTERVAL_S)
 T = 1_000_000 + np.arange(N, dtype=np.int64) * round(INTERVAL_S * 1e6)
 PLANT = plant_with(0.0)
