@@ -26,6 +26,7 @@ MOST_RING_BYTES = 64_000_000
 """Frames kept in memory: at 20 000 frames/s two minutes"""
 _SILENT_US = 5_000_000
 """An extract does not wait longer for later frames, as where the bus has become silent."""
+_RETRY_S = 5.0
 _FORMAT = "%Y%m%dT%H%M%SZ"
 _NAME = re.compile(r"frames-(\d{8}T\d{6}Z)-(\d{8}T\d{6}Z)\.log")
 
@@ -152,6 +153,8 @@ class _Extract:
     from_us: int
     until_us: int
     written: Future[Path] = field(default_factory=Future)
+    asked: bool = False
+    """By a person, who is told of a failure"""
 
 
 class Extracts:
@@ -175,10 +178,11 @@ class Extracts:
         self._begun: _Extract | None = None
         self._requests = queue.SimpleQueue[Future[Path]]()
         self._jobs = queue.SimpleQueue[tuple[_Extract, list[tuple[str, FrameBlock]]] | None]()
+        self._stopped = threading.Event()
         self._writer = threading.Thread(target=self._write_all, name="recordings", daemon=True)
         self._writer.start()
         self.problem: str | None = None
-        """Why the last extract could not be written, for the operator."""
+        """Why an extract is not written yet, for the operator."""
 
     def add(self, bus: str, frames: FrameBlock) -> None:
         """Keep the next frames of a bus."""
@@ -201,7 +205,7 @@ class Extracts:
         now_us = self._now_us()
         while not self._requests.empty():
             until_us = self._ring.newest_us or now_us
-            self._hand_over(_Extract(until_us - self._before_us, until_us, self._requests.get()))
+            self._hand_over(_Extract(until_us - self._before_us, until_us, self._requests.get(), asked=True))
         if (begun := self._begun) is not None:
             newest = self._ring.newest_us
             if (newest is not None and newest > begun.until_us) or now_us > begun.until_us + _SILENT_US:
@@ -213,6 +217,7 @@ class Extracts:
         """Write what has begun, with the frames that are there, and end the thread."""
         if self._begun is not None:
             self._hand_over(self._begun)
+        self._stopped.set()
         self._jobs.put(None)
         self._writer.join()
         while not self._requests.empty():
@@ -230,18 +235,30 @@ class Extracts:
     def _write_all(self) -> None:
         while (job := self._jobs.get()) is not None:
             extract, blocks = job
-            try:
-                if not blocks:
-                    raise RecordError("no frames in that time: there is nothing to record")
-                path = self.folder.write(blocks)
-            except RecordError as error:
-                self.problem = f"frames around an alarm are not recorded: {error}"
-                log.error("frames are not recorded", reason=str(error))
+            while not self._write(extract, blocks):
+                # The disk may have space again; what is newer is wanted more, and only one is kept in memory.
+                if self._stopped.wait(_RETRY_S) or not self._jobs.empty():
+                    extract.written.set_exception(RecordError(self.problem or ""))
+                    break
+
+    def _write(self, extract: _Extract, blocks: list[tuple[str, FrameBlock]]) -> bool:
+        """Whether nothing is left to do; otherwise the disk has refused the frames around an alarm."""
+        try:
+            if not blocks:
+                raise RecordError("no frames in that time: there is nothing to record")
+            path = self.folder.write(blocks)
+        except RecordError as error:
+            if extract.asked or not blocks:
                 extract.written.set_exception(error)
-            else:
-                self.problem = None
-                log.info("frames recorded", file=path.name)
-                extract.written.set_result(path)
+                return True
+            if self.problem is None:
+                log.error("frames around an alarm are not recorded", reason=str(error))
+            self.problem = f"frames around an alarm are not recorded yet: {error}"
+            return False
+        self.problem = None
+        log.info("frames recorded", file=path.name)
+        extract.written.set_result(path)
+        return True
 
 
 class Recording:

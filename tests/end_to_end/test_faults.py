@@ -32,12 +32,12 @@ def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(tmp_
             wait_for(lambda: any(UNRECORDED in message and " fm up" in message for message in messages(d)))
             wait_for(lambda: any(UNSAVED in message for message in messages(d)))
             before = d.axis()["last_sample"]
-            assert d.get("api/v1/alarms")["total"] == 0
-            parameters = d.axis()["parameters"]
-            assert "alarm" not in [p["status"] for p in parameters], "shown, but not on the disk"
-            assert d.status("healthz") == 200
+            waiting = d.get("api/v1/alarms?parameter=fm")["alarms"]
+            assert [(alarm["id"], alarm["recorded"]) for alarm in waiting] == [(None, False)], "shown at once"
+            assert "alarm" in [p["status"] for p in d.axis()["parameters"]]
+            assert (d.status("healthz"), d.status("readyz")) == (200, 503)
             limit_files(d, resource.RLIM_INFINITY)
-            wait_for(lambda: d.get("api/v1/alarms?parameter=fm")["total"])
+            wait_for(lambda: all(a["recorded"] for a in d.get("api/v1/alarms?parameter=fm")["alarms"]))
             wait_for(lambda: not messages(d))
         alarms = d.get("api/v1/alarms?parameter=fm")["alarms"]
         assert min(alarm["raised"] for alarm in alarms) <= before

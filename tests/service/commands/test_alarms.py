@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from structlog.testing import capture_logs
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
@@ -26,7 +27,7 @@ def stage(tmp_path: Path) -> Iterator[Stage]:
 
 @pytest.fixture
 def url(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    with serving(stage) as address:
+    with capture_logs(), serving(stage) as address:  # standard output is that of the commands
         monkeypatch.setenv("AXISWATCH_URL", address)
         yield address
 

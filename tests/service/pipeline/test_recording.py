@@ -11,11 +11,12 @@ from structlog.testing import capture_logs
 from service.can.frames import Frame, FrameBlock
 from service.can.log_files import CanLog
 from service.can.user_errors import RecordError
+from service.pipeline import recording as recording_module
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.recording import Extracts, FrameRing, Recording, RecordingFolder
 from service.simulation.robot import Fault
 from service.texts import microseconds
-from tests.end_to_end.processes import demo_config
+from tests.end_to_end.processes import demo_config, wait_for
 from tests.service.pipeline.robots import START_US, blocks, demo, replayed
 
 S = 1_000_000
@@ -158,8 +159,29 @@ def test_a_folder_that_cannot_be_written_is_reported_and_monitoring_goes_on(tmp_
     found.alarm(START_US + S)
     with capture_logs() as logs:
         recording.close()
-    assert logs[0]["event"] == "frames are not recorded"
+    assert [entry["event"] for entry in logs] == ["frames around an alarm are not recorded"]
     assert "cannot write" in recording.problems[0]
+
+
+def test_frames_wait_for_space_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording_module, "_RETRY_S", 0.05)
+    folder = tmp_path / "recordings"
+    folder.write_text("in the way")
+    found = extracts(folder)
+    feed(found, 0, 1)
+    found.alarm(START_US + S)
+    with capture_logs() as logs:
+        feed(found, 2, 3, 4)
+        wait_for(lambda: found.problem is not None)
+        folder.unlink()
+        wait_for(lambda: found.problem is None)
+    found.close()
+    (file,) = found.folder.files()
+    assert recorded_s(file) == [0, 1, 2, 3]
+    assert [entry["event"] for entry in logs] == [
+        "frames around an alarm are not recorded",
+        "frames recorded",
+    ]
 
 
 def test_the_replay_of_a_recording_raises_its_alarm_again(tmp_path: Path, seed: int) -> None:
