@@ -151,7 +151,7 @@ def configured(folder: Path, text: str) -> Config:
 
 def calibrated(config: Config, half: str, budget_s: float) -> Calibration:
     """Thresholds from that half, a text that selects it, as ``axiswatch calibrate`` finds them."""
-    request = CalibrationOptions(budget_s, None, (0.15,), 10, copies=1_000_000, bank_copies=50_000)
+    request = CalibrationOptions(budget_s, None, (0.15,), 2, copies=200_000, bank_copies=20_000)
     return calibrate_axis(config, config.axes[0], [half], request, Provenance("", "", ""))
 
 

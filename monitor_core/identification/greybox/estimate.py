@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class Estimate:
         accuracy: what the records tell of the parameters, in relative units and words.
         coloured: order of the autoregressive model of the errors that the covariance reckons with; 0: they are white.
         fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
-        fit_simulation: the same, simulated from the estimated initial state without looking at the output again.
+        simulate: gives ``fit_simulation``; None: the prediction is a simulation.
         iterations: evaluations of the predictor and its gradient.
         converged: the fit stopped because nothing moved any more.
         moving: where it has not converged, what would still move by more than a tenth of its standard deviation, by the
@@ -69,13 +70,21 @@ class Estimate:
     accuracy: Accuracy
     coloured: int
     fit: tuple[float, ...]
-    fit_simulation: tuple[float, ...]
+    simulate: Callable[[], tuple[float, ...]] | None
     iterations: int
     converged: bool
     moving: tuple[str, ...] = ()
     outliers: tuple[int, ...] = ()
     words: tuple[str, ...] = ()
     started_from: str = ""
+
+    @cached_property
+    def fit_simulation(self) -> tuple[float, ...]:
+        """As ``fit``, simulated from the initial state that fits best without looking at the output again.
+
+        Only when it is asked for: it takes as long as some steps of the fit, and of most fits nobody asks.
+        """
+        return self.fit if self.simulate is None else self.simulate()
 
     @property
     def sd(self) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def _estimate(fitted: Fitted) -> Estimate:
     noise = {"torque": point.torque * output, "slow": point.slow * output, "output": output}
     if DISTURBANCE_TIME in point.values:
         noise["time_constant"] = point.values[DISTURBANCE_TIME]
-    eps, one_step = [e.eps for e in errors], fits(predictor, errors)
+    eps = [e.eps for e in errors]
     found = Estimate(
         drive=predictor.drive,
         problem=final,
@@ -80,10 +81,10 @@ def _estimate(fitted: Fitted) -> Estimate:
         independence=independence([s.u for s in predictor.series], eps),
         accuracy=information.accuracy,
         coloured=information.order,
-        fit=one_step,
-        fit_simulation=one_step
+        fit=fits(predictor, errors),
+        simulate=None
         if _simulates(predictor, point.values)
-        else simulated_fits(final, [s.record for s in predictor.series]),
+        else partial(simulated_fits, final, [s.record for s in predictor.series]),
         iterations=end.evaluations,
         converged=end.converged,
         moving=() if end.converged else _moving(predictor, end, information.covariance),

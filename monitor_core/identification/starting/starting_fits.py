@@ -189,6 +189,8 @@ def best_of(found: Sequence[Estimate]) -> Estimate:
     cost decides, and then the first.
     """
     rivals = [e for e in found if e.converged] or list(found)
+    if len(rivals) == 1:
+        return rivals[0]
     most = max(_simulates(e) for e in rivals)
     alike = [e for e in rivals if _simulates(e) >= most - _ALIKE]
     least = min(e.cost for e in alike)

@@ -51,7 +51,7 @@ def test_every_copy_has_blocks_of_its_own(seed: int) -> None:
     rng = np.random.default_rng(seed)
     eps = rng.standard_normal(6000)
     blocks = MatchedBlocks(eps, LENGTH, 60, COPIES, rng)
-    first, drawn = blocks.take(100_000), blocks.take(100_000)
+    first, drawn = blocks.take(30_000), blocks.take(30_000)
     for copy in range(COPIES):
         seen = np.unique(drawn[:, copy])
         assert 0.4 < len(seen) / len(eps) < 0.8

@@ -62,7 +62,7 @@ def test_many_that_are_nothing_make_another_nothing(seed: int) -> None:
 def test_intervals_hold_the_truth(seed: int) -> None:
     """Of 90 %: in 90 of 100 of numbers that are drawn from the prior; of nothing in more, and narrow."""
     rng = np.random.default_rng(seed)
-    n, times = 6, 500
+    n, times = 6, 250
 
     def held(truth: Floats) -> tuple[float, float]:
         lower, upper = np.quantile(seen(truth + rng.standard_normal(n), rng), [0.05, 0.95], axis=0)

@@ -31,7 +31,7 @@ def _is_exact(model: AxisModel, name: str) -> bool:
 H = 0.005
 VALUES = {**REFERENCE_VALUES, "fc": 0.1, "tau0": 0.05}
 MONITORED = ("kT", "1/Ja", "fm", "fc", "tau0", "Jm")
-SAMPLES = 2000
+SAMPLES = 1000
 
 
 def moved(values: dict[str, float], u: Floats) -> tuple[Floats, Floats]:

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from monitor_core.arrays import Floats
 from monitor_core.calibration.spectra import Spectra
 
-N, LENGTH, RECORDS = 20_000, 100, 300
+N, LENGTH, RECORDS = 20_000, 100, 150
 
 
 def of_variances(*factors: float) -> Spectra:

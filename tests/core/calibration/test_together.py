@@ -8,6 +8,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import log_share
+from monitor_core.kernel.compile import entry
 from tests.core.calibration.healthy_multimodel import excursions_of
 
 N, SIZES = 400_000, (0.25, 0.35, 0.5, 0.7)
@@ -21,13 +22,23 @@ def ratios(rng: np.random.Generator, alike: bool) -> Floats:
 
 def course(llr: Floats, h: Floats | None = None) -> tuple[Floats, int]:
     """g (N, H) and alarms; after each alarm all begin at zero."""
-    g, out, alarms = np.zeros(llr.shape[1]), np.empty_like(llr), 0
-    for k, row in enumerate(llr):
-        g = np.maximum(0.0, g + row)
-        out[k] = g
-        if h is not None and (g > h).any():
-            alarms, g = alarms + 1, np.zeros_like(g)
-    return out, alarms
+    out = np.empty_like(llr)
+    return out, followed(llr, np.full(llr.shape[1], np.inf) if h is None else h, out)
+
+
+@entry
+def followed(llr: Floats, h: Floats, out: Floats) -> int:
+    g, alarms = np.zeros(llr.shape[1]), 0
+    for k in range(llr.shape[0]):
+        alarm = False
+        for i in range(g.size):
+            g[i] = max(0.0, g[i] + llr[k, i])
+            out[k, i] = g[i]
+            alarm |= g[i] > h[i]
+        if alarm:
+            alarms += 1
+            g[:] = 0.0
+    return alarms
 
 
 def heights(g: Floats) -> ExcursionPeaks:

@@ -84,6 +84,8 @@ def test_no_bias(kind: str, seed: int) -> None:
 def test_standard_deviations_are_those_reported(kind: str, seed: int) -> None:
     found = estimates(kind, seed)
     assert beyond((found.empirical / found.reported - 1) / PART) == {}
+    # Of all parameters together it scatters by half as much.
+    assert np.exp(np.mean(np.log(found.empirical / found.reported))) == pytest.approx(1, rel=PART / 2)
 
 
 @pytest.mark.parametrize("kind", WHITE)

@@ -24,7 +24,7 @@ from tests.service.found_files import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
-WISHES = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=1_000_000, bank_copies=250_000)
+WISHES = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=300_000, bank_copies=60_000)
 
 
 @pytest.fixture(scope="module")

@@ -98,7 +98,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_from_a_table_to_a_configuration(folder: Path, seed: int) -> None:
     """A torque of the wrong sign and a wrong interval are put right; what is there is not computed again."""
-    record = table(folder / "healthy.csv", seed, 40.0, sign=-1)
+    record = table(folder / "healthy.csv", seed, 25.0, sign=-1)
     config = configured(folder / "robot.toml", AXIS.format(n=1, interval=0.01))
     words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made", "--yes")
     result = axiswatch(*words)
@@ -120,7 +120,7 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int) -> None:
     assert axiswatch(*words).exit_code == 0
     assert {path: path.stat().st_mtime_ns for path in (folder / "made").glob("cell.a1*")} == before
 
-    faulty = table(folder / "faulty.csv", seed + 1, 40.0, fault=0.8, sign=-1)
+    faulty = table(folder / "faulty.csv", seed + 1, 25.0, fault=0.8, sign=-1)
     found = axiswatch("replay", faulty, "--config", folder / "made" / "axiswatch.toml")
     assert found.exit_code == 0, found.output
     assert "kT" in found.output.split("Alarms")[1]
@@ -197,7 +197,7 @@ def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
 
 def test_from_a_can_log_to_a_configuration(folder: Path, seed: int) -> None:
     """The DBC says degrees, the configuration does not; the torque has the wrong sign."""
-    rows = table(folder / "rows.csv", seed, 40.0, sign=-1)
+    rows = table(folder / "rows.csv", seed, 25.0, sign=-1)
     config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc"))
     log = can_logs.log_of(rows, config, folder / "healthy.blf", 180 / np.pi)
     result = axiswatch("commission", log, "--config", config, "--budget", "2min", "--output", "made", "--yes")

@@ -126,7 +126,7 @@ def test_the_whole_way_ends_in_a_monitor_that_names_the_fault(
 ) -> None:
     """Called again nothing is computed again."""
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)
-    words = ("demo", "--commission", "--axes", "1", "--minutes", "0.6", "--output", tmp_path / "made")
+    words = ("demo", "--commission", "--axes", "1", "--minutes", "0.5", "--output", tmp_path / "made")
     result = axiswatch(*words)
     assert result.exit_code == 0, result.output
     for step in (

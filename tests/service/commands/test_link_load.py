@@ -48,9 +48,10 @@ def write(path: Path, samples: ArmSamples, side: float = R) -> Path:
 def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
     folder = tmp_path_factory.mktemp("arm")
     arm = Arm(ArmTruth(), np.random.default_rng(seed))
-    record = write(folder / "healthy.csv", arm.take(90.0))
+    record = write(folder / "healthy.csv", arm.take(60.0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(commission, "options_for", lambda _budget_s: QUICK)
+        patch.setattr("os.cpu_count", lambda: 1)  # in this process, without pictures
         init = axiswatch("init", record, "-o", folder / "axis.toml")
         assert init.exit_code == 0, init.output
         # To look for it is most of the work, and tested elsewhere.

@@ -89,7 +89,7 @@ def test_a_disturbance_and_a_delay_are_found_and_reach_the_file(
     folder: Path, robot: Any, tmp_path: Path
 ) -> None:
     request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
-    other = prepare(robot, robot.axes[0], [str(folder / "healthy.csv")], [], request).run(PROVENANCE)
+    other = prepare(robot, robot.axes[0], [f"{folder / 'healthy.csv'}@0:10"], [], request).run(PROVENANCE)
     (tmp_path / "n.toml").write_text(as_toml(other), encoding="utf-8")
     read = read_found(NominalFile, tmp_path / "n.toml")
     (delay,) = (row for row in other.result.rows() if row.name == "delay")

@@ -236,7 +236,7 @@ def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[
 
 def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> None:
     """Neither for the estimates nor for either detector."""
-    frames = with_state(healthy[:4000], {"from": 3.0, "to": 5.0, "mode": None})
+    frames = with_state(healthy[:1600], {"from": 1.5, "to": 3.0, "mode": None})
     config = without(ALONE, file)
     cores = [ran(config, frames, every)[0] for every in (1, 237, len(frames))]
     first, *others = (core.monitors.by_id["demo.axis1"] for core in cores)
