@@ -97,7 +97,7 @@ def _read(terminal: int) -> bytes:
 
 
 def test_a_process_of_commission_that_is_killed_is_a_refusal(tmp_path: Path) -> None:
-    record = table(tmp_path / "healthy.csv", 3, 40.0, axes=2)
+    record = table(tmp_path / "healthy.csv", 3, 20.0, axes=2)
     config = configured(tmp_path / "robot.toml", *(AXIS.format(n=n, interval=H) for n in (1, 2)))
     log, words = tmp_path / "commission.log", ("commission", record, "--config", config, "-o", tmp_path)
     with log.open("w", encoding="utf-8") as file:

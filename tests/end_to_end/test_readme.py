@@ -25,7 +25,6 @@ from tests.end_to_end.processes import (
     daemon,
     demo_config,
     edit,
-    run_program,
     running,
     wait_for,
 )
@@ -94,10 +93,8 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
         running(*arguments(simulate, tmp_path), log=tmp_path / "robot.log"),
         daemon(config, *arguments(run, tmp_path)[3:]) as d,
     ):
-        heard = run_program(
-            *arguments(listen, tmp_path)
-        )  # while the axis settles: to play takes as long again
-        assert (heard.returncode, "axis1" in heard.stdout) == (0, True)
+        heard = axiswatch(*arguments(listen, tmp_path))  # while the axis settles: to play takes as long again
+        assert (heard.exit_code, "axis1" in heard.stdout) == (0, True)
         wait_for(lambda: d.axis()["counters"]["used"] > 650)  # three memories: less counts as not tested
         answers_to_curl(d)
         assert d.stop() == 0
@@ -106,7 +103,7 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
     assert axiswatch(*arguments(replay, tmp_path)).exit_code == 0
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["axes"]
     assert "<svg" in (tmp_path / "replay.html").read_text(encoding="utf-8")
-    assert run_program(*arguments(play, tmp_path)).returncode == 0
+    assert axiswatch(*arguments(play, tmp_path)).exit_code == 0
 
 
 def test_others_are_let_in(tmp_path: Path) -> None:
@@ -135,7 +132,7 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     (tmp_path / "axis.toml").write_text(TOML[0], encoding="utf-8")
     assert len(TOML[0].splitlines()) <= 10
     true = load(write_robot(tmp_path), {})
-    write_record(tmp_path / "healthy.csv", true, 30, seed)
+    write_record(tmp_path / "healthy.csv", true, 20, seed)
     identify, validated, warm = shown("axiswatch identify")
     assert "--validate" in validated
     done = axiswatch(*arguments(identify, tmp_path), "-o", tmp_path / "nominal.toml")
@@ -163,7 +160,7 @@ def test_a_robot_is_commissioned_by_one_command(
     tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "axis.toml").write_text(TOML[0], encoding="utf-8")
-    write_record(tmp_path / "healthy.csv", load(write_robot(tmp_path), {}), 40, seed)
+    write_record(tmp_path / "healthy.csv", load(write_robot(tmp_path), {}), 34, seed)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW_COPIES)
     monkeypatch.chdir(tmp_path)
     (_, init, *_), (_, command) = shown("axiswatch init"), shown("axiswatch commission")
@@ -181,7 +178,7 @@ def test_a_robot_is_commissioned_on_its_bus(
 ) -> None:
     """A bus in this process, on which a robot lives faster than the clock; its torque has the wrong sign."""
     robot_config = configured(tmp_path / "true.toml", can_logs.dbc(tmp_path / "robot.dbc", 1, "rad"))
-    rows = table(tmp_path / "rows.csv", seed, 60.0, sign=-1)
+    rows = table(tmp_path / "rows.csv", seed, 40.0, sign=-1)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: replace(FEW_COPIES, within_s=20.0))
     monkeypatch.setattr(live_recording, "LEAST_S", 1.0)
     monkeypatch.setattr(live_recording, "LOOK_S", 1.0)
@@ -189,7 +186,7 @@ def test_a_robot_is_commissioned_on_its_bus(
     (init, *_), (command, _) = shown("axiswatch init"), shown("axiswatch commission")
     bus = load(robot_config, {}).bus[0]
     init[init.index("socketcan:can0")] = f"virtual:{bus.channel},preserve_timestamps=true"
-    command[command.index("10")] = "0.1"
+    command[command.index("10")] = "0.06"
     with moving(rows, robot_config):
         proposed = axiswatch(*init[1:], "--seconds", 1)
         assert "axis1: torque Joint1.Joint1_Torque_Act [Nm]" in proposed.stdout, proposed.output
@@ -203,7 +200,7 @@ def test_a_robot_is_commissioned_on_its_bus(
     assert axiswatch("check", "--config", "commissioned/axiswatch.toml").exit_code == 0
     kept = tmp_path / "commissioned" / "robot1.axis1.json"
     before = kept.stat().st_mtime_ns
-    again = axiswatch(*[word for word in command[1:] if word not in ("--minutes", "0.1")])
+    again = axiswatch(*[word for word in command[1:] if word not in ("--minutes", "0.06")])
     assert (again.exit_code, kept.stat().st_mtime_ns) == (0, before), "what was recorded is used again"
 
 
@@ -229,8 +226,8 @@ def test_an_axis_is_identified_calibrated_and_watched(
 
     (calibrate,) = shown("axiswatch calibrate")
     output = ("--output", tmp_path / "thresholds.toml", "--onsets", 5, "--sizes", "20", "--force")
-    # A sixty-fourth of the copies: all of them take half a minute.
-    fewer = partial(CalibrationOptions, copies=500_000, bank_copies=125_000)
+    # Some of the copies: all of them take half a minute.
+    fewer = partial(CalibrationOptions, copies=200_000, bank_copies=40_000)
     monkeypatch.setattr("monitor_core.calibration.CalibrationOptions", fewer)
     calibrated = axiswatch(*arguments(calibrate, tmp_path), *output)
     assert calibrated.exit_code == 0, calibrated.output
@@ -289,10 +286,10 @@ def test_the_drive_drawn_here_is_modelled_and_simulated(tmp_path: Path) -> None:
         r"^initial_p = .*\n|\[robot.axis.model.nominal\]\n(.* = .*\n)*", "", config.read_text(), flags=re.M
     )
     config.write_text(text.replace('["kT", "1/Ja", "fm"]', '["1/Ja", "f"]'), encoding="utf-8")
-    simulated = run_program(
+    simulated = axiswatch(
         "simulate", "--config", config, "--fault", "f=1.3", "--fault-after", "0.5", "--seconds", "1"
     )
-    assert (simulated.returncode, simulated.stderr) == (0, "")
+    assert (simulated.exit_code, simulated.stderr) == (0, "")
     assert "demo.axis1: f x 1.3" in simulated.stdout
 
 

@@ -26,7 +26,7 @@ LAM = 1 - 1 / MEMORY
 P = 2
 LENGTH, BUDGET, WITHIN = 300, 600, 10.0
 """In memories."""
-CALIBRATIONS = 30
+CALIBRATIONS = 60
 NO_ERROR = np.zeros((2 * P, 2 * P))
 
 
@@ -89,10 +89,7 @@ def truth(colour: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("colour", [0.0, 0.6])
 def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, seed: int) -> None:
-    """90 of 100 by design; of 30, fewer than 16 come by chance once in a hundred thousand runs, if it is 85.
-
-    ``make soak`` counts 100 of the whole way.
-    """
+    """90 of 100 by design; of 60, fewer than 38 come by chance once in a million runs, if it is 85."""
     rng = np.random.default_rng(seed)
     k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
     found = copies(k)
@@ -103,8 +100,8 @@ def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, seed
         held += calibration.rates.lower <= rate <= calibration.rates.upper
         kept += rate * BUDGET * MEMORY <= 1
     print(f"colour {colour}: interval holds the truth in {held}, budget kept in {kept} of {CALIBRATIONS}")
-    assert held >= 16
-    assert kept >= 20
+    assert held >= 38
+    assert kept >= 45
 
 
 def test_what_the_variance_may_be_has_a_bound_that_holds(seed: int) -> None:
