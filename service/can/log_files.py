@@ -1,4 +1,4 @@
-"""CAN logs of python-can (.log .asc .blf .trc, each also compressed as .gz): reading them as frames."""
+"""CAN logs (.log .asc .blf .trc .mf4, each also compressed as .gz): reading them as frames."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, conca
 from service.can.left_out import too_many
 from service.can.log_bytes import GZIP, CompleteReads, LogBytes
 from service.can.log_lines import LONGEST_LINE, LogLines
+from service.can.mf4_frames import Mf4Frames
 from service.can.receivers import frame_of
 from service.can.user_errors import RecordError
 
-LOG_SUFFIXES = (".log", ".asc", ".blf", ".trc")
+LOG_SUFFIXES = (".log", ".asc", ".blf", ".trc", ".mf4")
 LOG_REASONS = ("error_frame", "remote_frame", "not_a_frame", "unreadable")
 """Why an entry of a log gave no frame.  not_a_frame: an event, or a line that no reader knows; unreadable: damaged."""
 
@@ -89,6 +90,8 @@ class CanLog:
             try:
                 if suffix == ".log":
                     yield from self._pieces()
+                elif suffix == ".mf4":
+                    yield from self._measurement()
                 else:
                     entries = self._objects() if suffix == ".blf" else self._lines(suffix)
                     yield from self._blocks(entries)
@@ -244,6 +247,25 @@ class CanLog:
             self._leave_out(f"cut off after byte {file.position}{of_size}")
         else:
             self.dropped["not_a_frame"] += max(0, objects - self.frames - sum(self.dropped.values()))
+
+    # --- .mf4: by asammdf -------------------------------------------------------------------------------------------
+
+    def _measurement(self) -> Iterator[LogBlock]:
+        stream = self._bytes.stream
+        try:
+            content = stream if stream.seekable() else io.BytesIO(stream.read())
+            with closing(Mf4Frames(self.path, content)) as file:
+                for reason, count in file.rejected.items():
+                    self.dropped[reason] += count
+                for frames, numbers, done in file.parts():
+                    self.frames += frames.size
+                    names, channels = np.unique(numbers, return_inverse=True)
+                    yield LogBlock(frames, channels.astype(np.int64), tuple(map(str, names.tolist())), done)
+        except (RecordError, GeneratorExit):
+            raise
+        except Exception as error:  # asammdf does not say what it may raise of a damaged file
+            where = f"{self.path} is damaged or no .mf4 file"
+            raise self._fault(where, str(error) or type(error).__name__) from None
 
 
 _Entry = tuple[str, Frame]

@@ -209,7 +209,8 @@ def test_lines_that_cannot_be_read_are_left_out(
         (
             "a.xlsx",
             b"",
-            ": no such kind of record; there is .csv .parquet .mat .log .asc .blf .trc, and logs with .gz behind that",
+            ": no such kind of record; there is .csv .parquet .mat .log .asc .blf .trc .mf4, and logs with .gz"
+            " behind that",
         ),
     ],
 )
