@@ -271,6 +271,18 @@ def test_a_blf_that_is_cut_off_gives_its_complete_containers(tmp_path: Path, kep
     assert log.dropped["unreadable"] == 1
 
 
+def test_a_blf_whose_writer_was_killed_does_not_know_its_size(tmp_path: Path) -> None:
+    path = tmp_path / "a.blf"
+    write(path, traffic(0, 20_000))
+    data = bytearray(path.read_bytes())
+    data[16:24] = (144).to_bytes(8, "little")  # as at the start
+    path.write_bytes(data[: len(data) // 2])
+    log = CanLog(path)
+    assert 5000 < len(all_frames(log)) < 10_000
+    (place,) = log.left_out
+    assert 144 < int(place.removeprefix("cut off after byte ")) < len(data) // 2
+
+
 def test_a_blf_of_which_hardly_anything_is_left_or_with_a_wrong_byte(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "a.blf"
     write(path, traffic(seed, 20_000))
