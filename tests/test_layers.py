@@ -36,6 +36,7 @@ IMPURE_CALLS = {"open", "print", "input", "exec", "eval", "__import__", "breakpo
 HOMES = {
     "can": "service/can/",
     "cantools": "service/can/",
+    "asammdf": "service/can/",
     "canopen": "service/can/",
     "pyarrow": "service/ingest/",
     "sqlite3": "service/store/",

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameKey
-from service.can.log_files import FrameRecorder
 from service.commands.checked_axis import moves
 from service.commands.listen import LiveBus, live_buses, rounds
 from service.config import Config

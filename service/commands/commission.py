@@ -16,7 +16,7 @@ from rich.console import Console
 from monitor_core.wording import duration
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
-from service.commands.options import ConfigPath, configuration
+from service.commands.options import LOG_KINDS, ConfigPath, configuration
 from service.commands.output_files import replace_text
 from service.commands.progress import axes_bars
 
@@ -37,7 +37,7 @@ RecordsOrBus = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="RECORD...",
-        help="Tables (.csv .parquet .mat) or CAN logs (.log .asc .blf .trc) of the healthy robot; FILE@10:60 are its"
+        help=f"Tables (.csv .parquet .mat) or CAN logs ({LOG_KINDS}) of the healthy robot; FILE@10:60 are its"
         " seconds 10 to 60. Without any, those of DIR/records.",
         show_default=False,
     ),

@@ -9,7 +9,7 @@ from pathlib import Path
 import structlog
 
 from service.can.bus_reader import CanReader
-from service.can.log_files import FrameRecorder
+from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
 from service.config import Config
 from service.config.schema import WebConfig

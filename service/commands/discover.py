@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from service.commands.exit_codes import explained
-from service.commands.options import BusOption, Force, bus_named
+from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Log = Annotated[
     Path | None,
-    typer.Argument(metavar="RECORD", help="A CAN log (.log .asc .blf .trc) of the moving robot."),
+    typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot."),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 ListenFor = Annotated[
@@ -88,18 +88,22 @@ def discover(
 def _logged(record: Path, channel: str | None, console: Console) -> tuple[str, FrameBlock]:
     """The name of a bus in a log and its frames."""
     from service.can.frames import concatenate_frames
-    from service.can.log_files import LOG_SUFFIXES, CanLog
+    from service.can.left_out import left_out_words
+    from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
     from service.can.user_errors import RecordError
 
-    if record.suffix.lower() not in LOG_SUFFIXES:
+    if not log_suffix(record):
         raise RecordError(
             f"{record} is no CAN log ({' '.join(LOG_SUFFIXES)}); a table is for `axiswatch init {record}`"
         )
     blocks: dict[str, list[FrameBlock]] = {}
-    for block in CanLog(record).blocks():
+    log = CanLog(record)
+    for block in log.blocks():
         for number, name in enumerate(block.names):
             if part := block.frames.select(block.channels == number):
                 blocks.setdefault(name, []).append(part)
+    if log.left_out:
+        console.print(left_out_words(record, log.left_out), markup=False)
     sizes = {name: sum(part.size for part in parts) for name, parts in blocks.items()}
     if channel is not None and channel not in blocks:
         raise RecordError(f"no channel {channel} in {record}; it has {', '.join(blocks)}")

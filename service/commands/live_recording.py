@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from monitor_core.wording import duration
-from service.can.log_files import span_s
+from service.can.frame_recorder import span_s
 from service.can.user_errors import RecordError
 from service.commands.bus_recording import Heard, record_buses
 from service.commands.exit_codes import stopped_by_signals

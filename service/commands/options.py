@@ -18,6 +18,8 @@ from service.config import Config, ConfigErrors, NamedAxis, Problem, load
 if TYPE_CHECKING:
     from service.config.schema import BusConfig
 
+LOG_KINDS = ".log .asc .blf .trc .mf4, also .gz"
+"""Of CAN logs, in the help"""
 ConfigPath = Annotated[
     Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")
 ]
@@ -29,7 +31,7 @@ RecordRanges = Annotated[
     list[str],
     typer.Argument(
         metavar="RECORD...",
-        help="Tables (.csv .parquet .mat) or CAN logs (.log .asc .blf .trc) of the healthy axis; FILE@10:60 are its"
+        help=f"Tables (.csv .parquet .mat) or CAN logs ({LOG_KINDS}) of the healthy axis; FILE@10:60 are its"
         " seconds 10 to 60.",
     ),
 ]

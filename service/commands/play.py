@@ -8,14 +8,14 @@ from typing import Annotated
 import typer
 
 from service.commands.exit_codes import explained, stopped_by_signals
-from service.commands.options import ConfigPath, configuration
+from service.commands.options import LOG_KINDS, ConfigPath, configuration
 from service.commands.progress import progress_bar
 from service.commands.sending import SendYes, confirm_sending
 from service.config import Config
 
 RecordPath = Annotated[
     Path,
-    typer.Argument(metavar="RECORD", help="Table (.csv .parquet .mat) or CAN log (.log .asc .blf .trc)."),
+    typer.Argument(metavar="RECORD", help=f"Table (.csv .parquet .mat) or CAN log ({LOG_KINDS})."),
 ]
 Speed = Annotated[
     float,
@@ -45,16 +45,21 @@ def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, yes: SendYe
     print(f"{sent} frames sent" + (f", some {late_s:.1f} s late: {TOO_SLOW}" if late_s > LATE_S else ""))
 
 
-def _play(config: Config, record: Path, speed: float, stop: threading.Event) -> tuple[int, float]:
+def _play(config: Config, path: Path, speed: float, stop: threading.Event) -> tuple[int, float]:
     """Number of frames sent, and the largest delay [s]."""
     from service.can.bus import open_buses
+    from service.can.left_out import left_out_words
+    from service.ingest.records import read_record
     from service.simulation.playback import play_frames, play_record
 
     sent, late_s = 0, 0.0
+    record = read_record(path, config)
     frames = play_record(record, config)  # its errors are reported before a bus is opened
-    with open_buses(config.bus) as buses, progress_bar(record.name) as progress:
+    with open_buses(config.bus) as buses, progress_bar(path.name) as progress:
         for frame in play_frames(buses, frames, speed, stop):
             sent += 1
             late_s = max(late_s, frame.late_s if speed < math.inf else 0.0)
             progress(frame.done)
+    if record.left_out:
+        print(left_out_words(path, record.left_out))
     return sent, late_s

@@ -10,7 +10,14 @@ import typer
 from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
-from service.commands.options import ConfigPath, JsonFile, ThermalStartOption, configuration, starting_as
+from service.commands.options import (
+    LOG_KINDS,
+    ConfigPath,
+    JsonFile,
+    ThermalStartOption,
+    configuration,
+    starting_as,
+)
 from service.commands.output_files import STDOUT, check_writable, write, write_all
 from service.commands.progress import progress_bar
 from service.config import Config
@@ -20,7 +27,7 @@ if TYPE_CHECKING:
 
 Records = Annotated[
     list[Path],
-    typer.Argument(metavar="RECORD", help="Tables (.csv .parquet .mat) or CAN logs (.log .asc .blf .trc)."),
+    typer.Argument(metavar="RECORD", help=f"Tables (.csv .parquet .mat) or CAN logs ({LOG_KINDS})."),
 ]
 Page = Annotated[
     Path | None,
@@ -68,6 +75,7 @@ def replay(
 
 
 def _replay(config: Config, path: Path, records: list[Path], drawn: bool) -> Replayed:
+    from service.can.left_out import left_out_words
     from service.ingest.records import read_record
     from service.pipeline.axis_monitors import AxisMonitors
     from service.reports.replay_result import Replay
@@ -77,4 +85,6 @@ def _replay(config: Config, path: Path, records: list[Path], drawn: bool) -> Rep
     for record in [read_record(name, config) for name in records]:
         with progress_bar(record.path.name) as progress:
             run.add(record, progress)
+        if record.left_out:
+            print(f"axiswatch: {left_out_words(record.path, record.left_out)}", file=sys.stderr)
     return run.result([record.name for record in records], str(path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from service.can.left_out import left_out_words
 from service.commands.checked_axis import FASTEST, Checked, fastest
 
 
@@ -11,7 +12,7 @@ def unknown_units(checked: Checked) -> Iterator[str]:
     """What remains open about the units, with the key and the value that settle it."""
     for source in checked.sources:
         if source.left_out:
-            yield f"{len(source.left_out)} lines of {source.path} could not be read, {source.left_out[0]}: left out"
+            yield left_out_words(source.path, source.left_out)
     settled = checked.agrees
     is_torque = checked.axis.config.torque.kT_Nm_per_A is None
     if (

@@ -72,7 +72,7 @@ class AxisRecord(NamedTuple):
     block: SampleBlock
     dropped: Mapping[str, int]
     left_out: Sequence[str] = ()
-    """Lines of a table that could not be read, with their place"""
+    """Lines or other parts of the file that could not be read, with their place"""
 
 
 def silent_in(path: Path, config: Config) -> dict[str, Mapping[str, int]]:
@@ -135,7 +135,8 @@ def _log_record(
         )
     log = LogRecord(path, config, {axis.id: signals})
     block = samples_of(log, axis.id, progress)
-    return AxisRecord(block, log.quality.axis_dropped[axis.id])
+    dropped = {**log.quality.axis_dropped[axis.id], "unreadable": len(log.left_out)}
+    return AxisRecord(block, dropped, log.left_out)
 
 
 def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progress: Progress) -> AxisRecord:

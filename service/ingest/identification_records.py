@@ -39,7 +39,7 @@ class Source:
     begins_s: float | None = None
     """Time of the first sample used, by the clock of the file [s]; None: it is not known"""
     left_out: Sequence[str] = ()
-    """Lines that could not be read, with their place"""
+    """Lines or other parts of it that could not be read, with their place"""
 
     @property
     def words(self) -> str:

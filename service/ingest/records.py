@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -11,15 +12,15 @@ import numpy as np
 
 from monitor_core.samples import SampleBlock, concatenate
 from service.can.frames import FrameBlock
-from service.can.log_files import LOG_SUFFIXES, CanLog
+from service.can.log_bytes import GZIP
+from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
 from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, Config
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Carried, Ingest, carried_by
+from service.ingest.log_channels import LogChannels, no_bus_words
 from service.ingest.table_files import TABLE_SUFFIXES, CsvTable, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
-
-RECORD_SUFFIXES = (*TABLE_SUFFIXES, *LOG_SUFFIXES)
 
 
 class Step(NamedTuple):
@@ -39,7 +40,7 @@ class Quality(NamedTuple):
     axis_dropped: _Counts
     """Values (CAN logs) or rows (tables), by axis and reason"""
     bus_dropped: _Counts = _NONE
-    """Frames, by bus and reason; those of no bus are under the name of the file"""
+    """Frames, by bus and reason; those of no bus are under the name of the file, and of their channel in it"""
     axis_events: _Counts = _NONE
     """How often the time line of an axis restarted, by cause"""
     axis_stamps: Mapping[str, Stamps] = _NONE
@@ -62,10 +63,14 @@ def is_table(path: Path) -> bool:
     Raises:
         RecordError: an unknown suffix.
     """
-    suffix = path.suffix.lower()
-    if suffix not in RECORD_SUFFIXES:
-        raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")
-    return suffix in TABLE_SUFFIXES
+    if path.suffix.lower() in TABLE_SUFFIXES:
+        return True
+    if not log_suffix(path):
+        kinds = " ".join((*TABLE_SUFFIXES, *LOG_SUFFIXES))
+        raise RecordError(
+            f"{path}: no such kind of record; there is {kinds}, and logs with {GZIP} behind that"
+        )
+    return False
 
 
 def samples_of(
@@ -112,10 +117,15 @@ class TableRecord:
     @property
     def quality(self) -> Quality:
         """Of what has been read so far."""
-        unreadable = len(self._table.left_out) if isinstance(self._table, CsvTable) else 0
+        unreadable = len(self.left_out)
         return Quality(
             {id_: {**columns.dropped, "unreadable": unreadable} for id_, columns in self._axes.items()}
         )
+
+    @property
+    def left_out(self) -> Sequence[str]:
+        """Lines that could not be read, with what is wrong in them; known when all has been read."""
+        return self._table.left_out if isinstance(self._table, CsvTable) else ()
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once."""
@@ -131,7 +141,7 @@ def _has_columns(config: AxisConfig) -> bool:
 
 
 class LogRecord:
-    """A .log, .asc, .blf or .trc file: its frames pass through the same pipeline as those of a bus.
+    """A CAN log: its frames pass through the same pipeline as those of a bus.
 
     Args:
         path: the file.
@@ -153,13 +163,15 @@ class LogRecord:
         self._config = config
         self._log = CanLog(path)
         self._ingests = {bus.name: Ingest(config, bus.name, carried) for bus in config.bus}
-        self._other_bus = 0
+        self._other_bus = Counter[str]()
 
     @property
     def quality(self) -> Quality:
         """Of what has been read so far."""
         by_bus: dict[str, Mapping[str, int]] = {name: i.dropped for name, i in self._ingests.items()}
-        by_bus[self.path.name] = {**self._log.dropped, "other_bus": self._other_bus}
+        by_bus[self.path.name] = self._log.dropped
+        for channel, count in self._other_bus.items():
+            by_bus[f"{self.path.name}, channel {channel}"] = {"other_bus": count}
         axes = {axis_id: axis for i in self._ingests.values() for axis_id, axis in i.axes.items()}
         return Quality(
             {axis_id: axis.dropped for axis_id, axis in axes.items()},
@@ -168,22 +180,31 @@ class LogRecord:
             {axis_id: axis.stamps for axis_id, axis in axes.items()},
         )
 
+    @property
+    def left_out(self) -> Sequence[str]:
+        """Places that could not be read, with what is wrong there; known when all has been read."""
+        return self._log.left_out
+
     def frames(self) -> Iterator[tuple[dict[str, FrameBlock], float]]:
-        """The frames by name of their bus, and how much of the log has been read, 0 to 1."""
-        channels: Mapping[str, str] | None = None
+        """The frames by name of their bus, and how much of the log has been read, 0 to 1.
+
+        Raises:
+            RecordError: the log is damaged, or its frames are of no bus of the configuration.
+        """
+        buses: LogChannels | None = None
         for block in self._log.blocks():
-            if channels is None:
-                channels = self._channels(set(block.names))
-            buses = [channels.get(name, channels.get("")) for name in block.names]
+            buses = buses or LogChannels(self._config.bus, block.names)
+            names = [buses.bus(channel) for channel in block.names]
             of_bus = dict[str, FrameBlock]()
-            for bus in dict.fromkeys(buses):
-                mine = np.array([name == bus for name in buses])[block.channels]
-                frames = block.frames if mine.all() else block.frames.select(mine)
-                if bus is None:
-                    self._other_bus += frames.size
-                else:
-                    of_bus[bus] = frames
+            for bus in dict.fromkeys(name for name in names if name is not None):
+                mine = np.array([name == bus for name in names])[block.channels]
+                of_bus[bus] = block.frames if mine.all() else block.frames.select(mine)
+            for number, (channel, bus_name) in enumerate(zip(block.names, names, strict=True)):
+                if bus_name is None:
+                    self._other_bus[channel] += int(np.count_nonzero(block.channels == number))
             yield of_bus, block.done
+        if self._other_bus.total() == self._log.frames:
+            raise RecordError(no_bus_words(self.path, self._config.bus, self._other_bus))
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once."""
@@ -194,17 +215,6 @@ class LogRecord:
         last = {axis_id: found for axes in flushed for axis_id, found in axes.items()}
         if last:
             yield Step(last, 1.0)
-
-    def _channels(self, seen: set[str]) -> Mapping[str, str]:
-        """Bus by channel in the log; "" stands for all others.
-
-        A log of another plant, or one with numbers only, is used with a configuration of one bus.
-        """
-        buses = self._config.bus
-        known = {bus.channel: bus.name for bus in buses} | {bus.name: bus.name for bus in buses}
-        if len(buses) == 1 and not seen & known.keys():
-            return {"": buses[0].name}
-        return known
 
 
 Record = TableRecord | LogRecord

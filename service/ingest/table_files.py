@@ -17,15 +17,12 @@ from scipy.io.matlab import MatReadError
 
 from monitor_core.arrays import Floats
 from monitor_core.wording import did_you_mean
+from service.can.left_out import too_many
 from service.can.user_errors import RecordError
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _ROWS = 8192
 _BLOCK_BYTES = 1 << 20
-_MOST_LEFT_OUT = 0.01
-"""Of the lines of a table that cannot be read: where there are more, the others cannot be trusted either."""
-_SOME = 20
-"""Lines: so many are read before it is known that they are too many."""
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
@@ -115,7 +112,7 @@ class CsvTable:
             if wrong := self._wrong(row, names):
                 cut = ends and len(row) <= len(self.names)
                 (torn if cut else found).append(f"line {line}: {wrong}")
-                if len(found) > max(_SOME, _MOST_LEFT_OUT * (read + len(found))):
+                if too_many(len(found), read):
                     break
                 continue
             read += 1
@@ -126,7 +123,7 @@ class CsvTable:
                 cells = []
         if not found and not torn:
             raise fault
-        if len(found) > _MOST_LEFT_OUT * (read + len(found)):
+        if too_many(len(found), read, ended=True):
             raise RecordError(f"{self._path}, {found[0]}")
         self.left_out = [*found, *torn]
         if cells:

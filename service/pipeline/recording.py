@@ -17,8 +17,8 @@ from pathlib import Path
 
 import structlog
 
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock
-from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
 from service.pipeline.alarm_recording import AxisAlarm
 

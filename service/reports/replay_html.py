@@ -39,7 +39,9 @@ REASONS: Mapping[str, str] = {
     "too_short": "shorter than their message",
     "undecodable": "contradict the description of the bus",
     "signal_absent": "of a multiplexed message, without the signal that was wanted",
-    "other_bus": "of a bus that the configuration does not have",
+    "unreadable": "damaged in the file",
+    "not_a_frame": "events of a log, or lines that no reader knows",
+    "other_bus": "of a channel that is no bus of the configuration",
     "clock_reanchored": "the time line of the samples restarted",
     "clock_set_back": "the clock of the receiver was set back",
 }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from service.can.frames import FrameKey
 from service.can.user_errors import IngestError, RecordError
 from service.config.schema import Config
 from service.ingest.encode import FrameEncoder, Values
-from service.ingest.records import LogRecord, Record, Step, is_table, read_record
+from service.ingest.records import LogRecord, Record, Step
 
 _NAP_S = 0.05
 
@@ -31,16 +30,14 @@ class PlayFrame(NamedTuple):
     late_s: float = 0.0  # how much later than it should it was sent
 
 
-def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
+def play_record(record: Record, config: Config) -> Iterator[PlayFrame]:
     """The frames of a record: those of a CAN log unchanged, those of a table encoded by the messages of the bus.
 
     Raises:
-        RecordError: the record cannot be read, or a value does not fit into its signal.
+        RecordError: the record is damaged, or a value does not fit into its signal.
         DescriptionError, IngestError: the configuration cannot be used.
     """
-    if is_table(path):
-        return encode_table(read_record(path, config), config)
-    return _log_frames(LogRecord(path, config))
+    return _log_frames(record) if isinstance(record, LogRecord) else encode_table(record, config)
 
 
 def encode_table(record: Record, config: Config) -> Iterator[PlayFrame]:

@@ -9,8 +9,9 @@ import can
 import pytest
 from cantools.database.can import Database
 
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock, concatenate_frames
-from service.can.log_files import CanLog, FrameRecorder
+from service.can.log_files import CanLog
 from service.ingest.bus_samples import Ingest
 from service.ingest.records import LogRecord
 from tests.bench.measure import Say, in_turns

@@ -14,7 +14,7 @@ import httpx
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from service.can.log_files import FrameRecorder
+from service.can.frame_recorder import FrameRecorder
 from service.commands import commission, live_recording
 from service.config import Config, load
 from service.simulation.robot import Fault

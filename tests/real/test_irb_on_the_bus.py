@@ -46,7 +46,8 @@ def frames(irb_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The record as a CAN log: to encode frames while they are sent is more than slow machines can do in time."""
     path = tmp_path_factory.mktemp("frames") / "irb.log"
     writer = can.CanutilsLogWriter(path)
-    for frame in play_record(irb_path, load(CONFIG, {})):
+    config = load(CONFIG, {})
+    for frame in play_record(read_record(irb_path, config), config):
         writer.on_message_received(
             can.Message(
                 timestamp=1e9 + frame.offset_s,

@@ -11,8 +11,8 @@ import pytest
 
 from monitor_core.identification.records import Known, suspicions
 from monitor_core.modeling.standard_drives import reference_model
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
-from service.can.log_files import FrameRecorder
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.axis_records import Wanted, wanted

@@ -14,8 +14,8 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
-from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import NOT_TESTED
 from service.config import Config, load
 from service.pipeline.axis_monitors import FramePipeline

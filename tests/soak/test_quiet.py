@@ -15,8 +15,8 @@ import pytest
 from typer.testing import CliRunner
 
 from monitor_core.samples import SampleBlock
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock
-from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
 from service.config.drive_sources import shipped

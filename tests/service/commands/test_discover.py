@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import concatenate_frames
-from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import MISTAKE
 from service.config import Config, load
 from service.ingest.unknown_messages import discover_axes

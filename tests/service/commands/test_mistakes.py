@@ -66,7 +66,7 @@ def test_a_recording_that_cannot_be(name: str, word: str, config: Path, tmp_path
 
 RECORDS = [
     ("none.csv", None, ("none.csv", "No such file")),
-    ("table.xlsx", b"x", ("table.xlsx", ".csv .parquet .mat .log .asc .blf .trc")),
+    ("table.xlsx", b"x", ("table.xlsx", ".csv .parquet .mat .log .asc .blf .trc .mf4")),
     ("a.csv", b"t,u\n0,1\n", ("a.csv", "phi", "the angle of axis demo.axis1")),
     ("a.parquet", b"PAR1 this is none", ("a.parquet",)),
     ("a.mat", b"\0" * 300, ("a.mat",)),

@@ -3,6 +3,7 @@
 import math
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,13 @@ import pyarrow.csv
 import pytest
 
 from service.can.bus import open_bus
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock, FrameKey
-from service.can.log_files import FrameRecorder
 from service.can.user_errors import BusError, IngestError, RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder
+from service.ingest.records import read_record
 from service.simulation.playback import PlayFrame, play_frames, play_record
 from tests.service.ingest.plant import Sample, axis1, axis2, axis3, axis4, fed, make_config
 
@@ -25,6 +27,10 @@ from tests.service.ingest.plant import Sample, axis1, axis2, axis3, axis4, fed, 
 def through_the_pipeline(config: Config, played: list[PlayFrame]) -> dict[str, list[Sample]]:
     frames = [Frame(round(p.offset_s * 1e6), p.key.can_id, p.key.extended, p.data) for p in played]
     return fed(Ingest(config, "bus0"), frames)
+
+
+def played_from(path: Path, config: Config) -> Iterator[PlayFrame]:
+    return play_record(read_record(path, config), config)
 
 
 def table(path: Path, count: int = 300) -> dict[str, Any]:
@@ -43,7 +49,7 @@ def test_a_table_comes_back_to_the_resolution_of_its_signals(tmp_path: Path) -> 
     axes = [axis1(time=counter), axis2(time=time), axis3(time=time), axis4(time=time)]
     axes[1]["torque"] |= {"factor": -0.5, "offset": 0.25}
     config = make_config(tmp_path, *axes)
-    played = list(play_record(tmp_path / "a.csv", config))
+    played = list(played_from(tmp_path / "a.csv", config))
     samples = through_the_pipeline(config, played)
     assert set(samples) == {"r.one", "r.two", "r.three", "r.four"}
     for axis_id, found in samples.items():
@@ -62,7 +68,7 @@ def test_counters_show_the_gaps_of_the_table(tmp_path: Path) -> None:
     keep[[3, 4, 5, 200]] = False
     pa.csv.write_csv(pa.table({name: column[keep] for name, column in columns.items()}), tmp_path / "a.csv")
     counter = {"column": "t", "counter_message": "Both2", "counter_signal": "Count"}
-    played = list(play_record(tmp_path / "a.csv", make_config(tmp_path, axis2(time=counter))))
+    played = list(played_from(tmp_path / "a.csv", make_config(tmp_path, axis2(time=counter))))
     assert [int.from_bytes(p.data[6:8], "little") for p in played] == np.flatnonzero(keep).tolist()
 
 
@@ -83,7 +89,7 @@ def test_a_value_that_does_not_fit(tmp_path: Path) -> None:
     columns = table(tmp_path / "a.csv", 5)
     columns["torque_one"][3] = 32.0
     pa.csv.write_csv(pa.table(columns), tmp_path / "a.csv")
-    frames = play_record(tmp_path / "a.csv", make_config(tmp_path, axis1(time={"column": "t"})))
+    frames = played_from(tmp_path / "a.csv", make_config(tmp_path, axis1(time={"column": "t"})))
     message = r"a\.csv, at 7\.015000 s: axis r\.one: the torque 32 does not fit into signal Torque of Torque1"
     with pytest.raises(RecordError, match=message):
         list(frames)
@@ -93,7 +99,7 @@ def test_a_log_is_played_as_it_is(tmp_path: Path) -> None:
     sent = [Frame(10**15 + 700 * k, 0x123 + k % 2, k % 3 == 0, bytes([k % 256])) for k in range(1000)]
     with FrameRecorder(tmp_path / "a.log") as recorder:
         recorder.write("bus0", FrameBlock.from_frames(sent))
-    played = list(play_record(tmp_path / "a.log", make_config(tmp_path, axis1())))
+    played = list(played_from(tmp_path / "a.log", make_config(tmp_path, axis1())))
     assert [(p.bus, p.key, p.data) for p in played] == [
         ("bus0", (f.can_id, f.extended), f.data) for f in sent
     ]

@@ -206,7 +206,12 @@ def test_lines_that_cannot_be_read_are_left_out(
         ("a.parquet", b"t,u\n1,2\n", " is no Parquet file"),
         ("a.mat", b"t,u\n1,2\n", " is damaged or no MATLAB file"),
         ("a.mat", b"", " is damaged or no MATLAB file"),
-        ("a.xlsx", b"", ": no such kind of record; there is .csv .parquet .mat .log .asc .blf .trc"),
+        (
+            "a.xlsx",
+            b"",
+            ": no such kind of record; there is .csv .parquet .mat .log .asc .blf .trc .mf4, and logs with .gz"
+            " behind that",
+        ),
     ],
 )
 def test_a_file_that_is_no_record(tmp_path: Path, name: str, content: bytes, message: str) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import AxisMonitor
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
-from service.can.log_files import FrameRecorder
 from service.config import Config, load
 from service.ingest.records import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline

@@ -10,8 +10,8 @@ import pytest
 from structlog.testing import capture_logs
 
 from monitor_core.monitoring import Status
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame
-from service.can.log_files import FrameRecorder
 from service.config import Config
 from service.config.schema_model import DetectorConfig
 from service.pipeline import worker as worker_module

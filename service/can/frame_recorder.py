@@ -1,0 +1,105 @@
+"""Recording frames as a candump log."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from service.can.frames import CLASSIC_BYTES, EXTENDED, FrameBlock
+from service.can.user_errors import RecordError
+
+
+class FrameRecorder:
+    """Writes a candump log (.log), which keeps frames exactly: times to the microsecond, name of the bus, CAN FD.
+
+    The other formats of python-can lose some of this and are refused: .asc rounds the start to milliseconds, .trc has
+    no CAN FD, .blf has no names of buses and writes nothing to the disk before 128 KiB.
+
+    Raises:
+        RecordError: another format, or a file that exists or cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.suffix.lower() != ".log":
+            raise RecordError(f"{path}: frames are recorded as .log, which keeps them exactly; name it so")
+        try:
+            self._file = path.open("x", encoding="utf-8", newline="\n")
+        except FileExistsError:
+            raise RecordError(f"{path} exists already: choose another name, or remove it") from None
+        except OSError as error:
+            raise RecordError(f"cannot write {path}: {error.strerror}") from None
+        self.path = path
+
+    def write(self, bus: str, frames: FrameBlock) -> None:
+        """Write frames of a bus; they are in the file when this returns.
+
+        Raises:
+            RecordError: the disk does not take them.
+        """
+        try:
+            self._file.writelines(_log_lines(bus, frames))
+            self._file.flush()
+        except OSError as error:
+            raise self._error(error) from None
+
+    def close(self) -> None:
+        """Close the file; a second time does nothing.
+
+        Raises:
+            RecordError: the disk does not take what is left; the file is closed nevertheless.
+        """
+        try:
+            self._file.close()
+        except OSError as error:
+            raise self._error(error) from None
+
+    def _error(self, error: OSError) -> RecordError:
+        return RecordError(f"cannot write {self.path}: {error.strerror}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _1: type[BaseException] | None, _2: object, _3: TracebackType | None) -> None:
+        self.close()
+
+
+def _log_lines(bus: str, frames: FrameBlock) -> Iterator[str]:
+    """Lines of a candump log."""
+    bus = f"can{bus}" if bus.isdigit() else bus  # a number alone would be read as one
+    records, digits = frames.records, frames.data.tobytes().hex().upper()
+    columns = (records[name].tolist() for name in ("t_us", "id", "length", "flags"))
+    for k, (t_us, record_id, length, flags) in enumerate(zip(*columns, strict=True)):
+        seconds, micro = divmod(t_us, 1_000_000)
+        frame_id = f"{record_id & ~EXTENDED:08X}" if record_id & EXTENDED else f"{record_id:03X}"
+        kind = f"#{flags:X}" if length > CLASSIC_BYTES else ""
+        begin = 2 * frames.data.shape[1] * k
+        yield f"({seconds}.{micro:06d}) {bus} {frame_id}#{kind}{digits[begin : begin + 2 * length]} R\n"
+
+
+_TAIL = 4096
+"""Bytes that hold the last lines of a log."""
+
+
+def span_s(path: Path) -> float:
+    """Seconds from the first to the last frame that ``FrameRecorder`` has written to a file; a torn last line is none.
+
+    Raises:
+        RecordError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            first = file.readline()
+            file.seek(max(0, path.stat().st_size - _TAIL))
+            lines = file.read().split(b"\n")[:-1]
+    except OSError as error:
+        raise RecordError(f"cannot read {path}: {error.strerror}") from None
+    times = [_STAMP.match(line) for line in (first, lines[-1] if lines else b"")]
+    if times[0] is None or times[1] is None:
+        return 0.0
+    return float(times[1][1]) - float(times[0][1])
+
+
+_STAMP = re.compile(rb"\((\d+\.\d+)\) ")
