@@ -58,11 +58,11 @@ def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
     assert "ended 2026-03-01 12:00:00 UTC, work order WO-18" in lines[0]
     assert lines[2:6] == [
         "  2026-03-01 11:59:53 UTC  raise by axiswatch: unacknowledged",
-        "  2026-03-01 12:00:00 UTC  acknowledge by anonymous: acknowledged (I look)",
-        "  2026-03-01 12:00:00 UTC  shelve by anonymous: shelved until 2026-03-01 14:00:00 UTC (WO-17)",
-        "  2026-03-01 12:00:00 UTC  unshelve by anonymous: acknowledged",
+        "  2026-03-01 12:00:00 UTC  acknowledge by local: acknowledged (I look)",
+        "  2026-03-01 12:00:00 UTC  shelve by local: shelved until 2026-03-01 14:00:00 UTC (WO-17)",
+        "  2026-03-01 12:00:00 UTC  unshelve by local: acknowledged",
     ]
-    assert lines[-1].endswith("comment by anonymous: shelved (gearbox changed) (WO-18)")
+    assert lines[-1].endswith("comment by local: shelved (gearbox changed) (WO-18)")
 
 
 @pytest.mark.usefixtures("url")
