@@ -20,4 +20,4 @@ def too_many(left_out: int, read: int, ended: bool = False) -> bool:
 def left_out_words(path: Path | str, left_out: Sequence[str]) -> str:
     """A sentence about the parts of a file that could not be read, of which there are some."""
     more = len(left_out) - 1
-    return f"{path}, {left_out[0]}: left out" + (f", and so are {more} further places" if more else "")
+    return f"{path}, {left_out[0]}: left out" + (f", and {more} more" if more else "")

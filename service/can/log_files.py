@@ -20,7 +20,7 @@ from service.can.candump import Parsed, parse_lines
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, concatenate_frames
 from service.can.left_out import too_many
 from service.can.log_bytes import GZIP, CompleteReads, LogBytes
-from service.can.log_lines import LONGEST_LINE, LogLines
+from service.can.log_lines import LONGEST_LINE, LogLines, line_text
 from service.can.mf4_frames import Mf4Frames
 from service.can.receivers import frame_of
 from service.can.user_errors import RecordError
@@ -135,7 +135,9 @@ class CanLog:
             if len(rest) > LONGEST_LINE:
                 yield from self._piece(rest + b"\n", first)
                 rest = b""
-        if rest:
+        if rest and self._bytes.cut:  # its bytes may look like a shorter frame
+            self._leave_out_line(first + 1, line_text(rest), torn=True)
+        elif rest:
             yield from self._piece(rest + b"\n", first, torn=True)
 
     def _piece(self, text: bytes, first: int, torn: bool = False) -> Iterator[LogBlock]:

@@ -1,5 +1,6 @@
 """``discover`` on buses that nothing describes: the axes of simulated robots, and a real bus where nothing moves."""
 
+import gzip
 import re
 from pathlib import Path
 
@@ -67,6 +68,15 @@ def test_the_configuration_can_be_used_with_the_record(
         ("x181", 0x181, [0, 16, 48])
     ]
     assert "axis.toml is there already; --force overwrites it" in refused("discover", log.name)
+
+
+def test_what_is_left_out_of_a_record_is_named(tmp_path: Path, seed: int) -> None:
+    log = log_of(demo(tmp_path, 1), tmp_path / "unknown.log", seed)
+    packed = gzip.compress(log.read_bytes())[:-5000]
+    (tmp_path / "unknown.log.gz").write_bytes(packed)
+    text = shown("discover", tmp_path / "unknown.log.gz", "--output", tmp_path / "axis.toml")
+    assert "unknown.log.gz, line " in text
+    assert ": left out, and 1 more" in text
 
 
 @pytest.mark.records

@@ -74,6 +74,15 @@ def replayed(folder: Path, *changes: tuple[str, str]) -> tuple[int, str, dict[st
     return result.exit_code, result.stdout, {**axis, "page": page.read_text(encoding="utf-8")}
 
 
+def test_what_is_left_out_of_a_record_is_named(folder: Path) -> None:
+    lines = (folder / "a.csv").read_text(encoding="utf-8").splitlines()
+    lines[700] = lines[700] + ",1"
+    (folder / "damaged.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
+    result = axiswatch("replay", "--config", folder / "robot.toml", folder / "damaged.csv")
+    assert "damaged.csv, line 701: " in result.stderr
+    assert result.stderr.rstrip().endswith(": left out")
+
+
 def test_a_record_too_short_for_P0_is_not_healthy_and_the_memory_that_is_named_gets_it_tested(
     folder: Path,
 ) -> None:
