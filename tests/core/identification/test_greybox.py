@@ -239,6 +239,17 @@ def test_validation_on_another_record(seed: int) -> None:
     assert wrong.fit_simulation < right.fit_simulation - 10
 
 
+def test_a_simulation_is_another_thing_than_the_prediction(seed: int) -> None:
+    """In innovations form, whether a fit is asked for it at once or a copy of it later."""
+    record = noisy_torque_record(seed, 1000, 0.3, 1.0)
+    found = fit(replace(reference_problem(), predictor="innovations"), [record])
+    (trace,) = traces_of(found.problem, [record])
+    assert found.fit[0] == pytest.approx(trace.fit, abs=1e-6)
+    assert found.fit_simulation[0] == pytest.approx(trace.fit_simulation, abs=1e-6)
+    assert replace(found, words=()).fit_simulation == found.fit_simulation
+    assert found.fit_simulation[0] < found.fit[0] - 1
+
+
 def test_mistakes() -> None:
     rec = reference_record(0, 100)
     with pytest.raises(ValueError, match="no record"):

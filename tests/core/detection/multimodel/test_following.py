@@ -124,7 +124,7 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
     for moved, known in ((shift, shift), (shift, still), (still, still)):
         u, y = axis(np.random.default_rng(seed), moved, {}, N)
         block = SampleBlock(T, u, y, known, name="r")
-        limits.append(bank_limits(PLANT.model, PLANT.settings, [block], 12_000.0, rng, 100_000).own)
+        limits.append(bank_limits(PLANT.model, PLANT.settings, [block], 12_000.0, rng, 40_000).own)
         if moved is known is shift:
             faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
             caught, _ = run_trials(PLANT.model, PLANT.settings, block, faults, 6, 5.0, limits[0])
