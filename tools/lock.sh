@@ -2,8 +2,9 @@
 #
 # lock.sh [UV PIP COMPILE ARGUMENT...]      for example: lock.sh --upgrade-package numpy
 #
-# Writes requirements.lock (everything) and requirements-runtime.lock (the part the container image needs, at
-# the same versions): exact versions and hashes, with markers where Pythons or platforms differ.
+# Writes requirements.lock (everything), requirements-runtime.lock (the part the container image needs, at the same
+# versions) and requirements-mf4.lock (the same with the extra mf4, for its tests): exact versions and hashes, with
+# markers where Pythons or platforms differ.
 
 set -eu
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -14,3 +15,4 @@ compile() {
 }
 compile --extra dev --output-file requirements.lock "$@"
 compile --constraints requirements.lock --output-file requirements-runtime.lock --upgrade
+compile --constraints requirements.lock --extra mf4 --output-file requirements-mf4.lock --upgrade

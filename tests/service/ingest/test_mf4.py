@@ -30,7 +30,6 @@ def test_without_asammdf_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def written(path: Path, count: int, seed: int) -> list[tuple[str, Frame]]:
     """Frames of two channels, CAN FD among them, with an error frame and a remote frame."""
-    pytest.importorskip("asammdf")
     rng, sent = random.Random(seed), list[tuple[str, Frame]]()
     with can.MF4Writer(str(path)) as writer:
         start_us = round(writer.last_timestamp * 1e6)
@@ -79,6 +78,7 @@ def test_groups_are_merged_in_the_order_of_time(seed: int) -> None:
     assert sorted(found) == sorted(expected)
 
 
+@pytest.mark.mf4
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_measurement_file_gives_its_frames(tmp_path: Path, packed: bool, seed: int) -> None:
     sent = written(tmp_path / "a.mf4", 3000, seed)
@@ -100,6 +100,7 @@ def test_a_measurement_file_gives_its_frames(tmp_path: Path, packed: bool, seed:
     assert log.dropped == {"error_frame": 1, "remote_frame": 1, "not_a_frame": 0, "unreadable": 0}
 
 
+@pytest.mark.mf4
 def test_a_damaged_measurement_file_gives_frames_or_an_error(
     tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
