@@ -4,10 +4,12 @@ import gzip
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from service.can.frame_recorder import FrameRecorder
-from service.can.frames import concatenate_frames
+from service.can.frames import Frame, FrameBlock, concatenate_frames
+from service.can.messages import message_of
 from service.commands.exit_codes import MISTAKE
 from service.config import Config, load
 from service.ingest.unknown_messages import discover_axes
@@ -43,6 +45,23 @@ def test_all_axes_of_the_demo_are_found_by_the_frames_alone(tmp_path: Path, seed
         assert (axis.motion.message, axis.motion.signal) == (f"x18{number}", "value_c")
         assert (axis.motion.quantity, axis.torque.turned, axis.interval_s) == ("angle", False, 0.005)
         assert axis.counter == (f"x18{number}", "counter_g")
+
+
+def test_the_bits_of_the_configuration_are_those_that_were_looked_at(seed: int) -> None:
+    """Big-endian, after a byte that never changes: decoded by its description, the number is the same."""
+    rng = np.random.default_rng(seed)
+    numbers = np.rint(2e7 * np.sin(np.arange(500) / 40) + 100 * rng.standard_normal(500)).astype(int).tolist()
+    frames = FrameBlock.from_frames(
+        [
+            Frame(5000 * k, 0x321, False, b"\x07" + n.to_bytes(4, "big", signed=True))
+            for k, n in enumerate(numbers)
+        ]
+    )
+    (message,) = discover_axes(frames).messages
+    (bits,) = message.bits
+    assert (bits.start_bit, bits.length, bits.kind, bits.byte_order) == (15, 32, "signed", "big")
+    described = message_of(message.name, message.key, message.bits)
+    assert [described.decode(frame.data)[bits.name] for frame in frames.frames()] == numbers
 
 
 def test_torque_and_angle_in_messages_of_their_own(tmp_path: Path, seed: int) -> None:

@@ -84,8 +84,9 @@ def test_alarms_close_together_share_one_file_and_a_later_one_has_its_own(tmp_pa
     found.alarm(START_US + 10 * S)
     feed(found, 10.5, 11)
     found.alarm(START_US + 11 * S)  # is inside
-    feed(found, *np.arange(11.5, 30, 0.5))
+    feed(found, *np.arange(11.5, 16, 0.5))
     found.alarm(START_US + 11 * S)  # its size has changed
+    feed(found, *np.arange(16, 30, 0.5))
     found.alarm(START_US + 29 * S)
     found.close()
     first, second = found.folder.files()
