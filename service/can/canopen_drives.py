@@ -15,7 +15,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from service.can.frames import FrameKey
-from service.can.messages import Bits, DescriptionError, Kind, MessageGroup, MessageSet, message_of
+from service.can.messages import (
+    Bits,
+    DescriptionError,
+    Kind,
+    MessageGroup,
+    MessageSet,
+    message_of,
+    read_unchanged,
+)
 
 if TYPE_CHECKING:
     from canopen import ObjectDictionary
@@ -63,11 +71,7 @@ def read_drive(path: Path, node_id: int) -> MessageSet:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise DescriptionError(f"{path} describes no CANopen drive: its name must end with .eds or .dcf")
-    try:
-        state = path.stat()
-        return _read(path, node_id, state.st_mtime_ns, state.st_size)
-    except OSError as error:
-        raise DescriptionError(f"cannot read {path}: {error.strerror}") from None
+    return read_unchanged(_read, path, node_id)
 
 
 @lru_cache(maxsize=64)

@@ -11,7 +11,7 @@ import cantools.database
 from cantools.database.can import Database
 
 from monitor_core.wording import listed
-from service.can.messages import CodingError, DescriptionError, MessageSet
+from service.can.messages import CodingError, DescriptionError, MessageSet, read_unchanged
 
 KINDS: Mapping[str, str] = MappingProxyType({".dbc": "DBC", ".kcd": "KCD", ".sym": "SYM", ".arxml": "ARXML"})
 """Formats by the suffix of a file"""
@@ -28,11 +28,7 @@ def read_messages(path: Path) -> MessageSet:
         raise DescriptionError(
             f"{path} describes no messages: its name must end with {listed(tuple(KINDS), 'or')}"
         )
-    try:
-        state = path.stat()
-        return _read(path, kind, state.st_mtime_ns, state.st_size)
-    except OSError as error:
-        raise DescriptionError(f"cannot read {path}: {error.strerror}") from None
+    return read_unchanged(_read, path, kind)
 
 
 @lru_cache(maxsize=16)

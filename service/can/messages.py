@@ -6,7 +6,8 @@ looks at a bus reads this shape only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
@@ -73,6 +74,19 @@ class MessageSet(NamedTuple):
             key: sum(count for own, count in frames.items() if self.carries(key, own.record_id))
             for key in map(key_of_message, self.messages)
         }
+
+
+def read_unchanged(read: Callable[..., MessageSet], path: Path, what: str | int) -> MessageSet:
+    """What a cached function reads of a file, by its arguments; it reads again once the file has changed.
+
+    Raises:
+        DescriptionError: the file cannot be read.
+    """
+    try:
+        state = path.stat()
+        return read(path, what, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise DescriptionError(f"cannot read {path}: {error.strerror}") from None
 
 
 def united(parts: Sequence[MessageSet]) -> MessageSet:

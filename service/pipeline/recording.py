@@ -176,6 +176,7 @@ class Extracts:
         self._before_us, self._after_us = round(before_s * 1e6), round(after_s * 1e6)
         self._ring = FrameRing(before_s + after_s + 2 * _SILENT_US / 1e6)
         self._begun: _Extract | None = None
+        self._last_us = 0  # end of the last extract
         self._requests = queue.SimpleQueue[Future[Path]]()
         self._jobs = queue.SimpleQueue[tuple[_Extract, list[tuple[str, FrameBlock]]] | None]()
         self._stopped = threading.Event()
@@ -222,9 +223,6 @@ class Extracts:
         self._writer.join()
         while not self._requests.empty():
             self._requests.get().set_exception(RecordError("the daemon has stopped"))
-
-    _last_us = 0
-    """End of the last extract"""
 
     def _covers(self, t_us: int) -> bool:
         return self._last_us - self._after_us - self._before_us <= t_us <= self._last_us

@@ -1,6 +1,8 @@
 """Recordings over REST and the command line: the alarm names its file, a request makes one, a reader may not."""
 
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -53,21 +55,17 @@ def test_an_alarm_names_its_file(recorded: Stage) -> None:
 def test_the_last_minutes_on_request(recorded: Stage, tmp_path: Path) -> None:
     extracts, copy = recorded.extracts, tmp_path / "copy.log"
     assert extracts is not None
-    with serving(recorded) as url:
-        worker = _ticking(extracts)
-        next(worker)
+    with serving(recorded) as url, ticking(extracts):
         text = shown("record", "--url", url, "--output", copy)
-        next(worker, None)
     (name,) = [file.name for file in extracts.folder.files()]
     assert text.endswith(f"recorded: {name}\nwritten: {copy}\n")
     (block,) = CanLog(copy).blocks()
     assert block.frames.size == 9  # of eight seconds, both ends
 
 
-def _ticking(extracts: Extracts) -> Iterator[None]:
-    """The worker, in a thread of its own, until the second step."""
-    import threading
-
+@contextmanager
+def ticking(extracts: Extracts) -> Iterator[None]:
+    """The worker's part, in a thread of its own."""
     end = threading.Event()
 
     def work() -> None:
@@ -76,9 +74,11 @@ def _ticking(extracts: Extracts) -> Iterator[None]:
 
     thread = threading.Thread(target=work)
     thread.start()
-    yield
-    end.set()
-    thread.join()
+    try:
+        yield
+    finally:
+        end.set()
+        thread.join()
 
 
 def test_without_room_none_is_made(stage: Stage) -> None:
