@@ -413,6 +413,13 @@ class AlarmRecord(Alarm):
     transitions: list[AlarmTransition] = Field(description="oldest first")
 
 
+class AlarmChange(Body):
+    """The data of an event `alarm`."""
+
+    alarm: Alarm = Field(description="as it is when the event is sent")
+    transition: AlarmTransition
+
+
 class AlarmNote(Body):
     """What a person writes about an alarm; both may be left out."""
 

@@ -119,8 +119,13 @@ def alarm_record(
     a: RecordedAlarm, transitions: Iterable[RecordedTransition], now_us: int, recording: str | None
 ) -> models.AlarmRecord:
     """One alarm with its transitions and the name of its recording."""
-    found = [_body(models.AlarmTransition, t) for t in transitions]
+    found = [alarm_transition(t) for t in transitions]
     return _alarm(models.AlarmRecord, a, now_us, transitions=found, recording=recording)
+
+
+def alarm_transition(t: RecordedTransition) -> models.AlarmTransition:
+    """What has happened to an alarm."""
+    return _body(models.AlarmTransition, t)
 
 
 def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:

@@ -173,7 +173,7 @@ def test_all_is_explained(schema: dict[str, Any]) -> None:
     actions = {f"/api/v1/alarms/{{id}}/{action}" for action in ACTIONS}
     recordings = {"/api/v1/recordings": {"get", "post"}, "/api/v1/recordings/{name}": {"get"}}
     files = {f"/api/v1/axes/{{axis}}/history.{kind}" for kind in ("csv", "parquet")}
-    assert set(schema["paths"]) == {*PATHS, *actions, *recordings, *files, "/metrics"}
+    assert set(schema["paths"]) == {*PATHS, *actions, *recordings, *files, "/metrics", "/api/v1/events"}
     silent = [
         f"{name}.{field}"
         for name, body in schema["components"]["schemas"].items()
