@@ -1,9 +1,10 @@
-"""A client of a running daemon: its alarms, and its state, over REST."""
+"""A client of a running daemon: its alarms, its history, and its state, over REST."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
+from urllib.parse import quote
 
 if TYPE_CHECKING:
     import httpx
@@ -163,6 +164,11 @@ class Client:
     def recording(self, name: str) -> bytes:
         """The content of a recording, a candump log."""
         return self._send("GET", f"recordings/{name}").content
+
+    def history_file(self, axis: str, kind: str, **query: str | None) -> bytes:
+        """The history of an axis as a file, csv or parquet; the rest is as in GET /api/v1/axes/{axis}/history.csv."""
+        given: dict[str, str | int] = {name: value for name, value in query.items() if value is not None}
+        return self._send("GET", f"axes/{quote(axis, safe='')}/history.{kind}", given).content
 
     def _act(
         self,

@@ -27,6 +27,7 @@ COMMANDS = (
     "run",
     "status",
     "alarms",
+    "history",
     "record",
     "simulate",
     "play",

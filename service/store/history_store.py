@@ -24,6 +24,8 @@ MOST_PRUNED = 2000
 """Rows of a parameter and a resolution that are deleted at once: a clock that is ahead for a moment costs no more."""
 SHARE_PRUNED = 60
 """Part of the parameters that is looked at after each write."""
+MOST_CUTS = 4
+"""In one go, where the file is too large"""
 _CUT = 100
 """Part of the largest table that is deleted where the file is too large."""
 _BYTES_PER_S: Mapping[Resolution, float] = {"raw": 5, "minute": 2.5, "hour": 0.04, "day": 0.002}
@@ -111,8 +113,10 @@ class HistoryStore:
             self._pruned += share
             for table, age_s in self._bounds.age_s.items():
                 _delete(connection, table, part, now_s - age_s)
-            if _used_bytes(connection) > self._bounds.size_bytes:
+            cuts = 0
+            while _used_bytes(connection) > self._bounds.size_bytes and cuts < MOST_CUTS:
                 _cut(connection, ids)
+                cuts += 1
 
     @contextmanager
     def read(self) -> Iterator["HistoryView"]:
@@ -164,7 +168,7 @@ def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, ro
     keys = list(zip(owners.tolist(), new.t.tolist(), strict=True))
     query = f"SELECT n, cells FROM {table} WHERE series = ? AND t = ?"
     answers = [(s, t, connection.execute(query, (s, t)).fetchone()) for s, t in keys]
-    known = [(s, t, *row) for s, t, row in answers if row is not None]
+    known = [(s, t, *row) for s, t, row in answers if row is not None and is_packed(*row)]
     if known:
         before = _rows([row[1:] for row in known])
         both = joined([before, new]), np.r_[np.array([row[0] for row in known], np.int64), owners]
