@@ -300,7 +300,7 @@ class Journal:
         since_us: int | None = None,
         until_us: int | None = None,
         limit: int = 100,
-        offset: int = 0,
+        after: tuple[int, int] | None = None,
         state: AlarmFilter | None = None,
         now_us: int = 0,
     ) -> tuple[list[RecordedAlarm], int]:
@@ -313,7 +313,7 @@ class Journal:
             since_us: raised at this time or later.
             until_us: raised before this time.
             limit: at most this number.
-            offset: number of alarms to skip.
+            after: only those behind the alarm that was raised at this time and has this id.
             state: in this state, or stale or chattering.
             now_us: the time now, for the stale ones.
         """
@@ -331,8 +331,8 @@ class Journal:
         values = list(given.values())
         with self._db.read() as connection:
             total = connection.execute(f"SELECT count(*) FROM alarm {where}", values).fetchone()[0]
-            order = "ORDER BY raised_us DESC, id DESC LIMIT ? OFFSET ?"
-            alarms = _select(connection, f"{where} {order}", [*values, limit, offset])
+            rest = f"{where or 'WHERE TRUE'} AND (raised_us, id) < (?, ?) ORDER BY raised_us DESC, id DESC LIMIT ?"
+            alarms = _select(connection, rest, [*values, *(after or _BEFORE_ALL), limit])
         return alarms, int(total)
 
     def close(self) -> None:
@@ -341,6 +341,7 @@ class Journal:
 
 
 _Value = str | int | float | None
+_BEFORE_ALL = (2**63 - 1, 2**63 - 1)
 
 
 def _record(connection: sqlite3.Connection, entry: Entry) -> int:
