@@ -27,6 +27,8 @@ _SAME_INTERVAL = 0.01
 """Relative: a measured interval that differs by less is the configured one."""
 _BUNCHED = 0.05
 """Of the samples: so many frames come too close to another one where they come in bunches."""
+_PARTS = 5
+"""Of a record with bunches, in each of which some frames are hardly late"""
 _UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 """Of times, by how many of them are a second."""
 _ABOUT = 2.5
@@ -200,19 +202,42 @@ def _interval(checked: Checked) -> Iterator[Correction]:
 
 
 def _interval_s(checked: Checked) -> tuple[float, float]:
-    """The median of the records, and by what part of it that may be off.
-
-    Where frames come in bunches it is that of all that came, with or without becoming a sample: the first and the last
-    may then have waited as long as the longest pause was.
-    """
+    """The median of the records, and by what part of it that may be off."""
     intervals = []
-    for record, crowded in zip(checked.records, map(_crowded, checked.sources), strict=True):
-        if crowded > _BUNCHED:
-            every_s = record.duration_s / (len(record) - 1) / (1 + crowded)
-            intervals.append((every_s, float(record.intervals.max()) / record.duration_s))
+    for record, source in zip(checked.records, checked.sources, strict=True):
+        if _crowded(source) > _BUNCHED and not checked.in_tables:
+            intervals.append(_interval_in_bunches(_receipts(checked, source)))
         else:
             intervals.append((record.mean_interval_s, 0.0))
     return sorted(intervals)[len(intervals) // 2]
+
+
+def _receipts(checked: Checked, source: Source) -> Floats:
+    """Times at which the torque came [s], with or without becoming a sample (N,)."""
+    from service.ingest.bus_samples import Ingest
+    from service.ingest.records import LogRecord
+
+    config, bus, signals = checked.config, checked.axis.config.bus, {checked.axis.id: ()}
+    assert bus is not None  # else there is no log of it
+    log, ingest = LogRecord(source.path, config, signals), Ingest(config, bus, signals)
+    frames = (of_bus[bus] for of_bus, _ in log.frames() if bus in of_bus)
+    t_us = [v.t_us for block in frames for v in ingest.feed_values(block) if v.quantity == "torque"]
+    t = np.concatenate(t_us).astype(np.float64) * 1e-6 - (source.begins_s or 0.0)
+    return t[(t >= 0) & (t <= source.end_s - source.start_s)]
+
+
+def _interval_in_bunches(t: Floats) -> tuple[float, float]:
+    """The interval at which frames were sent that wait for others, and by what part of it that may be off.
+
+    Each is late by an unknown time, but some in each part of the record by hardly any: the line of the interval goes
+    through the earliest ones near both ends.  Those of all parts together tell how far they are from a line.
+    """
+    n = np.arange(len(t))
+    late = t - t[0] - n * (t[-1] - t[0]) / n[-1]
+    first, last = (int(part[late[part].argmin()]) for part in np.array_split(n, _PARTS)[:: _PARTS - 1])
+    interval_s = float(t[last] - t[first]) / (last - first)
+    earliest = [part.min() for part in np.array_split(t - n * interval_s, _PARTS)]
+    return interval_s, float(np.ptp(earliest)) / float(t[last] - t[first])
 
 
 def _crowded(source: Source) -> float:
