@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from monitor_core.wording import seconds_in
 from service.client import AlarmJson, AlarmRecordJson, AlarmText, Client
 from service.commands.exit_codes import EPILOG, explained
-from service.config.base_table import seconds_in
 
 Url = Annotated[
     str,
