@@ -30,13 +30,16 @@ from service.store.alarm_statistics import (
     statistics,
 )
 from service.store.alarm_transitions import (
+    IDENTITY_MIGRATION,
     MIGRATION,
     SERVICE,
     Note,
+    NumberedTransition,
     RecordedTransition,
     end_shelf,
     take,
     taken,
+    taken_after,
 )
 from service.store.database import Database
 
@@ -89,6 +92,8 @@ MIGRATIONS = (
     """,
     # The life cycle: acknowledged, shelved, suppressed.
     MIGRATION,
+    # Plant links know the journal by it.
+    IDENTITY_MIGRATION,
 )
 
 
@@ -163,6 +168,9 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self._db = Database(path, MIGRATIONS, "FULL")
         self.messages = self._db.messages
+        with self._db.read() as connection:
+            self.identity = str(connection.execute("SELECT identity FROM journal_identity").fetchone()[0])
+            """Of this file, in whatever folder: random"""
 
     def record(self, entries: Iterable[Entry]) -> list[int]:
         """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
@@ -269,6 +277,16 @@ class Journal:
         """What has happened to an alarm, oldest first."""
         with self._db.read() as connection:
             return taken(connection, alarm_id)
+
+    def transitions_after(self, number: int, limit: int) -> list[NumberedTransition]:
+        """The first transitions of all alarms after that number, in the order in which they were committed."""
+        with self._db.read() as connection:
+            return taken_after(connection, number, limit)
+
+    def last_transition(self) -> int:
+        """Number of the last transition; 0: there is none."""
+        with self._db.read() as connection:
+            return int(connection.execute("SELECT coalesce(max(id), 0) FROM alarm_transition").fetchone()[0])
 
     def get(self, alarm_id: int) -> RecordedAlarm | None:
         """The alarm of that id."""
