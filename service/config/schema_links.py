@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field
 from monitor_core.monitoring import PRIORITIES, Priority
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text
 
+
 def _written(pattern: str, right: str) -> AfterValidator:
     """A text of this form; ``right`` says which."""
 
@@ -26,9 +27,13 @@ def _written(pattern: str, right: str) -> AfterValidator:
 
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
 Age = Annotated[Positive, Field(ge=60, le=2_592_000)]
-Variable = Annotated[str, _written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")]
+Variable = Annotated[
+    str, _written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")
+]
 Topic = Annotated[str, _written(r"[^+#/$\0\s][^+#/\0\s]*(/[^+#/\0\s]+)*", "a topic, such as plant/axiswatch")]
-MailAddress = Annotated[str, _written(r"[^@\s<>,;:\"]+@[^@\s<>,;:\"]+", "an address, such as anna@plant.example")]
+MailAddress = Annotated[
+    str, _written(r"[^@\s<>,;:\"]+@[^@\s<>,;:\"]+", "an address, such as anna@plant.example")
+]
 
 
 def _https(url: str) -> str:
@@ -153,7 +158,7 @@ SECRET_KEYS = ("password", "secret", "token")
 
 
 def concealed(key: str | int, value: object) -> object:
-    """The value of a key as a message may show it: a secret does not belong into the configuration, but may be there."""
+    """The value of a key as a message may show it: where a secret is by mistake, it is left out."""
     if key in SECRET_KEYS:
         return "..."
     return re.sub(r"//[^/]*@", "//...@", value) if key == "url" and isinstance(value, str) else value

@@ -4,7 +4,7 @@ import sqlite3
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmState, Transition, transition
+from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmState, Priority, Transition, transition
 
 MIGRATION = """
     ALTER TABLE alarm ADD COLUMN state TEXT NOT NULL DEFAULT 'normal';
@@ -71,10 +71,11 @@ class RecordedTransition(NamedTuple):
 
 
 class NumberedTransition(NamedTuple):
-    """A transition with its number in the journal, in which they are committed, and the id of its alarm."""
+    """A transition with its number in the journal, in whose order they are committed, and its alarm."""
 
     number: int
     alarm_id: int
+    priority: Priority
     transition: RecordedTransition
 
 
@@ -115,9 +116,14 @@ def taken(connection: sqlite3.Connection, alarm_id: int) -> list[RecordedTransit
 
 def taken_after(connection: sqlite3.Connection, number: int, limit: int) -> list[NumberedTransition]:
     """The first transitions of all alarms after that number, oldest first."""
-    query = f"SELECT id, alarm_id, {_COLUMNS} FROM alarm_transition WHERE id > ? ORDER BY id LIMIT ?"
+    query = (
+        f"SELECT t.id, alarm_id, priority, {', '.join(f't.{name}' for name in RecordedTransition._fields)}"
+        " FROM alarm_transition t JOIN alarm a ON a.id = alarm_id WHERE t.id > ? ORDER BY t.id LIMIT ?"
+    )
     rows = connection.execute(query, [number, limit])
-    return [NumberedTransition(found, alarm_id, _read(row)) for found, alarm_id, *row in rows]
+    return [
+        NumberedTransition(found, alarm_id, priority, _read(row)) for found, alarm_id, priority, *row in rows
+    ]
 
 
 _COLUMNS = ", ".join(RecordedTransition._fields)

@@ -348,6 +348,10 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
     known = _known(connection, entry)
     alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
     life = AlarmLife() if known is None else known.life
+    if known is not None and _is_named_anew(known, entry.alarm):
+        e = entry.alarm
+        at_us = e.past[-1].until_us if e.past else e.updated_us
+        take(connection, alarm_id, [transition(life, AlarmEvent.NAME)], Note(at_us, SERVICE))
     for present, at_us in _courses(known, entry.alarm):
         changes = due(life, present, entry.rules)
         take(connection, alarm_id, changes, Note(at_us, SERVICE))
@@ -370,6 +374,17 @@ def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) 
     values = changed | {"again": e.crossings, "id": known.id}
     connection.execute(f"UPDATE alarm SET {', '.join(texts)} WHERE id = :id", values)
     return known.id
+
+
+def _is_named_anew(known: RecordedAlarm, e: Alarm) -> bool:
+    """Whether the cause of an alarm has been found since its last record, or is another one than was found."""
+    same = known.raised_us == e.raised_us and e.stage == "named"
+    return same and (known.stage, known.parameter, known.direction, known.doubt) != (
+        e.stage,
+        e.parameter,
+        e.direction,
+        e.doubt,
+    )
 
 
 def _courses(known: RecordedAlarm | None, e: Alarm) -> Iterator[tuple[bool, int]]:

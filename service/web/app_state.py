@@ -1,13 +1,13 @@
 """What the web reads of the daemon: the newest snapshot, the journal and a clock; and whether it is healthy."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Generic, TypeVar
 
 from service.pipeline.recording import Extracts, RecordingFolder
-from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.journal import Journal
 from service.texts import now_us
 from service.web.access import Access
@@ -26,6 +26,7 @@ class AppState:
     now_us: Callable[[], int] = now_us
     reports: ReportPages | None = None
     extracts: Extracts | None = None
+    links: Callable[[], Sequence[LinkSnapshot]] = tuple
 
     @property
     def recordings(self) -> RecordingFolder | None:

@@ -28,7 +28,14 @@ from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
 from service.pipeline.recording import Extracts
-from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
+from service.pipeline.snapshot import (
+    AxisSnapshot,
+    BusSnapshot,
+    Histogram,
+    HistoryPoint,
+    LinkSnapshot,
+    Snapshot,
+)
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
 from service.web.access import Access
@@ -187,6 +194,9 @@ class Stage:
     reports: ReportPages | None = None
     access: Access | None = None
     extracts: Extracts | None = None
+    links: tuple[LinkSnapshot, ...] = (
+        LinkSnapshot("orders", "webhook", False, "HTTP status 503", 3, 41, {"age": 2, "refused": 1}),
+    )
 
     def app(self) -> FastAPI:
         return create_app(
@@ -196,6 +206,7 @@ class Stage:
             self.reports,
             self.access,
             self.extracts,
+            lambda: self.links,
         )
 
     def client(self) -> TestClient:

@@ -1,0 +1,133 @@
+"""The links of a configuration, in one thread of their own: a task for each, which waits for no other."""
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import structlog
+
+from service.config.schema_links import LinksConfig, WebhookConfig
+from service.links.delivery import FIRST_RETRY_S, Delivery, LinkName
+from service.links.link_secrets import key, tls
+from service.links.webhook import Webhook
+from service.pipeline.snapshot import LinkSnapshot, Snapshot
+from service.store.journal import Journal
+from service.store.outbox import OUTBOX_FILE, Outbox
+
+LOOK_S = 0.25
+"""Time after which a link looks for new transitions [s]"""
+STOP_S = 3.0
+"""Time in which the links must have ended [s]; what they have not delivered is delivered after the next start"""
+
+log = structlog.get_logger(__name__)
+
+
+class Link(Protocol):
+    """A link as the thread runs it."""
+
+    @property
+    def snapshot(self) -> LinkSnapshot:
+        """The newest state."""
+
+    async def run(self) -> None:
+        """Until it is cancelled."""
+
+
+class AlarmLink:
+    """A link that delivers alarms and nothing else."""
+
+    def __init__(self, delivery: Delivery) -> None:
+        self._delivery = delivery
+
+    @property
+    def snapshot(self) -> LinkSnapshot:
+        """The newest state."""
+        return self._delivery.snapshot
+
+    async def run(self) -> None:
+        """Deliver until it is cancelled."""
+        while True:
+            await asyncio.sleep(min(await self._delivery.step(), LOOK_S))
+
+
+class Links:
+    """All links of a configuration; nothing of them is imported where there are none.
+
+    Args:
+        config: which ones.
+        state_dir: folder of the outbox.
+        journal: with what they deliver.
+        snapshot: returns the newest one.
+
+    Raises:
+        LinkSecretError: a secret or a certificate cannot be used.
+        StoreError: the outbox cannot be used.
+    """
+
+    def __init__(
+        self, config: LinksConfig, state_dir: Path, journal: Journal, snapshot: Callable[[], Snapshot]
+    ) -> None:
+        self._journal, self._snapshot = journal, snapshot
+        receivers = {hook.name: _webhook(hook) for hook in config.webhook}
+        self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
+        try:
+            done = self._outbox.begin(receivers)
+        except BaseException:
+            self._outbox.close()
+            raise
+        self.links: tuple[Link, ...] = tuple(
+            AlarmLink(self._delivery(hook, receivers[hook.name], done)) for hook in config.webhook
+        )
+        self._stop = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop
+        self._started = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._all()), name="links", daemon=True)
+        for message in self._outbox.messages:
+            log.warning("start", message=message)
+
+    def snapshots(self) -> Sequence[LinkSnapshot]:
+        """The newest state of each."""
+        return [link.snapshot for link in self.links]
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, and close the outbox."""
+        if self._thread.ident is not None:
+            self._started.wait()
+            with contextlib.suppress(RuntimeError):  # it has ended
+                self._loop.call_soon_threadsafe(self._stop.set)
+            self._thread.join(STOP_S)
+        self._outbox.close()
+
+    async def _all(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._started.set()
+        tasks = [asyncio.create_task(_run_on(link)) for link in self.links]
+        await self._stop.wait()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _delivery(self, hook: WebhookConfig, receiver: Webhook, done: Mapping[str, int]) -> Delivery:
+        name = LinkName(hook.name, "webhook", hook.priorities, hook.max_age_s)
+        return Delivery(name, receiver, self._journal, self._outbox, done[hook.name])
+
+
+async def _run_on(link: Link) -> None:
+    """Run a link; a fault of the program in it stops neither it nor anything else."""
+    while True:
+        try:
+            await link.run()
+        except Exception:
+            log.exception("a fault in a link; it goes on", link=link.snapshot.name)
+            await asyncio.sleep(FIRST_RETRY_S)
+
+
+def _webhook(hook: WebhookConfig) -> Webhook:
+    return Webhook(hook.url, key(hook.secret_file, hook.secret_env), tls(hook.ca_file), hook.timeout_s)
