@@ -26,7 +26,6 @@ def _written(pattern: str, right: str) -> AfterValidator:
 
 
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
-Age = Annotated[Positive, Field(ge=60, le=2_592_000)]
 Variable = Annotated[
     str, _written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")
 ]
@@ -57,7 +56,16 @@ def is_local(host: str) -> bool:
         return host == "localhost"
 
 
-class WebhookConfig(Table):
+class AlarmLimits(Table):
+    """Of every link: which alarms it delivers, and for how long it tries."""
+
+    max_age_s: Annotated[Positive, Field(ge=60, le=2_592_000)] = 86400.0
+    """what could not be delivered for this time is given up [s]"""
+    priorities: tuple[Priority, ...] = Field(PRIORITIES, min_length=1)
+    """alarms of these priorities"""
+
+
+class WebhookConfig(AlarmLimits):
     """[[links.webhook]]: each transition of an alarm is sent to an address, signed."""
 
     name: Name
@@ -72,13 +80,9 @@ class WebhookConfig(Table):
     """PEM file of the authority that has signed the receiver's certificate; default: the known ones"""
     timeout_s: Positive = Field(10.0, le=120)
     """time in which the receiver must answer [s]"""
-    max_age_s: Age = 86400.0
-    """what could not be delivered for this time is given up [s]"""
-    priorities: tuple[Priority, ...] = Field(PRIORITIES, min_length=1)
-    """alarms of these priorities"""
 
 
-class MqttConfig(Table):
+class MqttConfig(AlarmLimits):
     """[links.mqtt]: states of the axes and alarms to a broker, MQTT 5."""
 
     host: Text
@@ -99,13 +103,9 @@ class MqttConfig(Table):
     """beginning of all topics; another one for each daemon at the broker"""
     interval_s: Positive = Field(10.0, ge=1, le=3600)
     """time between two states of an axis [s]"""
-    max_age_s: Age = 86400.0
-    """alarms that could not be delivered for this time are given up [s]"""
-    priorities: tuple[Priority, ...] = Field(PRIORITIES, min_length=1)
-    """alarms of these priorities"""
 
 
-class SmtpConfig(Table):
+class SmtpConfig(AlarmLimits):
     """[links.smtp]: a message for each new alarm and for its end; many at a time are one message."""
 
     host: Text
@@ -134,8 +134,6 @@ class SmtpConfig(Table):
     """shortest time between two messages; what comes meanwhile is in the second [s]"""
     timeout_s: Positive = Field(30.0, le=120)
     """time in which the server must answer [s]"""
-    max_age_s: Age = 86400.0
-    """what could not be delivered for this time is given up [s]"""
 
 
 class LinksConfig(Table):
@@ -151,7 +149,16 @@ class LinksConfig(Table):
     @property
     def any(self) -> bool:
         """Whether there is any link."""
-        return bool(self.webhook) or self.mqtt is not None or self.smtp is not None
+        return bool(self.names)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all links."""
+        alone = {"mqtt": self.mqtt, "smtp": self.smtp}
+        return [
+            *(hook.name for hook in self.webhook),
+            *(name for name, link in alone.items() if link is not None),
+        ]
 
 
 SECRET_KEYS = ("password", "secret", "token")

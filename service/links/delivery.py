@@ -7,6 +7,7 @@ import math
 import random
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import islice, takewhile
 from time import monotonic
@@ -14,7 +15,7 @@ from typing import NamedTuple, Protocol
 
 import structlog
 
-from monitor_core.monitoring import Priority
+from service.config.schema_links import AlarmLimits
 from service.pipeline.snapshot import LinkSnapshot
 from service.store.alarm_transitions import NumberedTransition, RecordedTransition
 from service.store.database import StoreError
@@ -25,6 +26,8 @@ from service.texts import now_us
 FIRST_RETRY_S, LAST_RETRY_S = 1.0, 300.0
 LONGEST_REQUESTED_S = 3600.0
 """A receiver may ask for that much time, not for more."""
+LOOK_S = 0.25
+"""Time after which a link looks for new transitions [s]"""
 PAGE = 500
 """Transitions that are read at once."""
 
@@ -98,12 +101,10 @@ class Backoff:
 
 
 class LinkName(NamedTuple):
-    """Of a link: its name, its kind, and what it delivers."""
+    """Name and kind of a link."""
 
     name: str
     kind: str
-    priorities: Sequence[Priority]
-    max_age_s: float
 
 
 class Delivery:
@@ -111,6 +112,7 @@ class Delivery:
 
     Args:
         link: which one it is.
+        limits: which alarms it delivers, and for how long.
         receiver: delivers.
         journal: with what is promised.
         outbox: how far the link is.
@@ -123,6 +125,7 @@ class Delivery:
     def __init__(
         self,
         link: LinkName,
+        limits: AlarmLimits,
         receiver: Receiver,
         journal: Journal,
         outbox: Outbox,
@@ -131,7 +134,8 @@ class Delivery:
         now_us: Callable[[], int] = now_us,
         chance: Callable[[], float] = random.random,
     ) -> None:
-        self._link, self._receiver, self._journal, self._outbox = link, receiver, journal, outbox
+        self._link, self._limits, self._receiver = link, limits, receiver
+        self._journal, self._outbox = journal, outbox
         self._clock, self._now_us, self._backoff = clock, now_us, Backoff(chance)
         self._waiting = deque[NumberedTransition]()
         self._read_to = self._saved = done
@@ -143,19 +147,25 @@ class Delivery:
 
     async def step(self) -> float:
         """Deliver what waits, at most once; the time until there is something to do [s]; infinite: nothing waits."""
-        try:
-            self._look()
-            self._give_up_old()
-            left_s = math.inf
-            if self._waiting:
-                left_s = self._next_try - self._clock()
-                if left_s <= 0:
-                    left_s = await self._send()
-        except StoreError:  # of the journal, which the worker reports
-            left_s = FIRST_RETRY_S
+        self.look()
+        left_s = math.inf
+        if self._waiting:
+            left_s = self._next_try - self._clock()
+            if left_s <= 0:
+                left_s = await self._send()
+                self._finish()
+        return left_s
+
+    def look(self) -> None:
+        """Read what has been recorded since, and give up what is too old; deliver nothing."""
+        with suppress(StoreError):  # of the journal, which the worker reports
+            self._read()
+        self._give_up_old()
+        self._finish()
+
+    def _finish(self) -> None:
         self._save()
         self.snapshot = replace(self.snapshot, pending=len(self._waiting) + self._beyond)
-        return left_s
 
     def failed(self, problem: str, requested_s: float | None = None) -> float:
         """The link does not work; the time until the next try [s]."""
@@ -177,7 +187,11 @@ class Delivery:
     async def _send(self) -> float:
         numbered = [*islice(self._waiting, self._receiver.most)]
         try:
-            await self._receiver.send([self._message(n) for n in numbered])
+            messages = [self._message(n) for n in numbered]
+        except StoreError:
+            return FIRST_RETRY_S
+        try:
+            await self._receiver.send(messages)
         except NotYetError as error:
             self._next_try = self._clock() + error.wait_s
             return error.wait_s
@@ -197,7 +211,7 @@ class Delivery:
         assert alarm is not None  # no alarm is ever removed from the journal
         return Message(f"{self._journal.identity}-{n.number}", n.transition, alarm)
 
-    def _look(self) -> None:
+    def _read(self) -> None:
         """Read what has been recorded since, unless so much waits already."""
         revision = self._journal.revision
         if revision == self._revision:
@@ -205,7 +219,7 @@ class Delivery:
         room = PAGE - len(self._waiting)
         page = self._journal.transitions_after(self._read_to, room) if room > 0 else []
         for numbered in page:
-            if numbered.priority in self._link.priorities:
+            if numbered.priority in self._limits.priorities:
                 self._waiting.append(numbered)
             self._read_to = numbered.number
         complete = len(page) < room
@@ -213,10 +227,10 @@ class Delivery:
         self._revision = revision if complete else -1
 
     def _give_up_old(self) -> None:
-        oldest_us = self._now_us() - self._link.max_age_s * 1e6
+        oldest_us = self._now_us() - self._limits.max_age_s * 1e6
         old = len([*takewhile(lambda n: n.transition.at_us < oldest_us, self._waiting)])
         if old:
-            self._give_up(old, "age", f"older than {self._link.max_age_s:g} s")
+            self._give_up(old, "age", f"older than {self._limits.max_age_s:g} s")
 
     def _give_up(self, count: int, reason: str, why: str) -> None:
         first = self._waiting[0]

@@ -3,22 +3,18 @@
 import asyncio
 import contextlib
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import structlog
 
-from service.config.schema_links import LinksConfig, WebhookConfig
-from service.links.delivery import FIRST_RETRY_S, Delivery, LinkName
-from service.links.link_secrets import key, tls
-from service.links.webhook import Webhook
+from service.config.schema_links import AlarmLimits, LinksConfig
+from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, LinkName, Receiver
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.journal import Journal
 from service.store.outbox import OUTBOX_FILE, Outbox
 
-LOOK_S = 0.25
-"""Time after which a link looks for new transitions [s]"""
 STOP_S = 3.0
 """Time in which the links must have ended [s]; what they have not delivered is delivered after the next start"""
 
@@ -70,17 +66,14 @@ class Links:
     def __init__(
         self, config: LinksConfig, state_dir: Path, journal: Journal, snapshot: Callable[[], Snapshot]
     ) -> None:
-        self._journal, self._snapshot = journal, snapshot
-        receivers = {hook.name: _webhook(hook) for hook in config.webhook}
+        self._journal = journal
         self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
         try:
-            done = self._outbox.begin(receivers)
+            self._done = self._outbox.begin(config.names)
+            self.links: tuple[Link, ...] = tuple(self._made(config, snapshot))
         except BaseException:
             self._outbox.close()
             raise
-        self.links: tuple[Link, ...] = tuple(
-            AlarmLink(self._delivery(hook, receivers[hook.name], done)) for hook in config.webhook
-        )
         self._stop = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop
         self._started = threading.Event()
@@ -114,9 +107,22 @@ class Links:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _delivery(self, hook: WebhookConfig, receiver: Webhook, done: Mapping[str, int]) -> Delivery:
-        name = LinkName(hook.name, "webhook", hook.priorities, hook.max_age_s)
-        return Delivery(name, receiver, self._journal, self._outbox, done[hook.name])
+    def _made(self, config: LinksConfig, snapshot: Callable[[], Snapshot]) -> Iterator[Link]:
+        """The links; the library of each is imported only where it is configured."""
+        if config.webhook:
+            from service.links.webhook import webhook
+
+            for hook in config.webhook:
+                yield AlarmLink(self._delivery(LinkName(hook.name, "webhook"), hook, webhook(hook)))
+        if config.mqtt is not None:
+            from service.links.mqtt import Broker, MqttLink
+
+            broker = Broker(config.mqtt.prefix)
+            delivery = self._delivery(LinkName("mqtt", "mqtt"), config.mqtt, broker)
+            yield MqttLink(config.mqtt, broker, delivery, snapshot)
+
+    def _delivery(self, link: LinkName, limits: AlarmLimits, receiver: Receiver) -> Delivery:
+        return Delivery(link, limits, receiver, self._journal, self._outbox, self._done[link.name])
 
 
 async def _run_on(link: Link) -> None:
@@ -127,7 +133,3 @@ async def _run_on(link: Link) -> None:
         except Exception:
             log.exception("a fault in a link; it goes on", link=link.snapshot.name)
             await asyncio.sleep(FIRST_RETRY_S)
-
-
-def _webhook(hook: WebhookConfig) -> Webhook:
-    return Webhook(hook.url, key(hook.secret_file, hook.secret_env), tls(hook.ca_file), hook.timeout_s)

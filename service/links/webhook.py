@@ -11,7 +11,9 @@ from urllib.parse import urlsplit
 
 import httpx
 
+from service.config.schema_links import WebhookConfig
 from service.links.delivery import Message, RefusedError, UnavailableError
+from service.links.link_secrets import key, tls
 from service.texts import now_us
 from service.web import views
 from service.web.app_state import VERSION
@@ -101,3 +103,13 @@ class Webhook:
 
 def _named(status: int) -> str:
     return f"{status} {httpx.codes.get_reason_phrase(status)}".strip()
+
+
+def webhook(config: WebhookConfig) -> Webhook:
+    """The webhook of a configuration.
+
+    Raises:
+        LinkSecretError: its key or its authority cannot be used.
+    """
+    signing = key(config.secret_file, config.secret_env)
+    return Webhook(config.url, signing, tls(config.ca_file), config.timeout_s)

@@ -175,6 +175,33 @@ class Axis(Body):
     model: Model
 
 
+class ParameterState(Body):
+    """A monitored parameter as MQTT has it: fields of Parameter, and the deviation."""
+
+    name: str
+    unit: str
+    nominal: Number
+    estimate: Number
+    deviation: Number = Field(description="estimate - nominal, in unit; null where it is invalid")
+    standard_deviation: Number
+    status: Status
+    observation: Observation
+    tested: bool
+    not_tested_reason: NotTested | None
+
+
+class AxisState(Body):
+    """An axis as MQTT has it: fields of Axis."""
+
+    id: str
+    last_sample: Time | None
+    parameters: list[ParameterState]
+    open_alarms: list[str]
+    gated_by: TextOrNull
+    outside_calibration: list[str]
+    not_tested: list[str]
+
+
 class Axes(Body):
     """All axes at one moment."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
+from service.config.schema_links import AlarmLimits
 from service.links.delivery import Delivery, LinkName, Message
 from service.store.alarm_transitions import Note
 from service.store.journal import Entry, Journal
@@ -74,9 +75,9 @@ class Post:
         """As at the start of the daemon."""
         self.journal = Journal(self.folder / "alarms.sqlite")
         self.outbox = Outbox(self.folder / "links.sqlite", self.journal)
-        link = LinkName("orders", "webhook", self.priorities, 3600.0)
         self.delivery = Delivery(
-            link,
+            LinkName("orders", "webhook"),
+            AlarmLimits.model_validate({"priorities": self.priorities, "max_age_s": 3600.0}),
             self.inbox,
             self.journal,
             self.outbox,

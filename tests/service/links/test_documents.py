@@ -17,7 +17,7 @@ EXAMPLES = re.findall(r"```toml\n(.*?)```", LINKS, re.DOTALL)
 
 def test_every_link_has_an_example() -> None:
     kinds = [re.findall(r"^\[+links\.(\w+)\]", example, re.MULTILINE) for example in EXAMPLES]
-    assert sorted(sum(kinds, [])) == sorted(LinksConfig.model_fields)
+    assert sorted(kind for found in kinds for kind in found) == sorted(LinksConfig.model_fields)
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
