@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import structlog
 
@@ -18,6 +19,7 @@ from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.snapshot import Snapshot
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
@@ -29,6 +31,9 @@ from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages
 from service.web.server import Certificate, is_remote, serve
+
+if TYPE_CHECKING:
+    from service.links.running import Links
 
 log = structlog.get_logger(__name__)
 
@@ -61,6 +66,7 @@ def run_daemon(
         StoreError: the state directory cannot be used.
         RecordError: the record cannot be written.
         CannotListenError: the address of the page is not available.
+        LinkSecretError: a secret or a certificate of a link cannot be used.
         DaemonFailedError: an internal fault.
     """
     stop = stop or threading.Event()
@@ -83,11 +89,15 @@ def run_daemon(
         for reader in readers.values():
             stack.callback(reader.close)
 
+        links = _links(config, journal, lambda: worker.snapshot, stack)
+
         def begin(port: int) -> None:
             for reader in readers.values():
                 reader.start()
             worker.start()
             history.start()
+            if links is not None:
+                links.start()
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
@@ -101,6 +111,7 @@ def run_daemon(
             extracts=extracts,
             history=history,
             stopping=stop.is_set,
+            links=tuple if links is None else links.snapshots,
         )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
@@ -234,6 +245,19 @@ def _history(config: Config) -> HistoryRecording:
     return HistoryRecording(
         lambda: HistoryStore(kept.state_dir / "history.sqlite", bounds), kept.history_interval_s
     )
+
+
+def _links(
+    config: Config, journal: Journal, snapshot: Callable[[], Snapshot], stack: ExitStack
+) -> "Links | None":
+    """The plant links, whose libraries take memory only where there are any."""
+    if not config.links.any:
+        return None
+    from service.links.running import Links
+
+    links = Links(config.links, config.service.state_dir, journal, snapshot)
+    stack.callback(links.stop)
+    return links
 
 
 def _extracts(config: Config) -> Extracts | None:

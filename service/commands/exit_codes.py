@@ -54,6 +54,7 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
     from service.can.user_errors import BusError, IngestError
     from service.client import ClientError
     from service.config.axis_settings import AxisError
+    from service.links.link_secrets import LinkSecretError
     from service.simulation.robot import FaultError
     from service.store.database import StoreError
     from service.web.access import UnprotectedError
@@ -71,6 +72,7 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
         CalibrationError,
         UnprotectedError,
         CertificateError,
+        LinkSecretError,
     )
     codes: list[tuple[tuple[type[Exception], ...], int]] = [
         ((BusError,), NO_BUS),

@@ -15,6 +15,7 @@ from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
+from service.config.schema_links import LinksConfig
 from service.config.schema_model import (
     AlarmsConfig,
     DetectorConfig,
@@ -406,6 +407,8 @@ class Config(Table):
     """what the daemon keeps"""
     web: WebConfig = Field(default_factory=WebConfig)
     """where it is served"""
+    links: LinksConfig = Field(default_factory=LinksConfig)
+    """where else the alarms go"""
     bus: tuple[BusConfig, ...] = ()
     """CAN buses, [[bus]]; without any, axes are only identified from tables"""
     robot: tuple[RobotConfig, ...] = Field(min_length=1)

@@ -1,7 +1,7 @@
 """Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
@@ -70,6 +70,28 @@ class BusSnapshot:
     def up(self) -> bool:
         """Whether frames can be received."""
         return self.state == "up"
+
+
+GIVE_UP_REASONS = ("age", "refused")
+"""Why a link gives a transition up: it could not be delivered for too long; the receiver does not want it."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSnapshot:
+    """One plant link: whether it works, and transitions of alarms since the start of the daemon."""
+
+    name: str
+    kind: str
+    """webhook, mqtt or smtp"""
+    connected: bool
+    """Whether the last try has succeeded; of a link without a lasting connection also before the first one"""
+    problem: str = ""
+    """Why it does not work; empty: it does"""
+    pending: int = 0
+    """Those that wait"""
+    delivered: int = 0
+    given_up: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(GIVE_UP_REASONS, 0))
+    """Those that are given up, by reason"""
 
 
 @dataclass(frozen=True, slots=True)

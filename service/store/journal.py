@@ -30,12 +30,13 @@ from service.store.alarm_statistics import (
     statistics,
 )
 from service.store.alarm_transitions import (
+    IDENTITY_MIGRATION,
     MIGRATION,
     SERVICE,
     Note,
+    NumberedTransition,
     RecordedTransition,
     end_shelf,
-    last_taken,
     take,
     taken,
     taken_after,
@@ -91,6 +92,8 @@ MIGRATIONS = (
     """,
     # The life cycle: acknowledged, shelved, suppressed.
     MIGRATION,
+    # Plant links know the journal by it.
+    IDENTITY_MIGRATION,
 )
 
 
@@ -165,6 +168,9 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self._db = Database(path, MIGRATIONS, "FULL")
         self.messages = self._db.messages
+        with self._db.read() as connection:
+            self.identity = str(connection.execute("SELECT identity FROM journal_identity").fetchone()[0])
+            """Of this file, in whatever folder: random"""
 
     def record(self, entries: Iterable[Entry]) -> list[int]:
         """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
@@ -272,20 +278,15 @@ class Journal:
         with self._db.read() as connection:
             return taken(connection, alarm_id)
 
-    def last_transition(self) -> int:
-        """Number of the last transition of any alarm; 0: there was none."""
+    def transitions_after(self, number: int, limit: int) -> list[NumberedTransition]:
+        """The first transitions of all alarms after that number, in the order in which they were committed."""
         with self._db.read() as connection:
-            return last_taken(connection)
+            return taken_after(connection, number, limit)
 
-    def transitions_after(
-        self, number: int, limit: int
-    ) -> list[tuple[int, RecordedTransition, RecordedAlarm]]:
-        """The first transitions after this number, with their numbers and their alarms as they are now."""
+    def last_transition(self) -> int:
+        """Number of the last transition; 0: there is none."""
         with self._db.read() as connection:
-            found = taken_after(connection, number, limit)
-            alarms = {alarm_id: _get(connection, alarm_id) for _, alarm_id, _ in found}
-        known = ((n, transition, alarms[alarm_id]) for n, alarm_id, transition in found)
-        return [(n, transition, alarm) for n, transition, alarm in known if alarm is not None]
+            return int(connection.execute("SELECT coalesce(max(id), 0) FROM alarm_transition").fetchone()[0])
 
     def get(self, alarm_id: int) -> RecordedAlarm | None:
         """The alarm of that id."""
@@ -347,6 +348,10 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
     known = _known(connection, entry)
     alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
     life = AlarmLife() if known is None else known.life
+    if known is not None and _is_named_anew(known, entry.alarm):
+        e = entry.alarm
+        at_us = e.past[-1].until_us if e.past else e.updated_us
+        take(connection, alarm_id, [transition(life, AlarmEvent.NAME)], Note(at_us, SERVICE))
     for present, at_us in _courses(known, entry.alarm):
         changes = due(life, present, entry.rules)
         take(connection, alarm_id, changes, Note(at_us, SERVICE))
@@ -369,6 +374,17 @@ def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) 
     values = changed | {"again": e.crossings, "id": known.id}
     connection.execute(f"UPDATE alarm SET {', '.join(texts)} WHERE id = :id", values)
     return known.id
+
+
+def _is_named_anew(known: RecordedAlarm, e: Alarm) -> bool:
+    """Whether the cause of an alarm has been found since its last record, or is another one than was found."""
+    same = known.raised_us == e.raised_us and e.stage == "named"
+    return same and (known.stage, known.parameter, known.direction, known.doubt) != (
+        e.stage,
+        e.parameter,
+        e.direction,
+        e.doubt,
+    )
 
 
 def _courses(known: RecordedAlarm | None, e: Alarm) -> Iterator[tuple[bool, int]]:

@@ -33,9 +33,9 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
-        """Version, readiness with reasons, buses, messages for the operator."""
+        """Version, readiness with reasons, buses, links, messages for the operator."""
         report = None if state.reports is None else state.reports.address
-        return views.service(state.snapshot(), state.now_us(), report, state.access.danger)
+        return views.service(state.snapshot(), state.now_us(), report, state.access.danger, state.links())
 
     return api
 

@@ -21,7 +21,7 @@ from monitor_core.detection import DIRECTIONS, Reach, Stage
 from monitor_core.monitoring import PRIORITIES, AlarmState, DetectorStatus, ParameterStatus
 from monitor_core.trend import Trend
 from service.pipeline.history_recording import OBSERVABILITY
-from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.web.app_state import VERSION, Latest, age_s, sample_age_s
 
 _SI = "in the parameter's SI unit"
@@ -75,6 +75,10 @@ _GAUGES = {
         "time is the sample time, that of the intervals divided by the square root of two.",
         "last_sample_age_seconds": "Time since the last sample, in seconds; +Inf before the first.",
     },
+    "link": {
+        "link_connected": "1 while the plant link works, 0 while its receiver cannot be reached.",
+        "link_pending": "Transitions of alarms that wait for the link.",
+    },
     "bus": {"bus_up": "1 while the bus can be read, else 0."},
     "": {
         "alarms_not_recorded": "Alarms of which the journal does not have all yet, as the disk refuses it.",
@@ -102,6 +106,10 @@ _COUNTERS = {
         "clock_restarts": "Restarts of the time base of the samples: the controller restarted, or a clock was set.",
     },
     "reason": {"history_dropped_points": "Points of the history that were dropped."},
+    "link": {"link_delivered": "Transitions of alarms that the plant link has delivered."},
+    "link reason": {
+        "link_given_up": "Transitions of alarms that the plant link has given up: too old, or refused by the receiver."
+    },
     "bus": {"frames": "Frames received."},
     "bus reason": {"frames_dropped": "Frames that were dropped."},
 }
@@ -124,10 +132,16 @@ class Metrics:
     Args:
         snapshot: returns the newest one.
         now_us: the clock for ages.
+        links: the newest state of each plant link.
     """
 
-    def __init__(self, snapshot: Callable[[], Snapshot], now_us: Callable[[], int]) -> None:
-        self._snapshot, self._now_us = snapshot, now_us
+    def __init__(
+        self,
+        snapshot: Callable[[], Snapshot],
+        now_us: Callable[[], int],
+        links: Callable[[], Sequence[LinkSnapshot]] = tuple,
+    ) -> None:
+        self._snapshot, self._now_us, self._links = snapshot, now_us, links
         self._small = CollectorRegistry()
         self._small.register(_Small(snapshot))
         ProcessCollector(registry=self._small)
@@ -142,8 +156,8 @@ class Metrics:
         encoder, content_type = choose_encoder(accept)
         openmetrics = content_type.startswith("application/openmetrics-text")
         snapshot, now_us = self._snapshot(), self._now_us()
-        ages = self._writers[openmetrics].text(_ages(snapshot, now_us))
-        return self._of_axes[openmetrics](snapshot, now_us) + ages + encoder(self._small), content_type
+        fresh = self._writers[openmetrics].text([*_ages(snapshot, now_us), *_of_links(self._links())])
+        return self._of_axes[openmetrics](snapshot, now_us) + fresh + encoder(self._small), content_type
 
 
 class _Small(Collector):
@@ -381,3 +395,10 @@ def _buses(snapshot: Snapshot) -> Iterator[_Family]:
     yield _Family("bus_up", (((b.name,), b.up) for b in snapshot.buses))
     yield _Family("frames", (((b.name,), b.frames) for b in snapshot.buses))
     yield _by_reason("frames_dropped", ((b.name, b.dropped) for b in snapshot.buses))
+
+
+def _of_links(links: Sequence[LinkSnapshot]) -> Iterator[_Family]:
+    yield _Family("link_connected", (((link.name,), link.connected) for link in links))
+    yield _Family("link_pending", (((link.name,), link.pending) for link in links))
+    yield _Family("link_delivered", (((link.name,), link.delivered) for link in links))
+    yield _by_reason("link_given_up", ((link.name, link.given_up) for link in links))

@@ -176,6 +176,33 @@ class Axis(Body):
     model: Model
 
 
+class ParameterState(Body):
+    """A monitored parameter as MQTT has it: fields of Parameter, and the deviation."""
+
+    name: str
+    unit: str
+    nominal: Number
+    estimate: Number
+    deviation: Number = Field(description="estimate - nominal, in unit; null where it is invalid")
+    standard_deviation: Number
+    status: Status
+    observation: Observation
+    tested: bool
+    not_tested_reason: NotTested | None
+
+
+class AxisState(Body):
+    """An axis as MQTT has it: fields of Axis."""
+
+    id: str
+    last_sample: Time | None
+    parameters: list[ParameterState]
+    open_alarms: list[str]
+    gated_by: TextOrNull
+    outside_calibration: list[str]
+    not_tested: list[str]
+
+
 class Axes(Body):
     """All axes at one moment."""
 
@@ -420,6 +447,13 @@ class AlarmChange(Body):
     transition: AlarmTransition
 
 
+class AlarmMessage(AlarmTransition):
+    """What a webhook and MQTT deliver: a transition of an alarm, and the alarm as it is now."""
+
+    id: str = Field(description="the same whenever it is sent again: a receiver drops what it has had")
+    alarm: Alarm
+
+
 class AlarmNote(Body):
     """What a person writes about an alarm; both may be left out."""
 
@@ -506,6 +540,23 @@ class Bus(Body):
     dropped: dict[str, int] = Field(description="number of dropped frames, by reason")
 
 
+class Link(Body):
+    """A plant link; numbers since the start of the daemon."""
+
+    name: str
+    kind: Literal["webhook", "mqtt", "smtp"]
+    connected: bool = Field(description="whether it works: the last try has succeeded")
+    problem: TextOrNull = Field(
+        description="why it does not, or what the receiver has refused; null: nothing"
+    )
+    pending: int = Field(description="transitions of alarms that wait")
+    delivered: int = Field(description="transitions of alarms that were delivered")
+    given_up: dict[str, int] = Field(
+        description="number of those that were given up, by reason: age, undeliverable for max_age_s; refused by the"
+        " receiver"
+    )
+
+
 class Service(Body):
     """The daemon itself."""
 
@@ -517,6 +568,7 @@ class Service(Body):
     taken: Time = Field(description="when the worker published this, UTC")
     checkpoint: Time | None = Field(description="when the monitors were saved last, UTC")
     buses: list[Bus]
+    links: list[Link] = Field(description="plant links, in the order of the configuration")
     report: str | None = Field(description="address of the report of the commissioning; null: there is none")
     insecure: str | None = Field(
         description="why the daemon is not protected where other machines reach it; null: it is"

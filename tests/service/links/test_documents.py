@@ -1,0 +1,26 @@
+"""The links of docs/operation.md load as they are shown."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from service.config import load
+from service.config.schema_links import LinksConfig
+from tests.conftest import ROOT
+from tests.service.config_texts import TABLES
+
+TEXT = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
+LINKS = TEXT[TEXT.index("## Links") : TEXT.index("## State of a parameter")]
+EXAMPLES = re.findall(r"```toml\n(.*?)```", LINKS, re.DOTALL)
+
+
+def test_every_link_has_an_example() -> None:
+    kinds = [re.findall(r"^\[+links\.(\w+)\]", example, re.MULTILINE) for example in EXAMPLES]
+    assert sorted(kind for found in kinds for kind in found) == sorted(LinksConfig.model_fields)
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_examples_load(example: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(TABLES + example, encoding="utf-8")
+    assert load(tmp_path / "a.toml", {}).links.any
