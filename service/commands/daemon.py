@@ -1,5 +1,6 @@
 """The daemon: readers, worker, store and web are connected, started and stopped."""
 
+import os
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -11,6 +12,7 @@ import structlog
 from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
+from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
@@ -79,23 +81,35 @@ def run_daemon(
         for reader in readers.values():
             stack.callback(reader.close)
 
+        systemd = ServiceManager(
+            os.environ, lambda: _turns(worker, readers), lambda: status_line(worker.snapshot)
+        )
+        stack.callback(systemd.close)
+
         def begin(port: int) -> None:
             for reader in readers.values():
                 reader.start()
             worker.start()
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
+            systemd.ready()
             ready(url)
 
         pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
         app = create_app(lambda: worker.snapshot, journal, reports=pages, access=access, extracts=extracts)
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
+        systemd.stopping()
     if worker.error is not None:
         raise DaemonFailedError(
             "a fault in the worker has stopped the daemon; the log says what"
         ) from worker.error
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
+    """How often the loops have turned that must turn as long as the daemon monitors."""
+    return {"worker": worker.turns} | {f"reader {name}": reader.turns for name, reader in readers.items()}
 
 
 def _certificate(web: WebConfig) -> Certificate | None:

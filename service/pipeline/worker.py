@@ -142,6 +142,8 @@ class Worker:
         self._started_us = now_us()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
+        self.turns = 0
+        """How often its loop has turned: frames may be missing, but it turns ten times a second"""
         self.error: BaseException | None = None
         """The fault that ended the thread."""
         self.snapshot = self._snapshot()
@@ -160,7 +162,9 @@ class Worker:
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
-                if not self._tick():
+                busy = self._tick()
+                self.turns += 1
+                if not busy:
                     self._stop.wait(TICK_S)
             self._finish()
         except BaseException as error:
