@@ -74,7 +74,9 @@ def test_every_command_shown_is_run_here() -> None:
     assert starts == {"curl", *(f"axiswatch {name}" for name in (*commands.split(), "commission"))}
 
 
-@pytest.mark.parametrize("target", ["run", "test", "bench", "soak", "lint", "format", "docs", "lock"])
+@pytest.mark.parametrize(
+    "target", ["run", "test", "bench", "soak", "lint", "format", "docs", "lock", "image-test"]
+)
 def test_targets_of_make(target: str, need: Callable[[str], str]) -> None:
     done = subprocess.run(
         [need("make"), "-n", target], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
