@@ -151,9 +151,12 @@ def _override(values: dict[str, Any], over: _Overrides) -> None:
 
 
 def _default_state_dir(values: dict[str, Any], environ: Mapping[str, str]) -> None:
-    """Write the first state directory of systemd's unit into the values, unless they have one, in place."""
-    table = values.setdefault("service", {}) if environ.get("STATE_DIRECTORY") else None
-    if isinstance(table, dict):
+    """Write the first state directory of systemd's unit into the values, unless they have one, in place.
+
+    Without it there is a [service], too, so that the default starts at the folder of the file.
+    """
+    table = values.setdefault("service", {})
+    if isinstance(table, dict) and environ.get("STATE_DIRECTORY"):
         table.setdefault("state_dir", environ["STATE_DIRECTORY"].partition(":")[0])
 
 

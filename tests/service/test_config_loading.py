@@ -112,6 +112,13 @@ def test_the_environment_wins(file: Path) -> None:
     assert len(messages(file, {"AXISWATCH_WEB__PORT": "1"})) == 1
 
 
+def test_without_a_table_of_the_service_its_state_lies_beside_the_file(file: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    start = text.index("[service]")
+    file.write_text(text[:start] + text[text.index("\n[", start) :], encoding="utf-8")
+    assert load(file, {}).service.state_dir == file.parent / "state"
+
+
 def test_systemd_says_where_the_state_is_unless_the_configuration_does(file: Path) -> None:
     environ = {"STATE_DIRECTORY": "/var/lib/axiswatch:/var/lib/other"}
     assert load(file, environ).service.state_dir == file.parent / "kept"
