@@ -19,6 +19,7 @@ from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.wall_clock import WallClock
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
@@ -198,7 +199,8 @@ def _worker(
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
-    alarms = Alarms(journal, known, rules=rules)
+    clock = WallClock()
+    alarms = Alarms(journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     interval_s = config.service.checkpoint_interval_s
@@ -207,7 +209,7 @@ def _worker(
     saver = Checkpointer(checkpoints, core.monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
     worker = Worker(
-        config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
+        config, core, buses, recording, alarms, saver, compiled, clock, restored.messages, stop.set
     )
     return worker, journal
 

@@ -192,6 +192,7 @@ class Worker:
     def _block(self) -> bool:
         self._compiled.estimates.result()
         start = perf_counter()
+        self._now_us()  # if the clock was set, this is known before the frames with the new times
         if self._compiled.multimodel.done():
             self._compiled.multimodel.result()
             self._record(self._pipeline.monitors.resume_multimodel())
@@ -239,7 +240,8 @@ class Worker:
         )
 
     def _all_messages(self) -> tuple[str, ...]:
-        now = (self._alarms.problem, self._checkpointer.problem, *self._recording.problems)
+        alarms = self._alarms.problem, self._alarms.clock_message
+        now = (*alarms, self._checkpointer.problem, *self._recording.problems)
         compiling = [COMPILING] if self._waits() else []
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)
