@@ -1,5 +1,6 @@
 """The daemon: readers, worker, store and web are connected, started and stopped."""
 
+import os
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
@@ -12,6 +13,7 @@ import structlog
 from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
+from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
@@ -20,6 +22,7 @@ from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.snapshot import Snapshot
+from service.pipeline.wall_clock import WallClock
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
@@ -90,6 +93,10 @@ def run_daemon(
             stack.callback(reader.close)
 
         links = _links(config, journal, lambda: worker.snapshot, stack)
+        systemd = ServiceManager(
+            os.environ, lambda: _turns(worker, readers), lambda: status_line(worker.snapshot)
+        )
+        stack.callback(systemd.close)
 
         def begin(port: int) -> None:
             for reader in readers.values():
@@ -100,6 +107,7 @@ def run_daemon(
                 links.start()
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
+            systemd.ready()
             ready(url)
 
         pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
@@ -115,11 +123,17 @@ def run_daemon(
         )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
+        systemd.stopping()
     if worker.error is not None:
         raise DaemonFailedError(
             "a fault in the worker has stopped the daemon; the log says what"
         ) from worker.error
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
+    """How often the loops have turned that must turn as long as the daemon monitors."""
+    return {"worker": worker.turns} | {f"reader {name}": reader.turns for name, reader in readers.items()}
 
 
 def _certificate(web: WebConfig) -> Certificate | None:
@@ -209,7 +223,8 @@ def _worker(
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
-    alarms = Alarms(journal, known, rules=rules)
+    clock = WallClock()
+    alarms = Alarms(journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     interval_s = config.service.checkpoint_interval_s
@@ -226,7 +241,7 @@ def _worker(
         history,
         saver,
         compiled,
-        now_us,
+        clock,
         restored.messages,
         stop.set,
     )

@@ -32,6 +32,8 @@ COMMANDS = (
     "play",
     "replay",
     "token",
+    "backup",
+    "restore",
     "warm",
     "version",
 )

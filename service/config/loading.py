@@ -4,6 +4,8 @@ The environment overrides the keys of [service] and [web]: AXISWATCH_WEB__PORT=9
 AXISWATCH_WEB__HOSTS=a,b the list of its hosts.
 The names are those of pydantic-settings (prefix, section, two underscores, key, any case), which itself reads only the
 environment of the process and does not report which variable was wrong.
+
+Under systemd STATE_DIRECTORY, the folder that its unit has for the service, is the default of state_dir.
 """
 
 import os
@@ -57,6 +59,7 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
     values = _values(path, text)
     over = {key: _Override(name, value) for name, value in environ.items() if (key := _path(name))}
     _override(values, over)
+    _default_state_dir(values, environ)
     config, found = _read(values, Reading(path.absolute().parent, thresholds))
     found += _unknown_sections(over)
     if config is None or found:
@@ -147,6 +150,16 @@ def _override(values: dict[str, Any], over: _Overrides) -> None:
         table = values.setdefault(str(section), {}) if section in SECTIONS else None
         if isinstance(table, dict):
             table[str(key)] = _typed(str(section), str(key), override.text)
+
+
+def _default_state_dir(values: dict[str, Any], environ: Mapping[str, str]) -> None:
+    """Write the first state directory of systemd's unit into the values, unless they have one, in place.
+
+    Without it there is a [service], too, so that the default starts at the folder of the file.
+    """
+    table = values.setdefault("service", {})
+    if isinstance(table, dict) and environ.get("STATE_DIRECTORY"):
+        table.setdefault("state_dir", environ["STATE_DIRECTORY"].partition(":")[0])
 
 
 def _typed(section: str, key: str, text: str) -> Any:

@@ -159,7 +159,8 @@ class ServiceConfig(Table):
     """[service]: what the daemon keeps."""
 
     state_dir: FilePath = Field(Path("state"), validate_default=True)
-    """folder of the alarm journal and the checkpoints, relative to the configuration file"""
+    """folder of the alarm journal and the checkpoints, relative to the configuration file; default under systemd: its
+    StateDirectory"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
     history_interval_s: Positive = Field(10.0, le=3600)

@@ -145,6 +145,8 @@ class Worker:
         self._started_us = now_us()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
+        self.turns = 0
+        """How often its loop has turned: frames may be missing, but it turns ten times a second"""
         self.error: BaseException | None = None
         """The fault that ended the thread."""
         self.snapshot = self._snapshot()
@@ -163,7 +165,9 @@ class Worker:
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
-                if not self._tick():
+                busy = self._tick()
+                self.turns += 1
+                if not busy:
                     self._stop.wait(TICK_S)
             self._finish()
         except BaseException as error:
@@ -191,6 +195,7 @@ class Worker:
     def _block(self) -> bool:
         self._compiled.estimates.result()
         start = perf_counter()
+        self._now_us()  # if the clock was set, this is known before the frames with the new times
         if self._compiled.multimodel.done():
             self._compiled.multimodel.result()
             self._record(self._pipeline.monitors.resume_multimodel())
@@ -239,7 +244,8 @@ class Worker:
         )
 
     def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
-        now = (self._alarms.problem, self._checkpointer.problem, history.problem, *self._recording.problems)
+        alarms = self._alarms.problem, self._alarms.clock_message
+        now = (*alarms, self._checkpointer.problem, history.problem, *self._recording.problems)
         compiling = [COMPILING] if self._waits() else []
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)
