@@ -389,6 +389,8 @@ class NamedAxis(NamedTuple):
     config: AxisConfig
     sources: tuple[Source, ...] = ()
     """Its further signals"""
+    epoch: int = 1
+    """Number of the epoch that its nominal values and thresholds belong to; 1: those of its first configuration"""
 
 
 class Config(Table):
