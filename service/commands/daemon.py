@@ -15,6 +15,7 @@ from service.config import Config
 from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
@@ -65,7 +66,10 @@ def run_daemon(
     certificate = _certificate(config.web)
     access = _access(config, insecure)
     with ExitStack() as stack:
-        core = FramePipeline(config)
+        journal = Journal(config.service.state_dir / "alarms.sqlite")
+        stack.callback(journal.close)
+        begun = at_start(config.axes, journal.epochs, now_us())
+        core = FramePipeline(config, begun.axes)
         compiled = _in_background(config, stack)
         compiled.multimodel.add_done_callback(lambda done: None if done.exception() else complete())
         readers = _open_buses(config, core, stack)
@@ -73,9 +77,11 @@ def run_daemon(
         extracts = _extracts(config)
         recording = Recording(recorder, extracts)
         stack.callback(recording.close)
-        worker, journal = _worker(config, core, compiled, readers, recording, stack, stop)
+        worker = _worker(config, core, compiled, readers, recording, journal, begun, stack, stop)
+        baselines = Baselines(config.axes, begun.axes, core.monitors, worker, journal.epochs, now_us)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
+        stack.callback(baselines.stop)
         for reader in readers.values():
             stack.callback(reader.close)
 
@@ -83,12 +89,20 @@ def run_daemon(
             for reader in readers.values():
                 reader.start()
             worker.start()
+            baselines.start()
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
 
         pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
-        app = create_app(lambda: worker.snapshot, journal, reports=pages, access=access, extracts=extracts)
+        app = create_app(
+            lambda: worker.snapshot,
+            journal,
+            reports=pages,
+            access=access,
+            extracts=extracts,
+            baselines=baselines,
+        )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
     if worker.error is not None:
@@ -172,15 +186,17 @@ def _worker(
     compiled: Compiled,
     readers: Mapping[str, CanReader],
     recording: Recording,
+    journal: Journal,
+    begun: AtStart,
     stack: ExitStack,
     stop: threading.Event,
-) -> tuple[Worker, Journal]:
-    """The worker with the files of the state directory, which are closed in the reverse order."""
-    journal = Journal(config.service.state_dir / "alarms.sqlite")
-    stack.callback(journal.close)
+) -> Worker:
+    """The worker with the checkpoints, which are closed in the end."""
     checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
     stack.callback(checkpoints.close)
+    resume(core.monitors, journal.epochs, begun.epochs)
     restored = restore(core.monitors, checkpoints, journal, now_us())
+    messages = (*begun.messages, *restored.messages, *begun_again(core.monitors))
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
@@ -188,14 +204,11 @@ def _worker(
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     interval_s = config.service.checkpoint_interval_s
-    for message in restored.messages:
+    for message in messages:
         log.warning("start", message=message)
     saver = Checkpointer(checkpoints, core.monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
-    worker = Worker(
-        config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
-    )
-    return worker, journal
+    return Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
 
 
 def _extracts(config: Config) -> Extracts | None:

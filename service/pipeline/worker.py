@@ -119,8 +119,10 @@ class _Action(NamedTuple, Generic[T]):
             return
         try:
             self.done.set_result(self.action())
-        except Exception as error:
+        except BaseException as error:
             self.done.set_exception(error)
+            if not isinstance(error, Exception):
+                raise
 
 
 class Worker:

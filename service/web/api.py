@@ -10,6 +10,7 @@ from service.web import models, views
 from service.web.alarm_routes import Moment
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
+from service.web.epoch_routes import router as epoch_router
 from service.web.problem_details import UnknownResourceError, described
 from service.web.recording_routes import router as recording_router
 
@@ -30,6 +31,7 @@ def router(state: AppState) -> APIRouter:
     """The routes below /api/v1."""
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
+    api.include_router(epoch_router(state, _axis), tags=["epochs"])
     api.include_router(alarm_router(state), tags=["alarms"])
     api.include_router(recording_router(state.extracts), tags=["recordings"])
 

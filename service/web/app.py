@@ -10,6 +10,12 @@ from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
+from service.pipeline.baselines import (
+    BaselineConflictError,
+    BaselineError,
+    Baselines,
+    BaselineUnavailableError,
+)
 from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
@@ -37,6 +43,7 @@ def create_app(
     reports: ReportPages | None = None,
     access: Access | None = None,
     extracts: Extracts | None = None,
+    baselines: Baselines | None = None,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
 
@@ -47,9 +54,10 @@ def create_app(
         reports: pages of the commissioning.
         access: who may ask; default: everyone on this machine.
         extracts: recordings of the frames around alarms.
+        baselines: new epochs of axes; None: none can begin.
     """
     access = access or Access()
-    state = AppState(snapshot, journal, access, now_us, reports, extracts)
+    state = AppState(snapshot, journal, access, now_us, reports, extracts, baselines)
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
@@ -144,6 +152,11 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(ShelfEndError)
     async def no_such_time(_: Request, error: ShelfEndError) -> JSONResponse:
         return answer(400, str(error))
+
+    @app.exception_handler(BaselineError)
+    async def no_baseline(_: Request, error: BaselineError) -> JSONResponse:
+        statuses = {BaselineConflictError: 409, BaselineUnavailableError: 503}
+        return answer(statuses.get(type(error), 422), str(error))
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:

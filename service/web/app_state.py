@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Generic, TypeVar
 
+from service.pipeline.baselines import Baselines
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.journal import Journal
@@ -26,6 +27,7 @@ class AppState:
     now_us: Callable[[], int] = now_us
     reports: ReportPages | None = None
     extracts: Extracts | None = None
+    baselines: Baselines | None = None
 
     @property
     def recordings(self) -> RecordingFolder | None:
