@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
 
 import structlog
 
@@ -18,6 +19,7 @@ from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.reloading import Reloaded, Reloading
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
@@ -40,6 +42,7 @@ def run_daemon(
     reports: Path | None = None,
     complete: Callable[[], None] = lambda: None,
     insecure: bool = False,
+    reloadable: Callable[[Callable[[Config], Reloaded]], None] = lambda _reload: None,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -51,6 +54,7 @@ def run_daemon(
         reports: folder in which ``commission`` has left its report, if it has.
         complete: called once everything is compiled and all detectors run, from another thread.
         insecure: other machines may reach it without tokens or TLS.
+        reloadable: called with what takes over another configuration.
 
     Raises:
         UnprotectedError: they would, and may not.
@@ -77,7 +81,11 @@ def run_daemon(
         extracts = _extracts(config)
         recording = Recording(recorder, extracts)
         stack.callback(recording.close)
-        worker = _worker(config, core, compiled, readers, recording, journal, begun, stack, stop)
+        checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
+        stack.callback(checkpoints.close)
+        saver = Checkpointer(checkpoints, core.monitors, config.service.checkpoint_interval_s, None, now_us)
+        state = _State(journal, checkpoints, saver, begun)
+        worker = _worker(config, core, compiled, readers, recording, state, stop)
         baselines = Baselines(config.axes, begun.axes, core.monitors, worker, journal.epochs, now_us)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
@@ -90,6 +98,8 @@ def run_daemon(
                 reader.start()
             worker.start()
             baselines.start()
+            reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
+            reloadable(reloading.reload)
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
@@ -180,22 +190,29 @@ def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[s
     return readers
 
 
+class _State(NamedTuple):
+    """What is in the state directory, and the epochs that are in force."""
+
+    journal: Journal
+    checkpoints: Checkpoints
+    saver: Checkpointer
+    begun: AtStart
+
+
 def _worker(
     config: Config,
     core: FramePipeline,
     compiled: Compiled,
     readers: Mapping[str, CanReader],
     recording: Recording,
-    journal: Journal,
-    begun: AtStart,
-    stack: ExitStack,
+    state: _State,
     stop: threading.Event,
 ) -> Worker:
-    """The worker with the checkpoints, which are closed in the end."""
-    checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
-    stack.callback(checkpoints.close)
+    """The worker, whose monitors are restored."""
+    journal, checkpoints, saver, begun = state
     resume(core.monitors, journal.epochs, begun.epochs)
     restored = restore(core.monitors, checkpoints, journal, now_us())
+    saver.saved_us = restored.checkpoint_us
     messages = (*begun.messages, *restored.messages, *begun_again(core.monitors))
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
@@ -203,10 +220,8 @@ def _worker(
     alarms = Alarms(journal, known, rules=rules)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
-    interval_s = config.service.checkpoint_interval_s
     for message in messages:
         log.warning("start", message=message)
-    saver = Checkpointer(checkpoints, core.monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
     return Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
 

@@ -57,14 +57,13 @@ def _written(**content: Mapping[str, float] | FoundFile | None) -> str:
 
 
 def fingerprint_of(axis: NamedAxis) -> str:
-    """A digest of all that is configured of nominal values, predictor and thresholds."""
+    """A digest of what is configured of nominal values, their predictor, and the file of thresholds."""
     config, thresholds = axis.config, axis.config.model.thresholds_file
     seen = {
         "values": given_values(config),
         "drive": structure_of(plain_drive_of(config)),
         "predictor": predictor_of(config)._asdict(),
         "thresholds": thresholds and thresholds.model_dump(mode="json", exclude={"path", "date"}),
-        "tests": (config.detector.alpha_1, config.detector.alpha_2),
     }
     return hashlib.sha256(json.dumps(seen, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -94,7 +93,9 @@ def with_epoch(axis: NamedAxis, content: str, number: int) -> NamedAxis:
         }
     except ValidationError as error:
         raise EpochValuesError(f"{axis.id}: epoch {number} was written by another version: {error}") from None
-    return _checked(_with(axis, nominal=own["nominal"], **files)._replace(epoch=number), axis)
+    return _checked(
+        _with(axis, nominal=own["nominal"], **files)._replace(epoch=number, configured=False), axis
+    )
 
 
 def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:

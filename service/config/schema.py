@@ -390,7 +390,9 @@ class NamedAxis(NamedTuple):
     sources: tuple[Source, ...] = ()
     """Its further signals"""
     epoch: int = 1
-    """Number of the epoch that its nominal values and thresholds belong to; 1: those of its first configuration"""
+    """Number of the epoch that its nominal values and thresholds belong to"""
+    configured: bool = True
+    """These are those of its configuration"""
 
 
 class Config(Table):

@@ -27,7 +27,7 @@ from service.config.axis_settings import axis_settings, detectors_of, monitored_
 from service.ingest.bus_samples import Ingest
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarm_recording import AxisAlarm
-from service.pipeline.epoch_progress import EpochProgress, epoch_key
+from service.pipeline.epoch_progress import EpochProgress
 from service.pipeline.trends import Trends
 
 Samples = Mapping[str, SampleBlock]
@@ -55,23 +55,20 @@ class AxisMonitors:
 
     def __init__(self, axes: Sequence[NamedAxis]) -> None:
         self._ids = [axis.id for axis in axes]
-        self.epochs = {axis.id: EpochProgress(axis.epoch) for axis in axes}
+        self.epochs = {axis.id: EpochProgress(axis.epoch, axis.configured) for axis in axes}
         """The epoch of each axis, and what is under way"""
         models = [monitored_model(axis) for axis in axes]
         settings = [axis_settings(axis, m) for axis, m in zip(axes, models, strict=True)]
         detectors = [detectors_of(*each) for each in zip(axes, models, settings, strict=True)]
-        self._fleet = Fleet(
-            models,
-            settings,
-            {a: d.multimodel for a, d in enumerate(detectors) if d.multimodel is not None},
-            {a: d.alarm_source for a, d in enumerate(detectors)},
-        )
+        multimodel = {a: d.multimodel for a, d in enumerate(detectors) if d.multimodel is not None}
+        sources = {a: d.alarm_source for a, d in enumerate(detectors)}
+        self._fleet = Fleet(models, settings, multimodel, sources) if axes else Fleet.of_monitors(())
         self.by_id: Mapping[str, AxisMonitor] = dict(zip(self._ids, self._fleet.monitors, strict=True))
         self._deferred: list[tuple[str, SampleBlock]] | None = None
         """Axis and samples that wait for its multi-model detector; None: none waits"""
         self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
         keys = [
-            epoch_key(axis.epoch, monitor.history_key)
+            self.epochs[axis.id].key(monitor.history_key)
             for axis, monitor in zip(axes, self._fleet.monitors, strict=True)
         ]
         self.trends = Trends(axes, models, keys)

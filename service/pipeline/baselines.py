@@ -6,8 +6,9 @@ monitor.  A process that is killed between the two finds the new epoch when it s
 """
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
 
 import structlog
@@ -175,6 +176,21 @@ class Baselines:
         if self._thread.is_alive():
             self._thread.join()
 
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """No epoch begins or ends meanwhile."""
+        with self._lock:
+            yield
+
+    def in_force(self, axis_id: str) -> NamedAxis:
+        """An axis with the values that are in force."""
+        return self._in_force[axis_id]
+
+    def configure(self, configured: Sequence[NamedAxis], in_force: Sequence[NamedAxis]) -> None:
+        """The axes are others from now on; while it is ``held``."""
+        self._configured = {axis.id: axis for axis in configured}
+        self._in_force = {axis.id: axis for axis in in_force}
+
     def learn(self, axis_id: str, length_s: float, verify_s: float, note: Note) -> Epoch:
         """Begin a learning window.
 
@@ -209,7 +225,7 @@ class Baselines:
                 self._monitors.epochs[axis_id].learning = Learning(epoch.number, window)
                 return epoch
 
-            epoch = self._between_blocks(begin)
+            epoch = self.between_blocks(begin)
             log.info("learning", axis=axis_id, epoch=epoch.number, operation_s=length_s, who=note.who)
             return epoch
 
@@ -274,7 +290,7 @@ class Baselines:
             self._monitors.epochs[axis_id].learning = None
             return epoch
 
-        epoch = self._between_blocks(end)
+        epoch = self.between_blocks(end)
         if epoch is None:
             raise BaselineConflictError(f"no learning window of {axis_id} runs")
         return epoch
@@ -322,7 +338,7 @@ class Baselines:
             if epoch.number == axis.epoch.number:
                 epoch.verify_s = None
 
-        self._between_blocks(end)
+        self.between_blocks(end)
         log.info("verified", axis=axis.id, epoch=axis.epoch.number)
 
     def _take_over(self, plan: EpochPlan, number: int, note: Note, learned: Learned | None = None) -> Epoch:
@@ -349,7 +365,7 @@ class Baselines:
             self._worker.change(axes, made)
             return epoch
 
-        epoch = self._between_blocks(exchange)
+        epoch = self.between_blocks(exchange)
         self._in_force[axis_id] = axis
         log.info("epoch", axis=axis_id, epoch=number, source=plan.source, who=note.who)
         return epoch
@@ -364,7 +380,12 @@ class Baselines:
     def _fingerprint(self, axis_id: str) -> str:
         return fingerprint_of(self._configured[axis_id])
 
-    def _between_blocks(self, action: Callable[[], T]) -> T:
+    def between_blocks(self, action: Callable[[], T]) -> T:
+        """Have an action done by the worker, and wait for its result.
+
+        Raises:
+            BaselineUnavailableError: it does not answer.
+        """
         done = self._worker.between_blocks(action)
         try:
             return done.result(timeout=ANSWER_S)

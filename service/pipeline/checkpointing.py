@@ -1,6 +1,6 @@
 """Checkpoints of all monitors, at an interval and at the end; and the restart from them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
 from time import monotonic
 from typing import Literal, NamedTuple
@@ -16,7 +16,7 @@ from monitor_core.trend import SlowHistory
 from monitor_core.wording import listed
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.epoch_progress import EpochProgress, epoch_key
+from service.pipeline.epoch_progress import EpochProgress
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.database import StoreError
@@ -54,14 +54,14 @@ def states_of(
 
     All but the heat belong to the epoch.
     """
-    key = epoch_key(epoch.number, monitor.key)
+    key = epoch.key(monitor.key)
     yield SavedState("estimates", axis_id, key, monitor.to_arrays, monitor.from_arrays)
     multimodel = monitor.multimodel
     if multimodel is not None:
         yield SavedState(
             "multimodel",
             f"{axis_id} (multi-model detector)",
-            epoch_key(epoch.number, monitor.multimodel_key),
+            epoch.key(monitor.multimodel_key),
             lambda: multimodel.bank.to_arrays() if multimodel.made else None,
             lambda arrays: multimodel.bank.from_arrays(arrays),
         )
@@ -196,8 +196,16 @@ class _Loader:
         return True
 
 
-def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, now_us: int) -> Restored:
+def restore(
+    monitors: AxisMonitors,
+    checkpoints: Checkpoints,
+    journal: Journal,
+    now_us: int,
+    configured: Collection[str] | None = None,
+) -> Restored:
     """Bring the monitors and their trends to the state of the last run.
+
+    ``configured``: all axes, where the monitors are only those of some.
 
     The journal decides which alarms are open and which have ended, as it may be newer than the checkpoint.  Only an
     alarm that the journal has never seen, as its file was damaged and created again, is taken from the checkpoint.
@@ -220,7 +228,7 @@ def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, 
         opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
         own = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
         changes += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, own, journal)]
-    messages += _removed_axes(monitors.by_id, journal)
+    messages += _removed_axes(monitors.by_id if configured is None else configured, journal)
     _restore_trends(monitors.trends, loader)
     changes += monitors.trends.adopt(opened, now_us)
     messages += loss_messages(loader.losses)
@@ -267,9 +275,9 @@ def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
     return any(recorded.first == alarm.first for recorded in found)
 
 
-def _removed_axes(monitors: Mapping[str, AxisMonitor], journal: Journal) -> list[str]:
+def _removed_axes(configured: Collection[str], journal: Journal) -> list[str]:
     alarms, _ = journal.query(active=True, limit=1000)
-    removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in monitors)
+    removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in configured)
     return [f"{axis} is no longer configured, but has open alarms in the journal" for axis in removed]
 
 

@@ -54,13 +54,22 @@ class EpochProgress:
 
     Args:
         number: of the epoch that is in force.
-        verify_s: operating time for which it is verified [s]; None: it has been.
+        configured: its values are those of the configuration.
     """
 
-    def __init__(self, number: int, verify_s: float | None = None) -> None:
-        self.number, self.verify_s = number, verify_s
+    def __init__(self, number: int, configured: bool = True) -> None:
+        self.number, self._configured = number, configured
+        self.verify_s: float | None = None
+        """Operating time for which it is verified [s]; None: it has been"""
         self.learning: Learning | None = None
         """The window that runs; None: none does"""
+
+    def key(self, key: str) -> str:
+        """The key of a saved state, with the epoch that it belongs to.
+
+        Those with the values of the configuration have none: the key itself says whether these are the same.
+        """
+        return key if self._configured else f"epoch={self.number} {key}"
 
     def take(self, readings: Iterable[Reading]) -> None:
         """Take readings of the axis."""
@@ -77,11 +86,3 @@ class EpochProgress:
             tested_s = max((p.tested_s for p in status.parameters), default=0.0)
             return AxisEpoch(self.number, "verifying", tested_s, self.verify_s)
         return AxisEpoch(self.number)
-
-
-_EPOCH = "epoch="
-
-
-def epoch_key(number: int, key: str) -> str:
-    """The key of a saved state, with the epoch that it belongs to; that of the first one is as before epochs."""
-    return key if number == 1 else f"{_EPOCH}{number} {key}"

@@ -217,6 +217,11 @@ class Worker:
         self._views = {axis_id: self._views[axis_id] for axis_id in ids}
         self._checkpointer.save_soon()
 
+    def adopt(self, open_alarms: Iterable[AxisAlarm], changes: Iterable[AxisAlarm]) -> None:
+        """Alarms of changed axes that are open in the journal, and what it does not have yet; between two blocks."""
+        self._alarms.adopt(open_alarms)
+        self._alarms.record(changes)
+
     def _view(self, axis: NamedAxis) -> AxisView:
         return AxisView(axis, self._pipeline, self._alarms, RecentHistory(*self._history))
 

@@ -146,7 +146,7 @@ def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
     if checksum != _checksum(axis, saved_key, at_us, data):
         return QuarantinedCheckpoint("it is damaged (its checksum does not fit)")
     if (before := _epoch(saved_key)) != (now := _epoch(key.encode())):
-        return QuarantinedCheckpoint(f"it belongs to epoch {before}, but epoch {now} is in force")
+        return QuarantinedCheckpoint(f"it belongs to {before}, not to {now}")
     if saved_key != key.encode():
         return QuarantinedCheckpoint("it was saved with another model, other parameters or other settings")
     try:
@@ -155,10 +155,10 @@ def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
         return QuarantinedCheckpoint(f"it cannot be read ({error})")
 
 
-def _epoch(key: bytes) -> int:
-    """The epoch that a state belongs to; that of the first one has no number in its key."""
+def _epoch(key: bytes) -> str:
+    """What the nominal values of a state belong to."""
     found = _EPOCH.match(key)
-    return int(found[1]) if found else 1
+    return f"epoch {int(found[1])}" if found else "the configuration"
 
 
 def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:

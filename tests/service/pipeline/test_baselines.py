@@ -238,7 +238,7 @@ def test_a_checkpoint_of_another_epoch_is_not_restored_and_that_is_reported(
     second = start()
     assert (second.axis().epoch.number, second.axis().epoch.state) == (2, "verifying")
     assert second.messages[-1] == (
-        "demo.axis1: its checkpoint is not used and was quarantined: it belongs to epoch 1, but epoch 2 is in force"
+        "demo.axis1: its checkpoint is not used and was quarantined: it belongs to the configuration, not to epoch 2"
         " (restarted: the estimates, the evidence of the multi-model detector and the long-term history)"
     )
     assert second.axis(OTHER).status.samples > 0

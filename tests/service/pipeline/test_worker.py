@@ -18,7 +18,6 @@ from service.pipeline import worker as worker_module
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, states_of
-from service.pipeline.epoch_progress import epoch_key
 from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Worker
 from service.simulation.robot import Fault
@@ -157,7 +156,7 @@ def test_the_monitor_of_one_axis_is_replaced_and_the_others_are_the_same_bits(
     monkeypatch.setattr(worker_module, "MOST_FRAMES", 40)
     config = demo(tmp_path, 2)
     nominal = {**config.axes[0].config.model.nominal, "fm": 0.12}
-    first = changed(config, "axis1", model={"nominal": nominal}).axes[0]._replace(epoch=2)
+    first = changed(config, "axis1", model={"nominal": nominal}).axes[0]._replace(epoch=2, configured=False)
     folders = [tmp_path / name for name in ("as-before", "replaced")]
     for folder in folders:
         folder.mkdir()
@@ -184,7 +183,7 @@ def test_the_monitor_of_one_axis_is_replaced_and_the_others_are_the_same_bits(
     last = bench.worker.snapshot.axes
     assert [(a.epoch.number, a.status.parameters[2].nominal) for a in last] == [(2, 0.12), (1, 0.06)]
     assert last[0].status.samples + 30 * 20 == last[1].status.samples == 2400
-    saved = bench.checkpoints.load("demo.axis1", epoch_key(2, made.by_id["demo.axis1"].key), NOW_US)
+    saved = bench.checkpoints.load("demo.axis1", f"epoch=2 {made.by_id['demo.axis1'].key}", NOW_US)
     assert isinstance(saved, Checkpoint)
     plain.close()
     bench.close()
