@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import structlog
 
@@ -18,9 +18,11 @@ from service.config import Config
 from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.reloading import Reloaded, Reloading
 from service.pipeline.snapshot import Snapshot
 from service.pipeline.wall_clock import WallClock
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
@@ -49,6 +51,7 @@ def run_daemon(
     reports: Path | None = None,
     complete: Callable[[], None] = lambda: None,
     insecure: bool = False,
+    reloadable: Callable[[Callable[[Config], Reloaded]], None] = lambda _reload: None,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -60,6 +63,7 @@ def run_daemon(
         reports: folder in which ``commission`` has left its report, if it has.
         complete: called once everything is compiled and all detectors run, from another thread.
         insecure: other machines may reach it without tokens or TLS.
+        reloadable: called with what takes over another configuration.
 
     Raises:
         UnprotectedError: they would, and may not.
@@ -76,7 +80,10 @@ def run_daemon(
     certificate = _certificate(config.web)
     access = _access(config, insecure)
     with ExitStack() as stack:
-        core = FramePipeline(config)
+        journal = Journal(config.service.state_dir / "alarms.sqlite")
+        stack.callback(journal.close)
+        begun = at_start(config.axes, journal.epochs, now_us())
+        core = FramePipeline(config, begun.axes)
         compiled = _in_background(config, stack)
         compiled.multimodel.add_done_callback(lambda done: None if done.exception() else complete())
         readers = _open_buses(config, core, stack)
@@ -86,9 +93,15 @@ def run_daemon(
         stack.callback(recording.close)
         history = _history(config)
         stack.callback(history.stop)
-        worker, journal = _worker(config, core, compiled, readers, recording, history, stack, stop)
+        checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
+        stack.callback(checkpoints.close)
+        saver = Checkpointer(checkpoints, core.monitors, config.service.checkpoint_interval_s, None, now_us)
+        state = _State(journal, checkpoints, saver, begun, history)
+        worker = _worker(config, core, compiled, readers, recording, state, stop)
+        baselines = Baselines(config.axes, begun.axes, core.monitors, worker, journal.epochs, now_us)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
+        stack.callback(baselines.stop)
         for reader in readers.values():
             stack.callback(reader.close)
 
@@ -105,6 +118,9 @@ def run_daemon(
             history.start()
             if links is not None:
                 links.start()
+            baselines.start()
+            reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
+            reloadable(reloading.reload)
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             systemd.ready()
@@ -118,8 +134,9 @@ def run_daemon(
             access=access,
             extracts=extracts,
             history=history,
-            stopping=stop.is_set,
             links=tuple if links is None else links.snapshots,
+            baselines=baselines,
+            stopping=stop.is_set,
         )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
@@ -204,22 +221,31 @@ def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[s
     return readers
 
 
+class _State(NamedTuple):
+    """What is in the state directory, and the epochs that are in force."""
+
+    journal: Journal
+    checkpoints: Checkpoints
+    saver: Checkpointer
+    begun: AtStart
+    history: HistoryRecording
+
+
 def _worker(
     config: Config,
     core: FramePipeline,
     compiled: Compiled,
     readers: Mapping[str, CanReader],
     recording: Recording,
-    history: HistoryRecording,
-    stack: ExitStack,
+    state: _State,
     stop: threading.Event,
-) -> tuple[Worker, Journal]:
-    """The worker with the files of the state directory, which are closed in the reverse order."""
-    journal = Journal(config.service.state_dir / "alarms.sqlite")
-    stack.callback(journal.close)
-    checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
-    stack.callback(checkpoints.close)
+) -> Worker:
+    """The worker, whose monitors are restored."""
+    journal, checkpoints, saver, begun, history = state
+    resume(core.monitors, journal.epochs, begun.epochs)
     restored = restore(core.monitors, checkpoints, journal, now_us())
+    saver.saved_us = restored.checkpoint_us
+    messages = (*begun.messages, *restored.messages, *begun_again(core.monitors))
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
@@ -227,25 +253,10 @@ def _worker(
     alarms = Alarms(journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
-    interval_s = config.service.checkpoint_interval_s
-    for message in restored.messages:
+    for message in messages:
         log.warning("start", message=message)
-    saver = Checkpointer(checkpoints, core.monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
-    worker = Worker(
-        config,
-        core,
-        buses,
-        recording,
-        alarms,
-        history,
-        saver,
-        compiled,
-        clock,
-        restored.messages,
-        stop.set,
-    )
-    return worker, journal
+    return Worker(config, core, buses, recording, alarms, history, saver, compiled, clock, messages, stop.set)
 
 
 def _history(config: Config) -> HistoryRecording:

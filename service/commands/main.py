@@ -27,6 +27,7 @@ COMMANDS = (
     "run",
     "status",
     "alarms",
+    "baseline",
     "record",
     "simulate",
     "play",

@@ -28,7 +28,7 @@ from service.config.link_rules import LINK_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import ConfigErrors, Finding, Keys, Problem, dotted, nearest, positions, shown
 from service.config.robot_defaults import origin
-from service.config.schema import Config
+from service.config.schema import AxisConfig, Config
 from service.config.schema_links import concealed
 from service.config.validation_messages import findings, table_in
 
@@ -200,10 +200,14 @@ def crosscheck(config: Config) -> Iterator[Finding]:
     for i, robot in enumerate(config.robot):
         yield from _run((defaults_without_name, signals_of_axes), robot, ("robot", i))
         for k, axis in enumerate(robot.axis):
-            path: Keys = ("robot", i, "axis", k)
-            yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, path)
-            yield from _run(MODEL_RULES, axis, path, last=complete_model)
-            yield from _run(CONDITION_RULES, axis, path, last=values_at_ends)
+            yield from (found.inside(("robot", i, "axis", k)) for found in axis_findings(axis))
+
+
+def axis_findings(axis: AxisConfig) -> Iterator[Finding]:
+    """The findings of all cross-checks of one axis."""
+    yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, ())
+    yield from _run(MODEL_RULES, axis, (), last=complete_model)
+    yield from _run(CONDITION_RULES, axis, (), last=values_at_ends)
 
 
 def _run(rules: Iterable[Rule[T]], table: T, path: Keys, last: Rule[T] | None = None) -> Iterator[Finding]:

@@ -399,6 +399,10 @@ class NamedAxis(NamedTuple):
     config: AxisConfig
     sources: tuple[Source, ...] = ()
     """Its further signals"""
+    epoch: int = 1
+    """Number of the epoch that its nominal values and thresholds belong to"""
+    configured: bool = True
+    """These are those of its configuration"""
 
 
 class Config(Table):

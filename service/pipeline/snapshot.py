@@ -9,6 +9,7 @@ from service.config import NamedAxis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline, Heat
+from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
 from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
 
 
@@ -48,6 +49,8 @@ class AxisSnapshot:
     """The long-term trend of each parameter"""
     histories_lost: int = 0
     """Long-term histories that could not be restored at the start"""
+    epoch: AxisEpoch = FIRST_EPOCH
+    """Which nominal values are in force, and what is under way"""
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -165,6 +168,7 @@ class AxisView:
             other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),
             trends=monitors.trends.for_axis(axis.id),
             histories_lost=monitors.trends.lost[axis.id],
+            epoch=monitors.epochs[axis.id].shown(status),
         )
 
 

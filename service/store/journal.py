@@ -42,6 +42,7 @@ from service.store.alarm_transitions import (
     taken_after,
 )
 from service.store.database import Database
+from service.store.epochs import EPOCH_MIGRATION, Epochs
 
 MIGRATIONS = (
     """
@@ -94,6 +95,7 @@ MIGRATIONS = (
     MIGRATION,
     # Plant links know the journal by it.
     IDENTITY_MIGRATION,
+    EPOCH_MIGRATION,
 )
 
 
@@ -171,6 +173,8 @@ class Journal:
         with self._db.read() as connection:
             self.identity = str(connection.execute("SELECT identity FROM journal_identity").fetchone()[0])
             """Of this file, in whatever folder: random"""
+        self.epochs = Epochs(self._db, _end_open)
+        """Nominal values and thresholds of the axes; with their alarms, as both change in one transaction"""
 
     def record(self, entries: Iterable[Entry]) -> list[int]:
         """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
@@ -186,23 +190,22 @@ class Journal:
             return [_episode(alarm) for alarm in _open(connection, axis)]
 
     def ended_alarms(self, axis: str, limit: int) -> list[Alarm]:
-        """The alarms of an axis that have ended last, the oldest first; forecasts are left out."""
-        last = "WHERE axis = ? AND ended_us IS NOT NULL AND kind <> 'forecast' ORDER BY ended_us DESC, id DESC LIMIT ?"
+        """The alarms of its present epoch that have ended last, the oldest first; forecasts are left out."""
+        last = (
+            "WHERE axis = :axis AND ended_us IS NOT NULL AND kind <> 'forecast' AND raised_us >= coalesce((SELECT"
+            " in_force_us FROM epoch WHERE axis = :axis AND source <> 'configuration' AND state IN"
+            " ('verifying', 'current')), raised_us) ORDER BY ended_us DESC, id DESC LIMIT :limit"
+        )
         with self._db.read() as connection:
-            return [_episode(alarm) for alarm in reversed(_select(connection, last, [axis, limit]))]
+            found = _select(connection, last, {"axis": axis, "limit": limit})
+            return [_episode(alarm) for alarm in reversed(found)]
 
     def close_unmonitored(self, axis: str, monitored: Iterable[str], at_us: int) -> list[RecordedAlarm]:
         """End the open alarms of parameters that the axis no longer monitors; returns them."""
         names = set(monitored)
         with self._db.write() as connection:
             stale = [alarm for alarm in _open(connection, axis) if alarm.parameter not in names]
-            ended = [replace(alarm, ended_us=max(at_us, alarm.updated_us)) for alarm in stale]
-            rows = [(alarm.ended_us, alarm.id) for alarm in ended]
-            connection.executemany("UPDATE alarm SET ended_us = ? WHERE id = ?", rows)
-            for alarm in ended:
-                changes = due(alarm.life, False, AlarmRules())
-                take(connection, alarm.id, changes, Note(alarm.ended_us or at_us, SERVICE))
-            return ended
+            return _end(connection, stale, Note(at_us, SERVICE), {})
 
     def obey(self, rules: Mapping[tuple[str, str], AlarmRules], at_us: int) -> None:
         """Let the alarms that are active or hidden obey the configuration, which may have changed.
@@ -342,6 +345,25 @@ class Journal:
 
 
 _Value = str | int | float | None
+
+
+def _end_open(connection: sqlite3.Connection, axis: str, note: Note, rules: Mapping[str, AlarmRules]) -> None:
+    _end(connection, _open(connection, axis), note, rules)
+
+
+def _end(
+    connection: sqlite3.Connection,
+    alarms: Iterable[RecordedAlarm],
+    note: Note,
+    rules: Mapping[str, AlarmRules],
+) -> list[RecordedAlarm]:
+    """End open alarms; returns them.  ``rules``: by parameter."""
+    ended = [replace(alarm, ended_us=max(note.at_us, alarm.updated_us)) for alarm in alarms]
+    for alarm in ended:
+        connection.execute("UPDATE alarm SET ended_us = ? WHERE id = ?", [alarm.ended_us, alarm.id])
+        changes = due(alarm.life, False, rules.get(alarm.parameter, AlarmRules()))
+        take(connection, alarm.id, changes, note._replace(at_us=alarm.ended_us or note.at_us))
+    return ended
 
 
 def _record(connection: sqlite3.Connection, entry: Entry) -> int:

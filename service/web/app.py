@@ -10,6 +10,12 @@ from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
+from service.pipeline.baselines import (
+    BaselineConflictError,
+    BaselineError,
+    Baselines,
+    BaselineUnavailableError,
+)
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
@@ -40,6 +46,7 @@ def create_app(
     extracts: Extracts | None = None,
     history: HistoryRecording | None = None,
     links: Callable[[], Sequence[LinkSnapshot]] = tuple,
+    baselines: Baselines | None = None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
@@ -53,10 +60,13 @@ def create_app(
         extracts: recordings of the frames around alarms.
         history: of the axes.
         links: the newest state of each plant link.
+        baselines: new epochs of axes; None: none can begin.
         stopping: whether the daemon ends.
     """
     access = access or Access()
-    state = AppState(snapshot, journal, access, now_us, reports, extracts, history, links, stopping)
+    state = AppState(
+        snapshot, journal, access, now_us, reports, extracts, history, links, baselines, stopping
+    )
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
@@ -169,6 +179,11 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(ShelfEndError)
     async def no_such_time(_: Request, error: ShelfEndError) -> JSONResponse:
         return answer(400, str(error))
+
+    @app.exception_handler(BaselineError)
+    async def no_baseline(_: Request, error: BaselineError) -> JSONResponse:
+        statuses = {BaselineConflictError: 409, BaselineUnavailableError: 503}
+        return answer(statuses.get(type(error), 422), str(error))
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Generic, TypeVar
 
+from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
@@ -30,6 +31,7 @@ class AppState:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     links: Callable[[], Sequence[LinkSnapshot]] = tuple
+    baselines: Baselines | None = None
     stopping: Callable[[], bool] = lambda: False
     """Whether the daemon ends: streams end then"""
 

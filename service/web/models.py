@@ -136,6 +136,20 @@ class Heat(Body):
     known: bool = Field(description="whether it is known well enough to test the parameters that follow it")
 
 
+class AxisEpoch(Body):
+    """Which nominal values of an axis are in force, and what is under way."""
+
+    number: int = Field(description="of the epoch that is in force; see /api/v1/axes/{axis}/epochs")
+    state: Literal["learning", "verifying", "current"] = Field(
+        description="learning: a window runs whose estimates will be the nominal values of a new epoch, while"
+        " monitoring goes on with those of the former one; verifying: a new epoch is in force and is watched; current:"
+        " nothing is under way"
+    )
+    done_s: Number = Field(description="operating time of the window that is under way [s]; null: none is")
+    length_s: Number = Field(description="operating time that it needs [s]; null: none is under way")
+    words: str = Field(description="what is under way, as a text; empty: nothing is")
+
+
 class Axis(Body):
     """The present state of an axis."""
 
@@ -173,6 +187,7 @@ class Axis(Body):
     open_alarms: list[str] = Field(
         description="causes of the open alarms of the axis, forecasts left out: parameters or sensor faults"
     )
+    epoch: AxisEpoch
     model: Model
 
 

@@ -66,12 +66,13 @@ def arguments(command: list[str], folder: Path) -> list[str]:
 
 
 def test_every_command_shown_is_run_here() -> None:
+    """`baseline`, and what it needs over REST, in tests/service/commands/test_baseline.py."""
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
     commands = (
-        "check listen run status alarms token backup restore simulate replay play model excite identify calibrate"
-        " init"
+        "check listen run status alarms baseline token backup restore simulate replay play model excite identify"
+        " calibrate init"
     )
     assert starts == {"curl", *(f"axiswatch {name}" for name in (*commands.split(), "commission"))}
 
@@ -350,7 +351,7 @@ def test_an_alarm_is_followed_by_command_line_and_by_rest(
             done = axiswatch(*command[1:])
             assert done.exit_code == 0, done.output
         for command in shown("curl"):
-            if "--json" in command:
+            if "--json" in command and "/alarms/" in command[3]:
                 address = command[3].replace("http://127.0.0.1:8080", url)
                 assert httpx.post(address, json=json.loads(command[2])).status_code == 200
     assert [len(journal.transitions(number)) for number in (1, 2)] == [5, 5]

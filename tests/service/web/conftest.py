@@ -224,7 +224,7 @@ class Stage:
             self.extracts,
             self.history,
             lambda: self.links,
-            lambda: self.stopping,
+            stopping=lambda: self.stopping,
         )
 
     def client(self) -> TestClient:
