@@ -1,4 +1,4 @@
-"""A client of a running daemon: its alarms, the epochs of its axes, and its state, over REST."""
+"""A client of a running daemon: its alarms, its history, the epochs of its axes, and its state, over REST."""
 
 from __future__ import annotations
 
@@ -226,6 +226,11 @@ class Client:
     def recording(self, name: str) -> bytes:
         """The content of a recording, a candump log."""
         return self._send("GET", f"recordings/{name}").content
+
+    def history_file(self, axis: str, kind: str, **query: str | None) -> bytes:
+        """The history of an axis as a file, csv or parquet; the rest is as in GET /api/v1/axes/{axis}/history.csv."""
+        given: dict[str, str | int] = {name: value for name, value in query.items() if value is not None}
+        return self._send("GET", f"axes/{quote(axis, safe='')}/history.{kind}", given).content
 
     def _act(
         self,

@@ -28,6 +28,7 @@ COMMANDS = (
     "status",
     "alarms",
     "baseline",
+    "history",
     "record",
     "simulate",
     "play",

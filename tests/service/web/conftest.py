@@ -116,17 +116,23 @@ NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N
 INTERVAL_S = 10
 
 
-@pytest.fixture
-def history(tmp_path: Path) -> Iterator[HistoryRecording]:
+@contextmanager
+def stored_history(folder: Path) -> Iterator[HistoryRecording]:
     """A hundred points of all parameters of the first axis until noon; five minutes lack before the last ten."""
     bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
-    recording = HistoryRecording(lambda: HistoryStore(tmp_path / "history.sqlite", bounds), INTERVAL_S)
+    recording = HistoryRecording(lambda: HistoryStore(folder / "history.sqlite", bounds), INTERVAL_S)
     recording.write()
     assert recording.store is not None
     series = [Series("demo.axis1", p.name, p.unit) for p in PARAMETERS]
     recording.store.add([Point(s, t, point_values(k)) for k, t in enumerate(HISTORY_TIMES) for s in series])
     yield recording
     recording.stop()
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Iterator[HistoryRecording]:
+    with stored_history(tmp_path) as recording:
+        yield recording
 
 
 HISTORY_TIMES = [NOON_US // 1_000_000 - 10 * (99 - k) - (300 if k < 90 else 0) for k in range(100)]
