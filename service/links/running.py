@@ -120,6 +120,11 @@ class Links:
             broker = Broker(config.mqtt.prefix)
             delivery = self._delivery(LinkName("mqtt", "mqtt"), config.mqtt, broker)
             yield MqttLink(config.mqtt, broker, delivery, snapshot)
+        if config.smtp is not None:
+            from service.links.mail import Mail, MailText
+
+            mail = Mail(config.smtp, MailText(snapshot))
+            yield AlarmLink(self._delivery(LinkName("smtp", "smtp"), config.smtp, mail))
 
     def _delivery(self, link: LinkName, limits: AlarmLimits, receiver: Receiver) -> Delivery:
         return Delivery(link, limits, receiver, self._journal, self._outbox, self._done[link.name])

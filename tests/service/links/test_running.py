@@ -107,8 +107,8 @@ def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
 
     with receiving(answers) as port:
         links = configured(tmp_path, orders=port)
-        whole = config.model_copy(update={"web": web, "links": links})
-        daemon = threading.Thread(target=run_daemon, args=(whole,), kwargs={"ready": ready, "stop": stop})
+        linked = config.model_copy(update={"web": web, "links": links})
+        daemon = threading.Thread(target=run_daemon, args=(linked,), kwargs={"ready": ready, "stop": stop})
         daemon.start()
         try:
             assert served.wait(60)
@@ -124,5 +124,5 @@ def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
     assert "links" not in {thread.name for thread in threading.enumerate()}
     (tmp_path / "secret").unlink()
     with pytest.raises(LinkSecretError, match="secret: cannot read the secret: No such file"):
-        run_daemon(whole)
+        run_daemon(linked)
     Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer
