@@ -1,21 +1,19 @@
-"""``axiswatch run``: the daemon; its logs are readable on a terminal, otherwise one JSON object a line."""
+"""``axiswatch run``: the daemon."""
 
 from __future__ import annotations
 
-import logging
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
 import structlog
 import typer
-from structlog.typing import Processor
 
+from service.commands.daemon_logs import LogFormat, configure_logs
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Port, configuration
 from service.config import Config, ConfigErrors, load
@@ -40,10 +38,24 @@ Insecure = Annotated[
     ),
 ]
 
+LogFormatOption = Annotated[
+    LogFormat,
+    typer.Option(
+        "--log-format",
+        help="Lines for people (console), or a JSON object each. auto: console on a terminal, else JSON.",
+    ),
+]
+
 log = structlog.get_logger(__name__)
 
 
-def run(config: ConfigPath, record: Record = None, port: Port = None, insecure: Insecure = False) -> None:
+def run(
+    config: ConfigPath,
+    record: Record = None,
+    port: Port = None,
+    insecure: Insecure = False,
+    log_format: LogFormatOption = "auto",
+) -> None:
     """Monitor the axes of a configuration until SIGTERM or Ctrl-C: the daemon.
 
     Alarms and checkpoints are kept in the state directory; the page, the REST interface and the metrics are
@@ -55,7 +67,7 @@ def run(config: ConfigPath, record: Record = None, port: Port = None, insecure: 
     read = configuration(config)
     from service.commands.daemon import run_daemon
 
-    configure_logs()
+    configure_logs(log_format)
     hangup = _Hangup(config, port)
     with explained(), hangup.listening():
         run_daemon(
@@ -124,41 +136,3 @@ def with_port(config: Config, port: int | None) -> Config:
     if port is None:
         return config
     return config.model_copy(update={"web": config.web.model_copy(update={"port": port})})
-
-
-def configure_logs(stream: TextIO | None = None, level: int = logging.INFO) -> None:
-    """Send all logs, those of libraries too, to ``stream``, default the standard error stream."""
-    target = stream or sys.stderr
-    shared: list[Processor] = [
-        structlog.contextvars.merge_contextvars,
-        structlog.stdlib.add_log_level,
-        structlog.stdlib.add_logger_name,
-        structlog.processors.TimeStamper(fmt="iso", utc=True),
-    ]
-    structlog.configure(
-        processors=[*shared, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
-        logger_factory=structlog.stdlib.LoggerFactory(),
-        wrapper_class=structlog.stdlib.BoundLogger,
-        cache_logger_on_first_use=True,
-    )
-    handler = logging.StreamHandler(target)
-    handler.setFormatter(
-        structlog.stdlib.ProcessorFormatter(
-            foreign_pre_chain=shared,
-            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_rendering(target)],
-        )
-    )
-    root = logging.getLogger()
-    root.handlers[:] = [handler]
-    root.setLevel(level)
-    # The daemon itself reports better what these log at INFO.
-    for name in ("can", "uvicorn", "asyncio"):
-        logging.getLogger(name).setLevel(logging.WARNING)
-
-
-def _rendering(target: TextIO) -> list[Processor]:
-    if target.isatty():
-        return [structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)]
-    # Without local variables: those of a request hold its token.
-    traceback = structlog.tracebacks.ExceptionDictTransformer(show_locals=False)
-    return [structlog.processors.ExceptionRenderer(traceback), structlog.processors.JSONRenderer()]
