@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 import typer
 
+from monitor_core.wording import seconds_in
 from service.client import Client
 from service.commands.alarms import DEFAULT_URL, Token, Url
 from service.commands.exit_codes import explained
 from service.commands.output_files import STDOUT, check_writable
-from service.config.base_table import seconds_in
 
 Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="Id of the axis.", show_default=False)]
 Since = Annotated[

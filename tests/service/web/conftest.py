@@ -29,7 +29,13 @@ from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts
-from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, Snapshot
+from service.pipeline.snapshot import (
+    AxisSnapshot,
+    BusSnapshot,
+    Histogram,
+    LinkSnapshot,
+    Snapshot,
+)
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
@@ -210,6 +216,9 @@ class Stage:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     stopping: bool = False
+    links: tuple[LinkSnapshot, ...] = (
+        LinkSnapshot("orders", "webhook", False, "HTTP status 503", 3, 41, {"age": 2, "refused": 1}),
+    )
 
     def app(self) -> FastAPI:
         return create_app(
@@ -220,7 +229,8 @@ class Stage:
             self.access,
             self.extracts,
             self.history,
-            lambda: self.stopping,
+            lambda: self.links,
+            stopping=lambda: self.stopping,
         )
 
     def client(self) -> TestClient:
