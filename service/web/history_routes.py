@@ -13,7 +13,6 @@ from fastapi import APIRouter, Depends, Query, Response
 from fastapi.responses import StreamingResponse
 from starlette.exceptions import HTTPException
 
-from service.ingest.table_export import write_csv, write_parquet
 from service.store.history_query import MOST_POINTS, HistoryAnswer, Question, ask, pages
 from service.store.history_store import HistoryStore, Resolution
 from service.texts import microseconds
@@ -163,6 +162,8 @@ def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) 
     Raises:
         HTTPException: there is no room for it.
     """
+    from service.ingest.table_export import write_csv, write_parquet  # 40 MB that few daemons need
+
     write = write_csv if kind == "csv" else write_parquet
     with ExitStack() as stack:
         try:

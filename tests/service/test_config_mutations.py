@@ -32,6 +32,9 @@ class Mutation(NamedTuple):
     rows: list[str]
     row: int
 
+    def __repr__(self) -> str:
+        return f"line {self.row + 1} of {len(self.rows)}: {self.rows[self.row]}"
+
     @property
     def entry(self) -> re.Match[str]:
         found = ENTRY.match(self.rows[self.row])
