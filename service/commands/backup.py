@@ -17,7 +17,10 @@ Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="The archive, a .tar.gz for its owner alone.")
 ]
 Secrets = Annotated[
-    bool, typer.Option("--secrets", help="With the tokens of the API and the private key of TLS.")
+    bool,
+    typer.Option(
+        "--secrets", help="With the tokens of the API, the private key of TLS and the secrets of links."
+    ),
 ]
 
 

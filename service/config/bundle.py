@@ -13,6 +13,7 @@ from tomlkit import TOMLDocument
 from service.config.commissioned import REPORT, kept_files, pages_of
 from service.config.robot_defaults import DEFAULTS
 from service.config.schema import Config
+from service.config.schema_links import SECRET_FILES
 
 OUTSIDE = "outside"
 """Folder of the files that do not lie in that of the configuration"""
@@ -30,7 +31,7 @@ class Bundle(NamedTuple):
     files: dict[str, Path]
     """Where each other file lies now"""
     secrets: frozenset[str]
-    """Which of them are secret: the private key of TLS"""
+    """Which of them are secret: the private key of TLS, passwords and keys of links"""
     state: str
     """The state directory"""
     renamed: dict[str, str]
@@ -57,7 +58,7 @@ def bundle(file: Path, config: Config) -> Bundle:
             name = renamed.setdefault(given, f"{OUTSIDE}/{len(renamed) + 1}-{source.name}")
             table[key] = name
         files[name] = source
-        if key == "key":
+        if key in ("key", *SECRET_FILES):
             secrets.add(name)
     state = _inside(config.service.state_dir, folder)
     if state is None:

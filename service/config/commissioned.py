@@ -12,6 +12,7 @@ from tomlkit import TOMLDocument
 
 from service.config.base_table import SUFFIX
 from service.config.robot_defaults import DEFAULTS
+from service.config.schema_links import LINK_FILES
 from service.config.signal_tables import SIGNAL, detach, signal_table
 
 _IN_NOMINAL_FILE = {
@@ -202,6 +203,9 @@ def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
             yield bus, "messages"
     web = document.get("web", {})
     yield from ((web, key) for key in ("certificate", "key") if key in web)
+    links = document.get("links", {})
+    for link in (*links.get("webhook", ()), links.get("mqtt", {}), links.get("smtp", {})):
+        yield from ((link, key) for key in LINK_FILES if key in link)
     for robot in document["robot"]:
         for axis in (*robot["axis"], robot.get(DEFAULTS, {})):
             if "eds" in axis.get("canopen", {}):

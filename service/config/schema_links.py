@@ -161,6 +161,9 @@ class LinksConfig(Table):
         ]
 
 
+SECRET_FILES = ("secret_file", "password_file")
+LINK_FILES = (*SECRET_FILES, "ca_file")
+"""Keys of the files that a link names."""
 SECRET_KEYS = ("password", "secret", "token")
 
 

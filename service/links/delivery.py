@@ -107,6 +107,13 @@ class LinkName(NamedTuple):
     kind: str
 
 
+class _Waiting(NamedTuple):
+    """A transition that waits, until it is too old by the clock that only grows [s]."""
+
+    numbered: NumberedTransition
+    until_s: float
+
+
 class Delivery:
     """Transitions of the journal to one receiver.
 
@@ -118,7 +125,7 @@ class Delivery:
         outbox: how far the link is.
         done: number of the last transition that it is done with.
         clock: time that only grows [s].
-        now_us: wall clock, for the age of a transition.
+        now_us: wall clock, for the age of a transition when it is read.
         chance: from 0 to 1, for the time between tries.
     """
 
@@ -137,7 +144,7 @@ class Delivery:
         self._link, self._limits, self._receiver = link, limits, receiver
         self._journal, self._outbox = journal, outbox
         self._clock, self._now_us, self._backoff = clock, now_us, Backoff(chance)
-        self._waiting = deque[NumberedTransition]()
+        self._waiting = deque[_Waiting]()
         self._read_to = self._saved = done
         self._beyond, self._revision, self._next_try = 0, -1, -math.inf
         self._log = log.bind(link=link.name)
@@ -185,7 +192,7 @@ class Delivery:
         self._next_try = -math.inf
 
     async def _send(self) -> float:
-        numbered = [*islice(self._waiting, self._receiver.most)]
+        numbered = [w.numbered for w in islice(self._waiting, self._receiver.most)]
         try:
             messages = [self._message(n) for n in numbered]
         except StoreError:
@@ -220,20 +227,25 @@ class Delivery:
         page = self._journal.transitions_after(self._read_to, room) if room > 0 else []
         for numbered in page:
             if numbered.priority in self._limits.priorities:
-                self._waiting.append(numbered)
+                self._waiting.append(_Waiting(numbered, self._clock() + self._left_s(numbered)))
             self._read_to = numbered.number
         complete = len(page) < room
         self._beyond = 0 if complete else self._journal.last_transition() - self._read_to
         self._revision = revision if complete else -1
 
+    def _left_s(self, numbered: NumberedTransition) -> float:
+        """Time for which it may still wait [s]; a wall clock that is set later changes nothing of that."""
+        age_s = max(0.0, (self._now_us() - numbered.transition.at_us) / 1e6)
+        return self._limits.max_age_s - age_s
+
     def _give_up_old(self) -> None:
-        oldest_us = self._now_us() - self._limits.max_age_s * 1e6
-        old = len([*takewhile(lambda n: n.transition.at_us < oldest_us, self._waiting)])
+        now = self._clock()
+        old = len([*takewhile(lambda w: w.until_s < now, self._waiting)])
         if old:
             self._give_up(old, "age", f"older than {self._limits.max_age_s:g} s")
 
     def _give_up(self, count: int, reason: str, why: str) -> None:
-        first = self._waiting[0]
+        first = self._waiting[0].numbered
         at = {"alarm": first.alarm_id, "transition": first.transition.event, "number": first.number}
         self._log.error("a link gives up", reason=reason, why=why, transitions=count, first=at)
         given_up = dict(self.snapshot.given_up)
@@ -247,7 +259,7 @@ class Delivery:
 
     def _save(self) -> None:
         """Remember how far the link is; a failure costs nothing but repetitions after a restart."""
-        done = self._waiting[0].number - 1 if self._waiting else self._read_to
+        done = self._waiting[0].numbered.number - 1 if self._waiting else self._read_to
         if done == self._saved:
             return
         try:

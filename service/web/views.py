@@ -168,6 +168,7 @@ def service(
     reasons = list(reasons_not_ready(snapshot, now_us))
     own = {
         "links": list(links),
+        "messages": [*snapshot.messages, *(f"link {n.name}: {n.problem}" for n in links if n.problem)],
         "version": VERSION,
         "ready": not reasons,
         "reasons": reasons,

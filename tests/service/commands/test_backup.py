@@ -70,6 +70,36 @@ def test_with_secrets_the_daemon_can_run_with_it_at_once(robot: Path, tmp_path: 
     assert "anna" in shown("token", "list", "--config", folder / "robot.toml")
 
 
+LINKS = """\
+[[links.webhook]]
+name = "orders"
+url = "https://orders.plant.example/axiswatch"
+secret_file = "orders.secret"
+ca_file = "{folder}/ca.crt"
+[links.mqtt]
+host = "broker.plant.example"
+user = "cell1"
+password_file = "{folder}/mqtt.secret"
+
+[[bus]]"""
+
+
+def test_files_of_links_are_in_it_and_their_secrets_are_left_out(robot: Path, tmp_path: Path) -> None:
+    edit(robot, ("[[bus]]", LINKS.format(folder=tmp_path)))
+    for file in (robot.parent / "orders.secret", tmp_path / "mqtt.secret", tmp_path / "ca.crt"):
+        file.write_text("0123456789abcdef")
+    archive = tmp_path / "robot.tar.gz"
+    done = axiswatch("backup", "--config", robot, "--output", archive)
+    assert done.exit_code == 0
+    assert {name for name in names(archive) if not name.endswith(("dbc", "toml", "localhost.crt"))} == {
+        "outside/4-ca.crt"
+    }
+    for secret in ("orders.secret", "outside/5-mqtt.secret"):
+        assert f"left out, as it is secret: {secret}; --secrets includes it" in done.stderr
+    shown("backup", "--config", robot, "--output", archive, "--secrets", "--force")
+    assert {"orders.secret", "outside/5-mqtt.secret"} < names(archive)
+
+
 def test_what_commissioning_has_left_is_in_it_and_names_stay(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "config" / "demo", tmp_path / "demo")
     config = tmp_path / "demo" / "axiswatch.toml"

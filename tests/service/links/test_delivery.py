@@ -127,6 +127,27 @@ def test_what_is_refused_or_too_old_is_given_up_and_counted(post: Post) -> None:
     assert given_up == [("refused", 1), ("age", 2)]
 
 
+def test_a_wall_clock_that_is_set_makes_nothing_older(post: Post) -> None:
+    alarms(post.journal, 1)
+    post.inbox.failures = [UnavailableError("down"), UnavailableError("down")]
+    post.settle()
+    for jump_s in (7 * 86400, -14 * 86400):
+        post.now_us += jump_s * SECOND
+        post.wait(10.0)
+        post.settle()
+    assert post.delivery.snapshot.given_up["age"] == 0
+    assert post.inbox.events == ["axis0 raise"]
+
+
+def test_what_was_too_old_before_the_start_is_given_up(post: Post) -> None:
+    alarms(post.journal, 1)
+    post.close()
+    post.now_us += 3601 * SECOND
+    post.open()
+    post.settle()
+    assert (post.inbox.got, post.delivery.snapshot.given_up["age"]) == ([], 1)
+
+
 def test_what_is_not_yet_to_be_sent_is_no_failure(post: Post) -> None:
     alarms(post.journal, 1)
     post.inbox.failures = [NotYetError(30.0)]

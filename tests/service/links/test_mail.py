@@ -239,7 +239,7 @@ def sent(post: Post) -> None:
     alarms(post.journal, 1)
     post.wait(30.0)
     post.delivery.look()
-    message = [post.delivery._message(n) for n in post.delivery._waiting]
+    message = [post.delivery._message(w.numbered) for w in post.delivery._waiting]
     asyncio.run(post.delivery._receiver.send(message))
 
 

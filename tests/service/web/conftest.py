@@ -242,9 +242,10 @@ class Stage:
         return number
 
     def healthy(self) -> None:
-        """All buses up, all axes with samples."""
+        """All buses up, all axes with samples, no link down."""
         axes = (monitored_axis(), monitored_axis("axis2"))
         self.snapshot = replace(self.snapshot, axes=axes, buses=self.snapshot.buses[:1], messages=())
+        self.links = ()
 
 
 @contextmanager

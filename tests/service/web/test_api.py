@@ -257,7 +257,18 @@ def test_service_tells_why_it_is_not_ready(stage: Stage, client: TestClient) -> 
     assert body["ready"] is False
     assert body["reasons"] == ["bus can1: down: Network is down", "demo.axis2: no sample yet"]
     assert body["buses"][0]["dropped"] == {"queue_full": 12, "socket": 0}
-    assert body["messages"] == list(stage.snapshot.messages)
+    assert body["messages"] == [*stage.snapshot.messages, "link orders: HTTP status 503"]
+    assert body["links"] == [
+        {
+            "name": "orders",
+            "kind": "webhook",
+            "connected": False,
+            "problem": "HTTP status 503",
+            "pending": 3,
+            "delivered": 41,
+            "given_up": {"age": 2, "refused": 1},
+        }
+    ]
     assert body["checkpoint"] == "2026-03-01T11:59:30.000000Z"
     stage.healthy()
     assert get(client, "/api/v1/service")["ready"] is True
