@@ -7,6 +7,7 @@ before it is validated, so the rest of the program sees an axis like any other.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal
 
@@ -105,4 +106,4 @@ def _object(drive: Mapping[str, Any], index: int) -> str:
 def _number(drive: Mapping[str, Any], key: str) -> float:
     """A value; 1 where it is missing or wrong, which is reported."""
     value = drive.get(key)
-    return float(value) if isinstance(value, int | float) and 0 < value < math.inf else 1.0
+    return float(value) if isinstance(value, int | float) and 0 < value <= sys.float_info.max else 1.0
