@@ -162,8 +162,9 @@ def _print(e: EpochJson, as_json: bool = False) -> None:
     for v in e["values"]:
         sd = "" if v["standard_deviation"] is None else f" +- {v['standard_deviation']:.2g}"
         former = "" if v["former"] in (None, v["value"]) else f" (before: {v['former']:.6g})"
+        unit = "" if v["unit"] == "1" else f" {v['unit']}"
         kept = f" ({v['kept']})" if v["kept"] else ""
-        print(f"    {v['name']} = {v['value']:.6g}{sd} {v['unit']}{former}{kept}")
+        print(f"    {v['name']} = {v['value']:.6g}{sd}{unit}{former}{kept}")
 
 
 _SOURCES = {

@@ -127,6 +127,8 @@ class Reloading:
         made = AxisMonitors(begun.axes)
         made.compile()
         made.compile_multimodel()
+        for detector in made.multimodel:
+            _ = detector.bank  # made here, not by the worker
         axes = [in_force.get(axis.id) or self._baselines.in_force(axis.id) for axis in new.axes]
         ids = [axis.id for axis in axes]
 

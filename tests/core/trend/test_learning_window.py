@@ -21,7 +21,7 @@ from tests.core.test_honesty import settings_for
 MODEL = reference_model("speed")
 SETTINGS = settings_for("speed", 0.05, 4.0, joint=False)
 SPAN_S = SETTINGS.naming_samples * INTERVAL_S
-READINGS = 2 * PARTS
+READINGS = PARTS
 RHO = math.exp(-3)
 
 
@@ -59,9 +59,9 @@ def windows(values: Sequence[dict[str, float]], rng: np.random.Generator) -> lis
 
 
 def test_the_new_nominal_values_are_the_true_ones_within_their_standard_deviations(seed: int) -> None:
-    """Eight axes; rms of the 24 values of z: 0.76 to 1.11 with 10 seeds."""
+    """Six axes; rms of the 18 values of z: 0.57 to 1.54 with 10 seeds."""
     rng = np.random.default_rng(seed)
-    values = repaired(rng, 8)
+    values = repaired(rng, 6)
     z = []
     for window, v in zip(windows(values, rng), values, strict=True):
         assert window.complete
@@ -69,7 +69,7 @@ def test_the_new_nominal_values_are_the_true_ones_within_their_standard_deviatio
         assert not found.kept
         truth = np.array([v["kT"], 1 / v["Ja"], v["fm"]])
         z.append((found.theta - truth) / found.standard_deviation)
-    assert 0.4 < np.sqrt(np.mean(np.square(z))) < 1.8
+    assert 0.35 < np.sqrt(np.mean(np.square(z))) < 2.2
 
 
 def reading(d: Floats, known: Sequence[bool] = (True,) * 3, holds: bool = True) -> Reading:

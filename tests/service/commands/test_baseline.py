@@ -22,8 +22,7 @@ from service.web.server import serve
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.found_files import nominal_text, thresholds_text
-from tests.service.pipeline.robots import demo
-from tests.service.pipeline.running_core import AXIS, RunningCore, changed_axis
+from tests.service.pipeline.running_core import AXIS, RunningCore, cell, changed_axis
 from tests.service.web.test_server import obeys_schema
 
 SECTION = "### After the repair: a new baseline"
@@ -40,7 +39,7 @@ def console() -> list[list[str]]:
 @pytest.fixture
 def core(tmp_path: Path, seed: int) -> Iterator[RunningCore]:
     """Twelve seconds after its start; alarm 1 is there."""
-    core = RunningCore(tmp_path, demo(tmp_path, 2))
+    core = RunningCore(tmp_path, cell(tmp_path, 2))
     core.feed(changed_axis(tmp_path, 12.0, seed))
     yield core
     core.close()
@@ -169,7 +168,7 @@ def test_a_request_that_is_not_right_is_answered_with_what_is_documented(
 def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningCore]:
     """Without samples."""
     folder = tmp_path_factory.mktemp("standing")
-    core = RunningCore(folder, demo(folder, 1))
+    core = RunningCore(folder, cell(folder, 1))
     yield core
     core.close()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fastapi import FastAPI
 
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameBlock
 from service.config import Config
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
@@ -27,11 +27,16 @@ from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
 from tests.end_to_end.processes import wait_for
-from tests.service.pipeline.robots import START_US, Waiting, blocks, demo
+from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 
 AXIS, OTHER = "demo.axis1", "demo.axis2"
 TRUTH = 1.3 * 0.06
 """Friction of the first axis; the configuration has 0.06."""
+
+
+def cell(folder: Path, axes: int = 2) -> Config:
+    """The demo without the multi-model detectors, which take most of the time to start."""
+    return changed(demo(folder, axes), detector={"shadow": False})
 
 
 def changed_axis(folder: Path, seconds_s: float, seed: int) -> list[Frame]:
@@ -40,11 +45,28 @@ def changed_axis(folder: Path, seconds_s: float, seed: int) -> list[Frame]:
     return [frame for block in found for frame in block.frames()]
 
 
+class Fed(Waiting):
+    """A reader whose frames come from the test's thread."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lock = threading.Lock()
+
+    def take(self, most: int = 4096) -> FrameBlock:
+        with self._lock:
+            return super().take(most)
+
+    def add(self, frames: Sequence[Frame]) -> None:
+        """Let them wait."""
+        with self._lock:
+            self.frames += frames
+
+
 class RunningCore:
     """The core of the daemon in a folder, from its start until ``close``."""
 
     def __init__(self, folder: Path, config: Config) -> None:
-        self.config, self.reader = config, Waiting()
+        self.config, self.reader = config, Fed()
         self.now_us = START_US
         self.journal = Journal(folder / "alarms.sqlite")
         self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
@@ -84,7 +106,7 @@ class RunningCore:
     def feed(self, frames: Sequence[Frame]) -> None:
         """Let it take all samples of these frames."""
         before = sum(axis.status.samples for axis in self.worker.snapshot.axes)
-        self.reader.frames += frames
+        self.reader.add(frames)
         self.now_us = frames[-1].t_us
 
         def taken() -> bool:

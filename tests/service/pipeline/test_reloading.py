@@ -12,8 +12,8 @@ from service.config import Config
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_transitions import Note
 from tests.end_to_end.processes import wait_for
-from tests.service.pipeline.robots import START_US, changed, demo
-from tests.service.pipeline.running_core import AXIS, OTHER, RunningCore, changed_axis
+from tests.service.pipeline.robots import START_US, changed
+from tests.service.pipeline.running_core import AXIS, OTHER, RunningCore, cell, changed_axis
 from tests.service.pipeline.test_baselines import seconds, states
 
 
@@ -39,7 +39,7 @@ def reloading(core: RunningCore) -> Reloading:
 def core(tmp_path: Path, frames: list[Frame]) -> Iterator[RunningCore]:
     """Twelve seconds after its start; the first axis has an alarm."""
     (tmp_path / "core").mkdir()
-    core = RunningCore(tmp_path / "core", demo(tmp_path, 2))
+    core = RunningCore(tmp_path / "core", cell(tmp_path, 2))
     core.feed(seconds(frames, 0, 12))
     assert [a.parameter for a in core.axis().open_alarms] == ["fm"]
     yield core
@@ -55,7 +55,7 @@ def test_an_axis_that_is_not_changed_is_the_same_bits(
     core: RunningCore, tmp_path: Path, frames: list[Frame]
 ) -> None:
     (tmp_path / "plain").mkdir()
-    plain = RunningCore(tmp_path / "plain", demo(tmp_path, 2))
+    plain = RunningCore(tmp_path / "plain", cell(tmp_path, 2))
     plain.feed(seconds(frames, 0, 12))
     found = reloading(core).reload(with_fm(core.config, 0.078))
     assert found == Reloaded((AXIS,), (), (), 1, ())
@@ -95,11 +95,11 @@ def test_an_axis_with_another_trend_goes_on_where_it_was(core: RunningCore, fram
 
 def test_axes_are_added_and_removed(core: RunningCore, tmp_path: Path, frames: list[Frame]) -> None:
     reload = reloading(core).reload
-    assert reload(demo(tmp_path, 1)) == Reloaded((), (), (OTHER,), 1, ())
+    assert reload(cell(tmp_path, 1)) == Reloaded((), (), (OTHER,), 1, ())
     wait_for(lambda: len(core.worker.snapshot.axes) == 1)
     core.feed([f for f in seconds(frames, 12, 13) if f.can_id == frames[0].can_id])
     assert [axis.id for axis in core.worker.snapshot.axes] == [AXIS]
-    assert reload(demo(tmp_path, 2)) == Reloaded((), (OTHER,), (), 1, ())
+    assert reload(cell(tmp_path, 2)) == Reloaded((), (OTHER,), (), 1, ())
     core.feed(seconds(frames, 13, 14))
     assert [(axis.id, axis.status.samples) for axis in core.worker.snapshot.axes] == [
         (AXIS, 2800),
@@ -114,7 +114,7 @@ def test_what_is_not_possible_changes_nothing(core: RunningCore, tmp_path: Path)
     wrong = changed(core.config, "axis1", estimator={"torque_noise": None})
     cases = {
         "needs a restart": with_fm(core.config, 0.07).model_copy(update={"bus": (bus,)}),
-        "needs messages of bus can0": demo(tmp_path, 3),
+        "needs messages of bus can0": cell(tmp_path, 3),
         "demo.axis1: torque_noise not known": wrong,
     }
     for words, config in cases.items():
