@@ -16,10 +16,14 @@ from service.web.access import Scope, needs
 from service.web.app_state import AppState
 from service.web.problem_details import UnknownResourceError, described
 
+_NO_TEXT = described(400, "The body is no UTF-8 text")
 _NOT_FOUND = described(404, "It does not exist")
 _NO_JOURNAL = described(503, "The alarm journal cannot be read or written")
 _CONFLICT = described(409, "Not possible in the present state of the alarm, e.g. acknowledged twice")
-_NO_SHELF = described(400, "The end of the shelf is not in the future, or more than seven days in it")
+_NO_SHELF = described(
+    400,
+    "The end of the shelf is not in the future, or more than seven days in it; or the body is no UTF-8 text",
+)
 _LARGEST_ID = 2**63 - 1
 _WEEK_US = 7 * 86_400_000_000
 
@@ -143,7 +147,7 @@ def router(state: AppState) -> APIRouter:
 
 def _actions(state: AppState) -> APIRouter:
     """What a person does about an alarm; each answers with the alarm then."""
-    api = APIRouter(prefix="/{id}", responses=_NOT_FOUND | _NO_JOURNAL)
+    api = APIRouter(prefix="/{id}", responses=_NO_TEXT | _NOT_FOUND | _NO_JOURNAL)
 
     def act(
         alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
