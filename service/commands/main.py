@@ -27,6 +27,8 @@ COMMANDS = (
     "run",
     "status",
     "alarms",
+    "baseline",
+    "history",
     "record",
     "simulate",
     "play",

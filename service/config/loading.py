@@ -24,10 +24,12 @@ from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.canopen_rules import CANOPEN_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
+from service.config.link_rules import LINK_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import ConfigErrors, Finding, Keys, Problem, dotted, nearest, positions, shown
 from service.config.robot_defaults import origin
-from service.config.schema import Config
+from service.config.schema import AxisConfig, Config
+from service.config.schema_links import concealed
 from service.config.validation_messages import findings, table_in
 
 PREFIX = "AXISWATCH_"
@@ -130,7 +132,7 @@ def _shown_at(values: Any, path: Keys) -> str | None:
             values = values[part]
         except (KeyError, IndexError, TypeError):
             return None
-    return shown(values)
+    return shown(concealed(path[-1], values) if path else values)
 
 
 # --- The environment --------------------------------------------------------------------------------------------------
@@ -192,16 +194,20 @@ Rule = Callable[[T], Iterator[Finding]]
 
 def crosscheck(config: Config) -> Iterator[Finding]:
     """The findings of all cross-checks."""
-    yield from _run(CONFIG_RULES, config, ())
+    yield from _run((*CONFIG_RULES, *LINK_RULES), config, ())
     for i, bus in enumerate(config.bus):
         yield from _run(BUS_RULES, bus, ("bus", i))
     for i, robot in enumerate(config.robot):
         yield from _run((defaults_without_name, signals_of_axes), robot, ("robot", i))
         for k, axis in enumerate(robot.axis):
-            path: Keys = ("robot", i, "axis", k)
-            yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, path)
-            yield from _run(MODEL_RULES, axis, path, last=complete_model)
-            yield from _run(CONDITION_RULES, axis, path, last=values_at_ends)
+            yield from (found.inside(("robot", i, "axis", k)) for found in axis_findings(axis))
+
+
+def axis_findings(axis: AxisConfig) -> Iterator[Finding]:
+    """The findings of all cross-checks of one axis."""
+    yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, ())
+    yield from _run(MODEL_RULES, axis, (), last=complete_model)
+    yield from _run(CONDITION_RULES, axis, (), last=values_at_ends)
 
 
 def _run(rules: Iterable[Rule[T]], table: T, path: Keys, last: Rule[T] | None = None) -> Iterator[Finding]:

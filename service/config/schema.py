@@ -15,6 +15,7 @@ from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
+from service.config.schema_links import LinksConfig
 from service.config.schema_model import (
     AlarmsConfig,
     DetectorConfig,
@@ -162,10 +163,18 @@ class ServiceConfig(Table):
     StateDirectory"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
-    history_interval_s: Positive = Field(1.0, le=3600)
+    history_interval_s: Positive = Field(10.0, le=3600)
     """time between points of the history [s]"""
-    history_length_s: Positive = Field(3600.0, le=604800)
-    """length of the history kept in memory [s]"""
+    history_raw_days: Positive = Field(7.0, le=36500)
+    """age of the points of the history [days]"""
+    history_minute_days: Positive = Field(60.0, le=36500)
+    """age of its minutes [days]"""
+    history_hour_days: Positive = Field(730.0, le=36500)
+    """age of its hours [days]"""
+    history_day_days: Positive = Field(3650.0, le=36500)
+    """age of its days [days]"""
+    history_mb: Real = Field(1000.0, ge=1)
+    """size of the file of the history; the oldest is removed [MB]"""
     recording_before_s: Positive = Field(120.0, le=3600)
     """raw frames before an alarm that are recorded with it, kept in memory until then [s]"""
     recording_after_s: Positive = Field(30.0, le=3600)
@@ -390,6 +399,10 @@ class NamedAxis(NamedTuple):
     config: AxisConfig
     sources: tuple[Source, ...] = ()
     """Its further signals"""
+    epoch: int = 1
+    """Number of the epoch that its nominal values and thresholds belong to"""
+    configured: bool = True
+    """These are those of its configuration"""
 
 
 class Config(Table):
@@ -399,6 +412,8 @@ class Config(Table):
     """what the daemon keeps"""
     web: WebConfig = Field(default_factory=WebConfig)
     """where it is served"""
+    links: LinksConfig = Field(default_factory=LinksConfig)
+    """where else the alarms go"""
     bus: tuple[BusConfig, ...] = ()
     """CAN buses, [[bus]]; without any, axes are only identified from tables"""
     robot: tuple[RobotConfig, ...] = Field(min_length=1)

@@ -1,6 +1,6 @@
 """Alarms on their way to the journal: what the disk refuses is shown at once, as not yet recorded."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields, replace
 from time import monotonic
 from typing import NamedTuple
@@ -125,8 +125,8 @@ class Alarms:
         rules: Mapping[tuple[str, str], AlarmRules] | None = None,
         wall: WallClock | None = None,
     ) -> None:
-        self._journal, self._quantities, self._clock = journal, quantities, clock
-        self._rules, self._wall = rules or {}, wall or WallClock()
+        self._journal, self._quantities, self._clock = journal, dict(quantities), clock
+        self._rules, self._wall = dict(rules or {}), wall or WallClock()
         self._set_by_us: dict[tuple[str, AlarmKey], int] = {}
         """How far the clock had been set when an alarm was raised, of those that are open"""
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
@@ -146,6 +146,30 @@ class Alarms:
     def adopt(self, open_alarms: Iterable[AxisAlarm]) -> None:
         """Adopt alarms that are open in the journal from an earlier run."""
         self._open |= {change.key: change for change in open_alarms}
+
+    def waits_for_journal(self, axis_id: str) -> bool:
+        """Whether the journal does not have all of the alarms of an axis yet, after a try to write them."""
+        self.record(())
+        return any(key[0] == axis_id for key in self._waiting)
+
+    def change(
+        self,
+        axis_ids: Collection[str],
+        quantities: Mapping[tuple[str, str], Quantity],
+        rules: Mapping[tuple[str, str], AlarmRules],
+    ) -> None:
+        """These axes have other nominal values from now on, and no open alarm in the journal; or they are gone."""
+        self._open = {key: change for key, change in self._open.items() if key[0] not in axis_ids}
+        self._waiting = {key: change for key, change in self._waiting.items() if key[0] not in axis_ids}
+        self._refused = {key for key in self._refused if key[0] not in axis_ids}
+        self._quantities = {k: q for k, q in self._quantities.items() if k[0] not in axis_ids} | {
+            **quantities
+        }
+        self._rules = {key: own for key, own in self._rules.items() if key[0] not in axis_ids} | {**rules}
+
+    def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
+        """What the configuration says of the alarms of an axis, by their causes."""
+        return {cause: rules for (axis, cause), rules in self._rules.items() if axis == axis_id}
 
     def open(self, axis_id: str) -> tuple[Alarm, ...]:
         """The open alarms of an axis: those of the journal, and those that it does not have yet."""

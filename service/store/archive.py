@@ -21,13 +21,21 @@ from typing import IO, Any, NamedTuple
 
 from service.store.checkpoints import MIGRATIONS as CHECKPOINT_MIGRATIONS
 from service.store.database import StoreError
+from service.store.history_store import MIGRATIONS as HISTORY_MIGRATIONS
 from service.store.journal import MIGRATIONS as JOURNAL_MIGRATIONS
+from service.store.outbox import MIGRATIONS as OUTBOX_MIGRATIONS
+from service.store.outbox import OUTBOX_FILE
 from service.store.tokens import TOKENS_FILE
 
 MANIFEST = "backup.json"
 """The first member"""
 FORMAT = 1
-SCHEMAS = {"alarms.sqlite": len(JOURNAL_MIGRATIONS), "checkpoints.sqlite": len(CHECKPOINT_MIGRATIONS)}
+SCHEMAS = {
+    "alarms.sqlite": len(JOURNAL_MIGRATIONS),
+    "checkpoints.sqlite": len(CHECKPOINT_MIGRATIONS),
+    "history.sqlite": len(HISTORY_MIGRATIONS),
+    OUTBOX_FILE: len(OUTBOX_MIGRATIONS),
+}
 """The newest schema of each database that this version reads"""
 DATABASE = ".sqlite"
 NOT_KEPT = re.compile(r"recordings|.*\.sqlite(-wal|-shm|\.lock)|.*\.damaged-.*|\..*")

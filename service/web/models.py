@@ -7,6 +7,7 @@ from pydantic import AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Fiel
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, NotTested, Observation, Priority, Status
+from service.store.history_store import Resolution
 from service.texts import iso
 
 
@@ -135,6 +136,20 @@ class Heat(Body):
     known: bool = Field(description="whether it is known well enough to test the parameters that follow it")
 
 
+class AxisEpoch(Body):
+    """Which nominal values of an axis are in force, and what is under way."""
+
+    number: int = Field(description="of the epoch that is in force; see /api/v1/axes/{axis}/epochs")
+    state: Literal["learning", "verifying", "current"] = Field(
+        description="learning: a window runs whose estimates will be the nominal values of a new epoch, while"
+        " monitoring goes on with those of the former one; verifying: a new epoch is in force and is watched; current:"
+        " nothing is under way"
+    )
+    done_s: Number = Field(description="operating time of the window that is under way [s]; null: none is")
+    length_s: Number = Field(description="operating time that it needs [s]; null: none is under way")
+    words: str = Field(description="what is under way, as a text; empty: nothing is")
+
+
 class Axis(Body):
     """The present state of an axis."""
 
@@ -172,7 +187,35 @@ class Axis(Body):
     open_alarms: list[str] = Field(
         description="causes of the open alarms of the axis, forecasts left out: parameters or sensor faults"
     )
+    epoch: AxisEpoch
     model: Model
+
+
+class ParameterState(Body):
+    """A monitored parameter as MQTT has it: fields of Parameter, and the deviation."""
+
+    name: str
+    unit: str
+    nominal: Number
+    estimate: Number
+    deviation: Number = Field(description="estimate - nominal, in unit; null where it is invalid")
+    standard_deviation: Number
+    status: Status
+    observation: Observation
+    tested: bool
+    not_tested_reason: NotTested | None
+
+
+class AxisState(Body):
+    """An axis as MQTT has it: fields of Axis."""
+
+    id: str
+    last_sample: Time | None
+    parameters: list[ParameterState]
+    open_alarms: list[str]
+    gated_by: TextOrNull
+    outside_calibration: list[str]
+    not_tested: list[str]
 
 
 class Axes(Body):
@@ -182,24 +225,48 @@ class Axes(Body):
     axes: list[Axis]
 
 
+class HistoryColumn(Body):
+    """A quantity over time, one number for each entry of ``time``; null where n is 0, or it is not finite."""
+
+    unit: str
+    mean: list[Number] = Field(description="in unit, over all points of the row")
+    min: list[Number] = Field(description="in unit")
+    max: list[Number] = Field(description="in unit")
+
+
 class ParameterHistory(Body):
     """History of a parameter in columns; one row for each entry of ``time``."""
 
     name: str
     unit: str
-    nominal: Number = Field(description="present value, in the parameter's unit")
-    nominals: list[Number] = Field(description="at each time, in the parameter's unit")
-    estimate: list[Number] = Field(description="in the parameter's unit")
-    standard_deviation: list[Number] = Field(description="in the parameter's unit")
-    cusum_up: list[Number] = Field(description="in the parameter's unit times samples")
-    cusum_down: list[Number] = Field(description="in the parameter's unit times samples")
+    nominal: Number = Field(
+        description="present value, in the parameter's unit; null: it is no longer monitored"
+    )
+    n: list[int] = Field(
+        description="points in the row; 0: none, as there were no samples, or the axis was learning or paused, or the"
+        " estimate was invalid"
+    )
+    estimate: HistoryColumn
+    deviation: HistoryColumn = Field(description="estimate - nominal value of that time")
+    standard_deviation: HistoryColumn = Field(description="of the estimate")
+    cusum_up: HistoryColumn = Field(description="g for an increase")
+    cusum_down: HistoryColumn = Field(description="g for a decrease")
+    threshold: HistoryColumn = Field(description="h of both")
+    observability: HistoryColumn = Field(
+        description="1 as at commissioning, 0.5 weak, 0 not observed; then the estimate is the last that was observed"
+    )
 
 
 class History(Body):
-    """The last points of the history of an axis, oldest first."""
+    """The history of an axis, oldest first; a row without any point is the beginning of a gap."""
 
     axis: str
-    time: list[Time] = Field(description="UTC")
+    resolution: Resolution = Field(description="what the rows were made of: points, minutes, hours, days")
+    step_s: Number = Field(description="length of a row [s]")
+    next: Time | None = Field(
+        description="with resolution: there are more rows, from this time on: ask again with it as since; null: all"
+    )
+    time: list[Time] = Field(description="begin of each row, UTC")
     parameters: list[ParameterHistory]
 
 
@@ -388,6 +455,20 @@ class AlarmRecord(Alarm):
     transitions: list[AlarmTransition] = Field(description="oldest first")
 
 
+class AlarmChange(Body):
+    """The data of an event `alarm`."""
+
+    alarm: Alarm = Field(description="as it is when the event is sent")
+    transition: AlarmTransition
+
+
+class AlarmMessage(AlarmTransition):
+    """What a webhook and MQTT deliver: a transition of an alarm, and the alarm as it is now."""
+
+    id: str = Field(description="the same whenever it is sent again: a receiver drops what it has had")
+    alarm: Alarm
+
+
 class AlarmNote(Body):
     """What a person writes about an alarm; both may be left out."""
 
@@ -459,7 +540,7 @@ class Alarms(Body):
 
     total: int = Field(description="alarms that match the filters")
     limit: int
-    offset: int
+    next: str | None = Field(description="cursor of the next page; null: this is the last one")
     alarms: list[Alarm]
 
 
@@ -474,6 +555,23 @@ class Bus(Body):
     dropped: dict[str, int] = Field(description="number of dropped frames, by reason")
 
 
+class Link(Body):
+    """A plant link; numbers since the start of the daemon."""
+
+    name: str
+    kind: Literal["webhook", "mqtt", "smtp"]
+    connected: bool = Field(description="whether it works: the last try has succeeded")
+    problem: TextOrNull = Field(
+        description="why it does not, or what the receiver has refused; null: nothing"
+    )
+    pending: int = Field(description="transitions of alarms that wait")
+    delivered: int = Field(description="transitions of alarms that were delivered")
+    given_up: dict[str, int] = Field(
+        description="number of those that were given up, by reason: age, undeliverable for max_age_s; refused by the"
+        " receiver"
+    )
+
+
 class Service(Body):
     """The daemon itself."""
 
@@ -485,6 +583,7 @@ class Service(Body):
     taken: Time = Field(description="when the worker published this, UTC")
     checkpoint: Time | None = Field(description="when the monitors were saved last, UTC")
     buses: list[Bus]
+    links: list[Link] = Field(description="plant links, in the order of the configuration")
     report: str | None = Field(description="address of the report of the commissioning; null: there is none")
     insecure: str | None = Field(
         description="why the daemon is not protected where other machines reach it; null: it is"

@@ -35,7 +35,7 @@ from tests.service.commands.live_robots import configured, moving
 from tests.service.commands.test_commission import table
 from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import blocks
-from tests.service.web.conftest import FM_ALARM, Stage, serving
+from tests.service.web.conftest import FM_ALARM, Stage, serving, stored_history
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTS}
@@ -66,12 +66,13 @@ def arguments(command: list[str], folder: Path) -> list[str]:
 
 
 def test_every_command_shown_is_run_here() -> None:
+    """`baseline`, and what it needs over REST, in tests/service/commands/test_baseline.py."""
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
     commands = (
-        "check listen run status alarms token backup restore simulate replay play model excite identify calibrate"
-        " init"
+        "check listen run status alarms history baseline token backup restore simulate replay play model excite"
+        " identify calibrate init"
     )
     assert starts == {"curl", *(f"axiswatch {name}" for name in (*commands.split(), "commission"))}
 
@@ -335,6 +336,19 @@ def answers_to_curl(d: Daemon) -> None:
             assert d.status(command[1].removeprefix("http://127.0.0.1:8080/")) == 200
 
 
+def test_the_history_is_fetched_as_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = Journal(tmp_path / "alarms.sqlite")
+    with stored_history(tmp_path) as history, serving(Stage(journal, history=history)) as url:
+        monkeypatch.setenv("AXISWATCH_URL", url)
+        for command in shown("axiswatch history"):
+            done = axiswatch(*arguments(command, tmp_path))
+            assert done.exit_code == 0, done.output
+    journal.close()
+    assert (
+        (tmp_path / "axis1.csv").read_text(encoding="utf-8").startswith("time,parameter,unit,n,estimate_mean")
+    )
+
+
 def test_an_alarm_is_followed_by_command_line_and_by_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -350,7 +364,7 @@ def test_an_alarm_is_followed_by_command_line_and_by_rest(
             done = axiswatch(*command[1:])
             assert done.exit_code == 0, done.output
         for command in shown("curl"):
-            if "--json" in command:
+            if "--json" in command and "/alarms/" in command[3]:
                 address = command[3].replace("http://127.0.0.1:8080", url)
                 assert httpx.post(address, json=json.loads(command[2])).status_code == 200
     assert [len(journal.transitions(number)) for number in (1, 2)] == [5, 5]

@@ -75,6 +75,7 @@ function describe(axis) {
   const parts = [`${axis.model.drive}, ${axis.model.output}`, `bus ${axis.bus}`, `${count(axis.samples)} samples`];
   if (axis.samples > used) parts.push(`${count(axis.samples - used)} not used`);
   if (lost > 0) parts.push(`${count(lost)} values dropped`);
+  if (axis.epoch.words !== "") parts.push(axis.epoch.words);
   parts.push(...axis.outside_calibration.map((words) => `outside the calibration: ${words}`));
   if (axis.gated_by !== null) parts.push(`estimation paused: ${axis.gated_by}`);
   parts.push(...axis.detectors.map(detectorOf).filter((words) => words !== ""));

@@ -27,6 +27,8 @@ READ_PATHS = (
     "/api/v1/axes",
     "/api/v1/axes/demo.axis1",
     "/api/v1/axes/demo.axis1/history",
+    "/api/v1/axes/demo.axis1/history.csv",
+    "/api/v1/axes/demo.axis1/history.parquet",
     "/api/v1/axes/demo.axis1/trend",
     "/api/v1/alarms",
     "/api/v1/alarms/1",
