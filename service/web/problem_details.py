@@ -41,6 +41,10 @@ PROTECTED = described(401, "There are tokens, and none was given, or an unknown 
 """What every address that is not open to all may answer"""
 
 
+_NO_TEXT = described(400, "The body is no UTF-8 text")[400]
+"""What FastAPI itself answers, wherever there may be a body"""
+
+
 def add_to_schema(app: FastAPI) -> None:
     """Put the body of these answers among the others: FastAPI adds only bodies in plain JSON."""
     described_alone = app.openapi
@@ -48,6 +52,10 @@ def add_to_schema(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         schema = described_alone()
         schema["components"]["schemas"][Problem.__name__] = Problem.model_json_schema()
+        operations = (operation for path in schema["paths"].values() for operation in path.values())
+        for operation in operations:
+            if "requestBody" in operation:
+                operation["responses"] = {"400": _NO_TEXT} | operation["responses"]
         return schema
 
     app.openapi = openapi  # type: ignore[method-assign]

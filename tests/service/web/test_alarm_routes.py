@@ -129,6 +129,18 @@ def test_bodies_that_are_not_as_described_are_refused(
     post(client, f"{number}/{action}", body, status=422)
 
 
+def test_a_body_that_is_no_text_is_refused_as_described(client: TestClient, number: int) -> None:
+    address = f"/api/v1/alarms/{number}/comment"
+    answer = client.post(address, content=b"~\x11D\xff\x1c", headers={"content-type": "application/json"})
+    assert (answer.status_code, answer.headers["content-type"]) == (400, "application/problem+json")
+    paths = client.get("/openapi.json").json()["paths"]
+    taking = [
+        operation for path in paths.values() for operation in path.values() if "requestBody" in operation
+    ]
+    assert taking
+    assert all("400" in operation["responses"] for operation in taking)
+
+
 def test_a_form_of_another_site_changes_nothing(client: TestClient, number: int) -> None:
     """A browser sends such bodies to any site without asking it."""
     for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
