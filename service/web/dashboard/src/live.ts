@@ -120,7 +120,7 @@ export function start(): void {
   void watch();
   // A request that hangs must not hide that nobody answers.
   setInterval(() => {
-    if (silence(state) !== null) set({});
+    if (silence({ ...state, now: Date.now() }) !== null) set({});
   }, 500);
   document.addEventListener("visibilitychange", () => {
     if (!document.hidden) void refresh();

@@ -138,7 +138,8 @@ interface TileProps {
 const Tile = memo(function Tile({ item, wide, age }: TileProps) {
   const { axis, need, alarms } = item;
   const words = needText(item) || t.needs.normal;
-  const label = [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
+  // A wide one says all this in its own text.
+  const label = wide ? undefined : [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
   return (
     <li>
       <a class={`tile ${need} prio-${alarms[0]?.priority ?? "none"}`} href={axisLink(axis.id)} aria-label={label} title={axis.id}>
