@@ -16,10 +16,12 @@ from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
+from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
 from service.store.tokens import TOKENS_FILE, TokenFile
 from service.texts import now_us
@@ -73,7 +75,9 @@ def run_daemon(
         extracts = _extracts(config)
         recording = Recording(recorder, extracts)
         stack.callback(recording.close)
-        worker, journal = _worker(config, core, compiled, readers, recording, stack, stop)
+        history = _history(config)
+        stack.callback(history.stop)
+        worker, journal = _worker(config, core, compiled, readers, recording, history, stack, stop)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
         for reader in readers.values():
@@ -83,12 +87,21 @@ def run_daemon(
             for reader in readers.values():
                 reader.start()
             worker.start()
+            history.start()
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             ready(url)
 
         pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
-        app = create_app(lambda: worker.snapshot, journal, reports=pages, access=access, extracts=extracts)
+        app = create_app(
+            lambda: worker.snapshot,
+            journal,
+            reports=pages,
+            access=access,
+            extracts=extracts,
+            history=history,
+            stopping=stop.is_set,
+        )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
     if worker.error is not None:
@@ -172,6 +185,7 @@ def _worker(
     compiled: Compiled,
     readers: Mapping[str, CanReader],
     recording: Recording,
+    history: HistoryRecording,
     stack: ExitStack,
     stop: threading.Event,
 ) -> tuple[Worker, Journal]:
@@ -193,9 +207,33 @@ def _worker(
     saver = Checkpointer(checkpoints, core.monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
     worker = Worker(
-        config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
+        config,
+        core,
+        buses,
+        recording,
+        alarms,
+        history,
+        saver,
+        compiled,
+        now_us,
+        restored.messages,
+        stop.set,
     )
     return worker, journal
+
+
+def _history(config: Config) -> HistoryRecording:
+    kept = config.service
+    ages_s: dict[Resolution, float] = {
+        "raw": kept.history_raw_days * 86400,
+        "minute": kept.history_minute_days * 86400,
+        "hour": kept.history_hour_days * 86400,
+        "day": kept.history_day_days * 86400,
+    }
+    bounds = Bounds(ages_s, kept.history_mb * 1e6)
+    return HistoryRecording(
+        lambda: HistoryStore(kept.state_dir / "history.sqlite", bounds), kept.history_interval_s
+    )
 
 
 def _extracts(config: Config) -> Extracts | None:

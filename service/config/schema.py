@@ -161,10 +161,18 @@ class ServiceConfig(Table):
     """folder of the alarm journal and the checkpoints, relative to the configuration file"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
-    history_interval_s: Positive = Field(1.0, le=3600)
+    history_interval_s: Positive = Field(10.0, le=3600)
     """time between points of the history [s]"""
-    history_length_s: Positive = Field(3600.0, le=604800)
-    """length of the history kept in memory [s]"""
+    history_raw_days: Positive = Field(7.0, le=36500)
+    """age of the points of the history [days]"""
+    history_minute_days: Positive = Field(60.0, le=36500)
+    """age of its minutes [days]"""
+    history_hour_days: Positive = Field(730.0, le=36500)
+    """age of its hours [days]"""
+    history_day_days: Positive = Field(3650.0, le=36500)
+    """age of its days [days]"""
+    history_mb: Real = Field(1000.0, ge=1)
+    """size of the file of the history; the oldest is removed [MB]"""
     recording_before_s: Positive = Field(120.0, le=3600)
     """raw frames before an alarm that are recorded with it, kept in memory until then [s]"""
     recording_after_s: Positive = Field(30.0, le=3600)

@@ -1,7 +1,5 @@
 """Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
 
-import math
-from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -11,18 +9,7 @@ from service.config import NamedAxis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline, Heat
-
-
-@dataclass(frozen=True, slots=True)
-class HistoryPoint:
-    """Estimates of an axis at one time, parameters in the order of its status."""
-
-    time_us: int
-    estimates: tuple[float, ...]
-    standard_deviations: tuple[float, ...]
-    g_up: tuple[float, ...]
-    g_down: tuple[float, ...]
-    nominals: tuple[float, ...]
+from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +34,6 @@ class AxisSnapshot:
     """Values that did not become a sample, by reason (monitor_core.sampling.DROP_REASONS)"""
     clock: Mapping[str, int]
     """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
-    history: tuple[HistoryPoint, ...]
-    """The last points, oldest first"""
     gated_by: str = ""
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
     outside_calibration: tuple[str, ...] = ()
@@ -109,51 +94,22 @@ class Snapshot:
     messages: tuple[str, ...] = ()
     alarms: AlarmsSnapshot = NO_ALARMS
     """What operators have done about the alarms"""
+    history: HistoryState = NO_HISTORY
+    """How the history is being written"""
 
     def axis(self, axis_id: str) -> AxisSnapshot | None:
         """The axis of that id."""
         return next((axis for axis in self.axes if axis.id == axis_id), None)
 
 
-# --- How they are made: status of the monitor, recent history of the estimates, alarms as they are shown -----------
-
-
-class RecentHistory:
-    """Estimates of an axis, one point in each interval of its sample time, the last ones of this length."""
-
-    def __init__(self, interval_s: float, length_s: float) -> None:
-        self._interval_us = round(interval_s * 1e6)
-        self._points = deque[HistoryPoint](maxlen=math.ceil(length_s / interval_s))
-        self.points: tuple[HistoryPoint, ...] = ()
-        """Oldest first, for snapshots"""
-
-    def add(self, status: AxisStatus) -> None:
-        """Append the newest status of the axis, if a point is due."""
-        t = status.time_us
-        # A clock that was set back leaves no gap of that length.
-        if t is None or (self._points and abs(t - self._points[-1].time_us) < self._interval_us):
-            return
-        self._points.append(_point(t, status))
-        self.points = tuple(self._points)
-
-
-def _point(t_us: int, status: AxisStatus) -> HistoryPoint:
-    ps = status.parameters
-    return HistoryPoint(
-        time_us=t_us,
-        estimates=tuple(p.estimate for p in ps),
-        standard_deviations=tuple(p.standard_deviation for p in ps),
-        g_up=tuple(p.g_up for p in ps),
-        g_down=tuple(p.g_down for p in ps),
-        nominals=tuple(p.nominal for p in ps),
-    )
+# --- How they are made: status of the monitor, alarms as they are shown ---------------------------------------------
 
 
 class AxisView:
     """Snapshots of one axis, from its input, its monitor and its alarms."""
 
     def __init__(
-        self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: RecentHistory
+        self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording
     ) -> None:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
         self._model = model = pipeline.monitors.by_id[axis.id].model
@@ -165,7 +121,8 @@ class AxisView:
         monitor = monitors.by_id[axis.id]
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
         status, open_alarms = monitor.status(), self._alarms.open(axis.id)
-        self._history.add(status)
+        gated_by = monitors.waits_for(axis.id)
+        self._history.take(axis.id, status, bool(gated_by))
         return AxisSnapshot(
             id=axis.id,
             robot=axis.robot,
@@ -179,8 +136,7 @@ class AxisView:
             open_alarms=open_alarms,
             dropped={**source.dropped, **monitors.dropped(axis.id)},
             clock=source.events,
-            history=self._history.points,
-            gated_by=monitors.waits_for(axis.id),
+            gated_by=gated_by,
             outside_calibration=monitors.outside_calibration(axis.id),
             heat=monitors.heat(axis.id),
             stamps=source.stamps,

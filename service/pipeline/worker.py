@@ -20,8 +20,9 @@ from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import Alarms, AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
-from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, RecentHistory, Snapshot
+from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot
 
 TICK_S = 0.1
 """Time between blocks and between snapshots: long enough for one call of the kernel to pay."""
@@ -112,6 +113,7 @@ class Worker:
         buses: sources of frames.
         recording: files that frames are recorded to.
         alarms: the way to the journal.
+        history: gets the status of all axes.
         checkpointer: the way to the checkpoints.
         compiled: until the kernel of the estimates is ready, frames wait in their queues.
         now_us: wall clock.
@@ -126,6 +128,7 @@ class Worker:
         buses: Sequence[BusIntake],
         recording: Recording,
         alarms: Alarms,
+        history: HistoryRecording,
         checkpointer: Checkpointer,
         compiled: Compiled,
         now_us: Callable[[], int],
@@ -137,8 +140,8 @@ class Worker:
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
         self._time = ProcessingTime()
         pipeline.monitors.defer_multimodel()
-        kept = config.service.history_interval_s, config.service.history_length_s
-        self._views = [AxisView(axis, pipeline, alarms, RecentHistory(*kept)) for axis in config.axes]
+        self._history = history
+        self._views = [AxisView(axis, pipeline, alarms, history) for axis in config.axes]
         self._started_us = now_us()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
@@ -222,7 +225,7 @@ class Worker:
         self.snapshot = self._snapshot()
 
     def _snapshot(self) -> Snapshot:
-        now_us = self._now_us()
+        now_us, history = self._now_us(), self._history.state()
         return Snapshot(
             taken_us=now_us,
             started_us=self._started_us,
@@ -230,13 +233,15 @@ class Worker:
             buses=tuple(bus.snapshot() for bus in self._buses),
             processing=self._time.histogram(),
             checkpoint_us=self._checkpointer.saved_us,
-            messages=self._all_messages(),
+            messages=self._all_messages(history),
             alarms=self._alarms.snapshot(now_us),
+            history=history,
         )
 
-    def _all_messages(self) -> tuple[str, ...]:
-        now = (self._alarms.problem, self._checkpointer.problem, *self._recording.problems)
+    def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
+        now = (self._alarms.problem, self._checkpointer.problem, history.problem, *self._recording.problems)
         compiling = [COMPILING] if self._waits() else []
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)
-        return (*compiling, *(problem for problem in now if problem), *self._messages)
+        problems = (problem for problem in now if problem)
+        return (*compiling, *problems, *self._messages, *history.messages)

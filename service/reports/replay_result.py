@@ -24,7 +24,7 @@ class ReplayedAxis(NamedTuple):
     """One axis after its records."""
 
     snapshot: AxisSnapshot
-    """As the daemon would have published it, without its recent history"""
+    """As the daemon would have published it"""
     alarms: Sequence[RecordedAlarm]
     """In the order in which they were raised"""
     notes: Sequence[str]
@@ -124,7 +124,6 @@ class Replay:
             open_alarms=tuple(alarm for alarm in alarms if alarm.active),
             dropped={**self._dropped[axis.id], **monitors.dropped(axis.id)},
             clock=self._clock[axis.id],
-            history=(),
             gated_by=monitors.waits_for(axis.id),
             outside_calibration=monitors.outside_calibration(axis.id),
             heat=monitors.heat(axis.id),

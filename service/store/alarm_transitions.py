@@ -2,7 +2,7 @@
 
 import sqlite3
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmState, Transition, transition
 
@@ -97,10 +97,26 @@ def taken(connection: sqlite3.Connection, alarm_id: int) -> list[RecordedTransit
     """The transitions of an alarm, oldest first."""
     columns = ", ".join(RecordedTransition._fields)
     query = f"SELECT {columns} FROM alarm_transition WHERE alarm_id = ? ORDER BY id"
-    return [
-        RecordedTransition(at_us, AlarmEvent(event), AlarmState(before), AlarmState(after), *rest)
-        for at_us, event, before, after, *rest in connection.execute(query, [alarm_id])
-    ]
+    return [_read(row) for row in connection.execute(query, [alarm_id])]
+
+
+def last_taken(connection: sqlite3.Connection) -> int:
+    """Number of the last transition; 0: there was none."""
+    return int(connection.execute("SELECT coalesce(max(id), 0) FROM alarm_transition").fetchone()[0])
+
+
+def taken_after(
+    connection: sqlite3.Connection, number: int, limit: int
+) -> list[tuple[int, int, RecordedTransition]]:
+    """The first transitions after this number: their numbers, their alarms, and they."""
+    columns = ", ".join(RecordedTransition._fields)
+    query = f"SELECT id, alarm_id, {columns} FROM alarm_transition WHERE id > ? ORDER BY id LIMIT ?"
+    return [(row[0], row[1], _read(row[2:])) for row in connection.execute(query, [number, limit])]
+
+
+def _read(row: tuple[Any, ...]) -> RecordedTransition:
+    at_us, event, before, after, *rest = row
+    return RecordedTransition(at_us, AlarmEvent(event), AlarmState(before), AlarmState(after), *rest)
 
 
 def end_shelf(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife, now_us: int) -> AlarmLife:

@@ -22,6 +22,11 @@ _COMPANIONS = ("-wal", "-shm")
 class StoreError(Exception):
     """The file cannot be opened, read or written; the text names it and says why."""
 
+    @property
+    def is_damage(self) -> bool:
+        """Whether the file is damaged: opened again, it is quarantined."""
+        return self.__cause__ is not None and _is_damage(self.__cause__)
+
 
 class StoreInUseError(StoreError):
     """Another process, or another object of this one, has the file open for writing."""

@@ -35,8 +35,10 @@ from service.store.alarm_transitions import (
     Note,
     RecordedTransition,
     end_shelf,
+    last_taken,
     take,
     taken,
+    taken_after,
 )
 from service.store.database import Database
 
@@ -269,6 +271,21 @@ class Journal:
         """What has happened to an alarm, oldest first."""
         with self._db.read() as connection:
             return taken(connection, alarm_id)
+
+    def last_transition(self) -> int:
+        """Number of the last transition of any alarm; 0: there was none."""
+        with self._db.read() as connection:
+            return last_taken(connection)
+
+    def transitions_after(
+        self, number: int, limit: int
+    ) -> list[tuple[int, RecordedTransition, RecordedAlarm]]:
+        """The first transitions after this number, with their numbers and their alarms as they are now."""
+        with self._db.read() as connection:
+            found = taken_after(connection, number, limit)
+            alarms = {alarm_id: _get(connection, alarm_id) for _, alarm_id, _ in found}
+        known = ((n, transition, alarms[alarm_id]) for n, alarm_id, transition in found)
+        return [(n, transition, alarm) for n, transition, alarm in known if alarm is not None]
 
     def get(self, alarm_id: int) -> RecordedAlarm | None:
         """The alarm of that id."""

@@ -1,25 +1,21 @@
-"""REST under /api/v1: axes with their estimates, their history, the daemon itself; alarms: alarm_routes.py."""
+"""REST under /api/v1: axes with their estimates, the daemon itself; what has files of its own."""
 
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from service.pipeline.snapshot import AxisSnapshot
-from service.texts import microseconds
 from service.web import models, views
-from service.web.alarm_routes import Moment
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
-from service.web.problem_details import UnknownResourceError, described
+from service.web.event_stream import router as event_router
+from service.web.history_routes import router as history_router
+from service.web.problem_details import described
 from service.web.recording_routes import router as recording_router
 
 _NOT_FOUND = described(404, "It does not exist")
 _LONGEST_S = 1.0
 """All pages that are open ask for all axes once a second: one answer is made for them."""
 
-Points = Annotated[
-    int, Query(ge=1, le=100_000, description="maximum number of points; the last ones are returned")
-]
 Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
 ]
@@ -30,7 +26,9 @@ def router(state: AppState) -> APIRouter:
     """The routes below /api/v1."""
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
+    api.include_router(history_router(state), tags=["axes"])
     api.include_router(alarm_router(state), tags=["alarms"])
+    api.include_router(event_router(state), tags=["events"])
     api.include_router(recording_router(state.extracts), tags=["recordings"])
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
@@ -55,18 +53,7 @@ def _axes(state: AppState) -> APIRouter:
     @api.get("/axes/{axis}", summary="One axis", responses=_NOT_FOUND)
     def axis(axis: str) -> models.Axis:
         """One axis, by its id robot.axis."""
-        return views.axis(_axis(state, axis), state.now_us())
-
-    @api.get("/axes/{axis}/history", summary="History of an axis", responses=_NOT_FOUND)
-    def history(
-        axis: str,
-        parameter: Only = None,
-        since: Moment = None,
-        limit: Points = 3600,
-    ) -> models.History:
-        """The last points of an axis after since, oldest first, in columns."""
-        found = _axis(state, axis, parameter)
-        return views.history(found, parameter, microseconds(since), limit)
+        return views.axis(state.axis(axis), state.now_us())
 
     @api.get("/axes/{axis}/trend", summary="Long-term trend of an axis", responses=_NOT_FOUND)
     def trend(
@@ -75,18 +62,6 @@ def _axes(state: AppState) -> APIRouter:
         points: Entries = 1200,
     ) -> models.Trend:
         """Drift of the parameters, when they reach their limits, and the hourly means behind it."""
-        return views.trend(_axis(state, axis, parameter), parameter, points)
+        return views.trend(state.axis(axis, parameter), parameter, points)
 
     return api
-
-
-def _axis(state: AppState, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
-    """The axis of that id, checked to monitor ``parameter`` if one is given."""
-    snapshot = state.snapshot()
-    found = snapshot.axis(axis_id)
-    if found is None:
-        raise UnknownResourceError(f"there is no axis {axis_id!r}", [axis.id for axis in snapshot.axes])
-    names = [p.name for p in found.status.parameters]
-    if parameter is not None and parameter not in names:
-        raise UnknownResourceError(f"{axis_id} has no monitored parameter {parameter!r}", names)
-    return found

@@ -10,6 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
+from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
@@ -37,6 +38,8 @@ def create_app(
     reports: ReportPages | None = None,
     access: Access | None = None,
     extracts: Extracts | None = None,
+    history: HistoryRecording | None = None,
+    stopping: Callable[[], bool] = lambda: False,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
 
@@ -47,9 +50,11 @@ def create_app(
         reports: pages of the commissioning.
         access: who may ask; default: everyone on this machine.
         extracts: recordings of the frames around alarms.
+        history: of the axes.
+        stopping: whether the daemon ends.
     """
     access = access or Access()
-    state = AppState(snapshot, journal, access, now_us, reports, extracts)
+    state = AppState(snapshot, journal, access, now_us, reports, extracts, history, stopping)
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
@@ -155,7 +160,7 @@ def _answer_errors(app: FastAPI) -> None:
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:
-        return answer(503, f"the alarm journal cannot be read or written: {error}")
+        return answer(503, f"a file of the daemon cannot be read or written: {error}")
 
     @app.exception_handler(HTTPException)
     async def no_such_path(request: Request, error: HTTPException) -> JSONResponse:

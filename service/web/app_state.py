@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Generic, TypeVar
 
+from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.journal import Journal
 from service.texts import now_us
 from service.web.access import Access
+from service.web.problem_details import UnknownResourceError
 from service.web.report_pages import ReportPages
 
 VERSION = version("axiswatch")
@@ -26,6 +28,24 @@ class AppState:
     now_us: Callable[[], int] = now_us
     reports: ReportPages | None = None
     extracts: Extracts | None = None
+    history: HistoryRecording | None = None
+    stopping: Callable[[], bool] = lambda: False
+    """Whether the daemon ends: streams end then"""
+
+    def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
+        """The axis of that id now, checked to monitor ``parameter`` if one is given.
+
+        Raises:
+            UnknownResourceError: there is no such axis or parameter.
+        """
+        snapshot = self.snapshot()
+        found = snapshot.axis(axis_id)
+        if found is None:
+            raise UnknownResourceError(f"there is no axis {axis_id!r}", [axis.id for axis in snapshot.axes])
+        names = [p.name for p in found.status.parameters]
+        if parameter is not None and parameter not in names:
+            raise UnknownResourceError(f"{axis_id} has no monitored parameter {parameter!r}", names)
+        return found
 
     @property
     def recordings(self) -> RecordingFolder | None:

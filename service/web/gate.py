@@ -123,6 +123,9 @@ class Gate:
                 await self._app(inner, exchange.receive, exchange.send)
         except TimeoutError:
             exchange.limit = None
+            if exchange.is_stream:
+                log.info("event stream ended: its client does not read", who=who.name)
+                return
             if exchange.status is not None:
                 raise
             detail = f"not complete, or not answered, within {LONGEST_REQUEST_S:g} s"
@@ -137,6 +140,8 @@ class _Exchange:
         self.scope, self._receive, self._send = scope, receive, send
         self.status: int | None = None
         self.limit: asyncio.Timeout | None = None
+        self.is_stream = False
+        """Whether it is a stream of events, which has no end"""
         self._received = 0
         self._endless = "transfer-encoding" in Headers(scope=scope)
 
@@ -160,6 +165,7 @@ class _Exchange:
             if self.limit is not None:
                 self.limit.reschedule(asyncio.get_running_loop().time() + LONGEST_ANSWER_S)
             headers = MutableHeaders(scope=message)
+            self.is_stream = headers.get("content-type", "").startswith("text/event-stream")
             for name, value in _HEADERS.items():
                 headers.setdefault(name, value)
             # Files change with the next version: the browser must ask each time.  Data is for nobody to keep.
@@ -169,6 +175,10 @@ class _Exchange:
             if self._endless:
                 headers["connection"] = "close"  # else the server would read all of what is not wanted
         await self._send(message)
+        if (
+            self.is_stream and self.limit is not None and not self.limit.expired()
+        ):  # as long as its client reads
+            self.limit.reschedule(asyncio.get_running_loop().time() + LONGEST_REQUEST_S)
 
 
 def _too_large(headers: Headers) -> JSONResponse | None:

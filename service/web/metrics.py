@@ -18,8 +18,9 @@ from prometheus_client.registry import Collector
 from prometheus_client.utils import floatToGoString
 
 from monitor_core.detection import DIRECTIONS, Reach, Stage
-from monitor_core.monitoring import PRIORITIES, AlarmState, DetectorStatus, Observation, ParameterStatus
+from monitor_core.monitoring import PRIORITIES, AlarmState, DetectorStatus, ParameterStatus
 from monitor_core.trend import Trend
+from service.pipeline.history_recording import OBSERVABILITY
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.web.app_state import VERSION, Latest, age_s, sample_age_s
 
@@ -77,6 +78,7 @@ _GAUGES = {
     "bus": {"bus_up": "1 while the bus can be read, else 0."},
     "": {
         "alarms_not_recorded": "Alarms of which the journal does not have all yet, as the disk refuses it.",
+        "history_waiting_points": "Points of the history that are not yet in its file.",
         "snapshot_age_seconds": "Time since the worker last reported, in seconds.",
         "checkpoint_age_seconds": "Time since the state of the monitors was last saved, in seconds; absent before the "
         "first time.",
@@ -99,6 +101,7 @@ _COUNTERS = {
     "axis cause": {
         "clock_restarts": "Restarts of the time base of the samples: the controller restarted, or a clock was set.",
     },
+    "reason": {"history_dropped_points": "Points of the history that were dropped."},
     "bus": {"frames": "Frames received."},
     "bus reason": {"frames_dropped": "Frames that were dropped."},
 }
@@ -223,6 +226,9 @@ def _of_axes(snapshot: Snapshot) -> Iterator[_Family]:
     yield from _samples(snapshot.axes)
     yield from _trends(snapshot.axes)
     yield from _buses(snapshot)
+    history = snapshot.history
+    yield _Family("history_waiting_points", [((), history.waiting)])
+    yield _Family("history_dropped_points", (((reason,), n) for reason, n in history.dropped.items()))
 
 
 def _ages(snapshot: Snapshot, now_us: int) -> Iterator[_Family]:
@@ -238,9 +244,6 @@ def _by_reason(name: str, counts: Iterable[tuple[str, Mapping[str, int]]]) -> _F
     return _Family(name, (((owner, reason), n) for owner, numbers in counts for reason, n in numbers.items()))
 
 
-_OBSERVED = {Observation.OBSERVED: 1.0, Observation.WEAK: 0.5, Observation.UNSEEN: 0.0}
-
-
 def _parameters(axes: _Axes) -> Iterator[_Family]:
     known = [((axis.id, p.name), p) for axis in axes for p in axis.status.parameters]
 
@@ -251,7 +254,7 @@ def _parameters(axes: _Axes) -> Iterator[_Family]:
     yield gauge("parameter_nominal", lambda p: p.nominal)
     yield gauge("parameter_standard_deviation", lambda p: p.standard_deviation)
     yield gauge("parameter_p_diagonal", lambda p: p.p_diagonal)
-    yield gauge("parameter_observed", lambda p: _OBSERVED[p.observation])
+    yield gauge("parameter_observed", lambda p: OBSERVABILITY[p.observation])
     yield gauge("parameter_tested", lambda p: p.tested)
     yield gauge("parameter_tested_seconds", lambda p: p.tested_s)
     g = ((labels, {"up": p.g_up, "down": p.g_down}) for labels, p in known)

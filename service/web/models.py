@@ -7,6 +7,7 @@ from pydantic import AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Fiel
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, NotTested, Observation, Priority, Status
+from service.store.history_store import Resolution
 from service.texts import iso
 
 
@@ -182,24 +183,48 @@ class Axes(Body):
     axes: list[Axis]
 
 
+class HistoryColumn(Body):
+    """A quantity over time, one number for each entry of ``time``; null where n is 0, or it is not finite."""
+
+    unit: str
+    mean: list[Number] = Field(description="in unit, over all points of the row")
+    min: list[Number] = Field(description="in unit")
+    max: list[Number] = Field(description="in unit")
+
+
 class ParameterHistory(Body):
     """History of a parameter in columns; one row for each entry of ``time``."""
 
     name: str
     unit: str
-    nominal: Number = Field(description="present value, in the parameter's unit")
-    nominals: list[Number] = Field(description="at each time, in the parameter's unit")
-    estimate: list[Number] = Field(description="in the parameter's unit")
-    standard_deviation: list[Number] = Field(description="in the parameter's unit")
-    cusum_up: list[Number] = Field(description="in the parameter's unit times samples")
-    cusum_down: list[Number] = Field(description="in the parameter's unit times samples")
+    nominal: Number = Field(
+        description="present value, in the parameter's unit; null: it is no longer monitored"
+    )
+    n: list[int] = Field(
+        description="points in the row; 0: none, as there were no samples, or the axis was learning or paused, or the"
+        " estimate was invalid"
+    )
+    estimate: HistoryColumn
+    deviation: HistoryColumn = Field(description="estimate - nominal value of that time")
+    standard_deviation: HistoryColumn = Field(description="of the estimate")
+    cusum_up: HistoryColumn = Field(description="g for an increase")
+    cusum_down: HistoryColumn = Field(description="g for a decrease")
+    threshold: HistoryColumn = Field(description="h of both")
+    observability: HistoryColumn = Field(
+        description="1 as at commissioning, 0.5 weak, 0 not observed; then the estimate is the last that was observed"
+    )
 
 
 class History(Body):
-    """The last points of the history of an axis, oldest first."""
+    """The history of an axis, oldest first; a row without any point is the beginning of a gap."""
 
     axis: str
-    time: list[Time] = Field(description="UTC")
+    resolution: Resolution = Field(description="what the rows were made of: points, minutes, hours, days")
+    step_s: Number = Field(description="length of a row [s]")
+    next: Time | None = Field(
+        description="with resolution: there are more rows, from this time on: ask again with it as since; null: all"
+    )
+    time: list[Time] = Field(description="begin of each row, UTC")
     parameters: list[ParameterHistory]
 
 
@@ -386,6 +411,13 @@ class AlarmRecord(Alarm):
     """An alarm with all that has happened to it."""
 
     transitions: list[AlarmTransition] = Field(description="oldest first")
+
+
+class AlarmChange(Body):
+    """The data of an event `alarm`."""
+
+    alarm: Alarm = Field(description="as it is when the event is sent")
+    transition: AlarmTransition
 
 
 class AlarmNote(Body):

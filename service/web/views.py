@@ -8,7 +8,7 @@ from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from service.pipeline.alarm_recording import NOT_RECORDED
-from service.pipeline.snapshot import AxisSnapshot, HistoryPoint, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
 from service.store.alarm_transitions import RecordedTransition
 from service.store.journal import RecordedAlarm
@@ -75,31 +75,6 @@ def parameter(p: ParameterStatus) -> models.Parameter:
     )
 
 
-def history(
-    a: AxisSnapshot, parameter: str | None = None, since_us: int | None = None, limit: int = 3600
-) -> models.History:
-    """The last ``limit`` points of an axis after ``since_us``, of one parameter or of all."""
-    points = [point for point in a.history if since_us is None or point.time_us > since_us][-limit:]
-    wanted = [(i, p) for i, p in enumerate(a.status.parameters) if parameter is None or p.name == parameter]
-    return models.History(
-        axis=a.id,
-        time=[iso(point.time_us) for point in points],
-        parameters=[_history(p, i, points) for i, p in wanted],
-    )
-
-
-def _history(p: ParameterStatus, i: int, points: Sequence[HistoryPoint]) -> models.ParameterHistory:
-    return _body(
-        models.ParameterHistory,
-        p,
-        nominals=[point.nominals[i] for point in points],
-        estimate=[point.estimates[i] for point in points],
-        standard_deviation=[point.standard_deviations[i] for point in points],
-        cusum_up=[point.g_up[i] for point in points],
-        cusum_down=[point.g_down[i] for point in points],
-    )
-
-
 def trend(a: AxisSnapshot, parameter: str | None = None, points: int = 1200) -> models.Trend:
     """Long-term trends of an axis, each with at most ``points`` entries."""
     return models.Trend(
@@ -144,8 +119,13 @@ def alarm_record(
     a: RecordedAlarm, transitions: Iterable[RecordedTransition], now_us: int, recording: str | None
 ) -> models.AlarmRecord:
     """One alarm with its transitions and the name of its recording."""
-    found = [_body(models.AlarmTransition, t) for t in transitions]
+    found = [alarm_transition(t) for t in transitions]
     return _alarm(models.AlarmRecord, a, now_us, transitions=found, recording=recording)
+
+
+def alarm_transition(t: RecordedTransition) -> models.AlarmTransition:
+    """What has happened to an alarm."""
+    return _body(models.AlarmTransition, t)
 
 
 def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:

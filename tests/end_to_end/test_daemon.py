@@ -69,7 +69,7 @@ def test_estimates_alarm_and_metrics_come_out_and_a_replay_of_the_record_gives_t
         assert {p["name"]: p["status"] for p in last[1]["parameters"]}["fm"] == "alarm"
         assert alarm_sources(last) == DETECTORS
         metrics = d.text("metrics")
-        assert d.get("api/v1/axes/demo.axis1/history")["time"]
+        assert wait_for(lambda: d.get("api/v1/axes/demo.axis1/history")["time"])
         assert d.stop() == 0
     for value in (
         'alarm_active{axis="demo.axis2",direction="up",parameter="fm"} 1.0',

@@ -104,7 +104,7 @@ def test_the_environment_wins(file: Path) -> None:
     assert (config.web.certificate, config.web.key) == (file.parent / "tls" / "own.crt", Path("/etc/own.key"))
     assert config.service.state_dir == file.parent / "elsewhere"
     assert config.service.history_interval_s == 2.5
-    assert config.service.history_length_s == 3600
+    assert (config.service.history_raw_days, config.service.history_mb) == (7, 1000)
     assert load(file, {"AXISWATCH_SERVICE__STATE_DIR": "2026"}).service.state_dir.name == "2026"
     file.write_text(BASE.replace("[web]\nport = 8080\n", ""), encoding="utf-8")
     assert load(file, {"AXISWATCH_WEB__PORT": "1234"}).web.port == 1234
@@ -119,7 +119,7 @@ def test_the_environment_wins(file: Path) -> None:
         ("AXISWATCH_WEB__PORT", "99999", "must be at most 65535"),
         ("AXISWATCH_WEB__PROT", "1", 'unknown key: did you mean "port"'),
         ("axiswatch_Web__prot", "1", 'unknown key: did you mean "port"'),
-        ("AXISWATCH_SERVICE__HISTORY_LENGTH_S", "-1", "must be greater than 0"),
+        ("AXISWATCH_SERVICE__HISTORY_RAW_DAYS", "-1", "must be greater than 0"),
         ("AXISWATCH_WEB__OPEN_METRICS", "perhaps", "must be true or false"),
         ("AXISWATCH_WEB__HOSTS", "plant:8080", "must be a name or an address, without port"),
         ("AXISWATCH_WEB__HOSTS", "a,[::1]", "must be a name or an address, without port"),

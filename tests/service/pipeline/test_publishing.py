@@ -1,21 +1,17 @@
-"""Points of the history and times of processing; alarms are shown though the disk is full, and are recorded later."""
+"""Times of processing; alarms are shown though the disk is full, and are recorded later."""
 
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from monitor_core.detection import Alarm
-from monitor_core.modeling.standard_drives import reference_model
-from monitor_core.monitoring import AlarmEvent, AlarmRules, AxisMonitor, AxisStatus
-from monitor_core.settings import Settings
+from monitor_core.monitoring import AlarmEvent, AlarmRules
 from service.config import load
 from service.config.schema_model import AlarmsConfig
 from service.pipeline.alarm_recording import NOT_RECORDED, RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
-from service.pipeline.snapshot import RecentHistory
 from service.pipeline.worker import BOUNDS_S, ProcessingTime
 from service.store import database
 from service.store.alarm_transitions import Note
@@ -138,37 +134,6 @@ def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journ
     with locked(path):
         alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
     assert alarms.open(AXIS) == (episode(),)
-
-
-# --- points of the history ----------------------------------------------------------------------------------
-
-
-FACTS = AxisMonitor(reference_model(), Settings.paper(interval_s=0.005)).status()
-
-
-def at(t_us: int | None) -> AxisStatus:
-    return replace(FACTS, time_us=t_us)
-
-
-def times(keeper: RecentHistory) -> list[int]:
-    return [point.time_us for point in keeper.points]
-
-
-def test_points_of_the_history() -> None:
-    """One each interval of the samples' time, no hole after a clock set back, and not much more than the length."""
-    keeper = RecentHistory(1.0, 3600.0)
-    for t_us in (None, 0, 400_000, 999_999, 1_000_000, 1_100_000, 5_000_000):
-        keeper.add(at(t_us))
-    assert times(keeper) == [0, 1_000_000, 5_000_000]
-    keeper = RecentHistory(1.0, 3600.0)
-    for t_us in (10_000_000, 2_000_000, 2_500_000, 3_000_000):
-        keeper.add(at(t_us))
-    assert times(keeper) == [10_000_000, 2_000_000, 3_000_000]
-    keeper = RecentHistory(0.5, 100.0)
-    for k in range(1000):
-        keeper.add(at(k * 500_000))
-        assert len(times(keeper)) >= min(k + 1, 200)
-    assert len(times(keeper)) <= 200 + 2 * 60
 
 
 def test_processing_times_are_counted_by_their_upper_bounds() -> None:

@@ -18,10 +18,12 @@ from service.pipeline import worker as worker_module
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer, states_of
+from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
+from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
 from service.store.journal import Journal, RecordedAlarm
 from tests.end_to_end.processes import wait_for
 from tests.service.ingest.test_can_logs import fill_the_disk
@@ -43,12 +45,17 @@ class Bench:
         self.failed = threading.Event()
         monitors = self.core.monitors
         self.recording = Recording(recorder)
+        bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
+        self.history = HistoryRecording(
+            lambda: HistoryStore(folder / "history.sqlite", bounds), config.service.history_interval_s
+        )
         self.worker = Worker(
             config,
             self.core,
             [BusIntake("can0", reader, self.core.ingests["can0"], self.recording)],
             self.recording,
             Alarms(self.journal, quantities(monitors.by_id)),
+            self.history,
             Checkpointer(
                 self.checkpoints, monitors, config.service.checkpoint_interval_s, None, lambda: NOW_US
             ),
@@ -70,6 +77,7 @@ class Bench:
         return self.worker
 
     def close(self) -> None:
+        self.history.stop()
         self.journal.close()
         self.checkpoints.close()
 

@@ -27,8 +27,10 @@ from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
+from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts
-from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, Snapshot
+from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
 from service.web.access import Access
@@ -105,14 +107,28 @@ DETECTORS = (
 NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N m s/rad"), "kT": (1.0, "1")}
 
 
-def history(points: int) -> tuple[HistoryPoint, ...]:
-    course = list[HistoryPoint]()
-    for k in range(points):
-        time_us = NOON_US - (points - 1 - k) * 1_000_000
-        estimates, nominals = (1.0, 0.01, 0.06 + k * 1e-4), (1.0, 0.01, 0.06)
-        point = HistoryPoint(time_us, estimates, (0.1, 0.2, 0.3), (k, 0, 0), (0, k, 0), nominals)
-        course.append(point)
-    return tuple(course)
+INTERVAL_S = 10
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Iterator[HistoryRecording]:
+    """A hundred points of all parameters of the first axis until noon; five minutes lack before the last ten."""
+    bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
+    recording = HistoryRecording(lambda: HistoryStore(tmp_path / "history.sqlite", bounds), INTERVAL_S)
+    recording.write()
+    assert recording.store is not None
+    series = [Series("demo.axis1", p.name, p.unit) for p in PARAMETERS]
+    recording.store.add([Point(s, t, point_values(k)) for k, t in enumerate(HISTORY_TIMES) for s in series])
+    yield recording
+    recording.stop()
+
+
+HISTORY_TIMES = [NOON_US // 1_000_000 - 10 * (99 - k) - (300 if k < 90 else 0) for k in range(100)]
+
+
+def point_values(k: int) -> tuple[float, ...]:
+    """Of point k: estimate to observability."""
+    return 0.06 + k / 1024, k / 1024, 0.125, float(k), 0.0, 1.25, 0.5
 
 
 def monitored_axis(name: str = "axis1") -> AxisSnapshot:
@@ -132,7 +148,6 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         open_alarms=(FM_ALARM,),
         dropped=dropped,
         clock={"clock_reanchored": 3},
-        history=history(100),
         stamps=Stamps("cyclic", 0.00041, 0.0050002),
         trends=slow_courses(),
         heat=Heat(12.5, 0.25, known=True),
@@ -155,7 +170,7 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     )
     silent = tuple(replace(d, leading="", evidence=0.0) for d in DETECTORS)
     facts = AxisStatus(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
-    axis = replace(monitored_axis(name), bus="can1", status=facts, open_alarms=(), history=())
+    axis = replace(monitored_axis(name), bus="can1", status=facts, open_alarms=())
     unknown = tuple(ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS)
     return replace(
         axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN, trends=unknown, histories_lost=1
@@ -187,6 +202,8 @@ class Stage:
     reports: ReportPages | None = None
     access: Access | None = None
     extracts: Extracts | None = None
+    history: HistoryRecording | None = None
+    stopping: bool = False
 
     def app(self) -> FastAPI:
         return create_app(
@@ -196,6 +213,8 @@ class Stage:
             self.reports,
             self.access,
             self.extracts,
+            self.history,
+            lambda: self.stopping,
         )
 
     def client(self) -> TestClient:
@@ -232,9 +251,9 @@ def serving(stage: Stage) -> Iterator[str]:
 
 
 @pytest.fixture
-def stage(tmp_path: Path) -> Iterator[Stage]:
+def stage(tmp_path: Path, history: HistoryRecording) -> Iterator[Stage]:
     journal = Journal(tmp_path / "alarms.sqlite")
-    yield Stage(journal)
+    yield Stage(journal, history=history)
     journal.close()
 
 

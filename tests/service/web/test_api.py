@@ -113,25 +113,6 @@ def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) 
     assert body["innovation_variance"] is None
 
 
-def test_history_comes_in_columns(client: TestClient) -> None:
-    body = get(client, "/api/v1/axes/demo.axis1/history")
-    assert len(body["time"]) == 100
-    assert body["time"][-1] == "2026-03-01T12:00:00.000000Z"
-    kT, Ja, fm = body["parameters"]
-    assert (kT["name"], Ja["unit"], fm["nominal"]) == ("kT", "1/(kg m^2)", 0.06)
-    assert fm["estimate"] == pytest.approx([0.06 + k * 1e-4 for k in range(100)])
-    assert kT["cusum_up"] == list(range(100))
-    assert Ja["cusum_down"] == list(range(100))
-    assert kT["standard_deviation"] == [0.1] * 100
-    assert Ja["nominals"] == [0.01] * 100
-    path = "/api/v1/axes/demo.axis1/history?parameter=1/Ja&since=2026-03-01T11:59:57Z"
-    body = get(client, path)
-    assert [t[17:19] for t in body["time"]] == ["58", "59", "00"]
-    assert [course["name"] for course in body["parameters"]] == ["1/Ja"]
-    assert get(client, f"{path}&limit=1")["time"] == ["2026-03-01T12:00:00.000000Z"]
-    assert get(client, "/api/v1/axes/demo.axis2/history")["time"] == []
-
-
 def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: TestClient) -> None:
     trend = client.get("/api/v1/axes/demo.axis1/trend?points=50").json()
     assert (trend["axis"], trend["interval_s"], trend["lost"]) == ("demo.axis1", 3600.0, 0)
@@ -267,7 +248,7 @@ def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alar
 
 def test_a_journal_that_cannot_be_read_is_said(stage: Stage, client: TestClient) -> None:
     stage.journal.close()
-    assert "journal cannot be read" in get(client, "/api/v1/alarms", status=503)["detail"]
+    assert "alarms.sqlite: it has been closed" in get(client, "/api/v1/alarms", status=503)["detail"]
     assert get(client, "/api/v1/axes")["axes"]
 
 

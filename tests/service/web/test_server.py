@@ -172,7 +172,8 @@ def test_all_is_explained(schema: dict[str, Any]) -> None:
     """All paths are covered; numbers tell their unit or what they count."""
     actions = {f"/api/v1/alarms/{{id}}/{action}" for action in ACTIONS}
     recordings = {"/api/v1/recordings": {"get", "post"}, "/api/v1/recordings/{name}": {"get"}}
-    assert set(schema["paths"]) == {*PATHS, *actions, *recordings, "/metrics"}
+    files = {f"/api/v1/axes/{{axis}}/history.{kind}" for kind in ("csv", "parquet")}
+    assert set(schema["paths"]) == {*PATHS, *actions, *recordings, *files, "/metrics", "/api/v1/events"}
     silent = [
         f"{name}.{field}"
         for name, body in schema["components"]["schemas"].items()

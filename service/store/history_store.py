@@ -1,0 +1,214 @@
+"""The history of all parameters in an SQLite file: points, and their roll-ups to minutes, hours and days.
+
+Points and roll-ups are written in one transaction: whatever ends the process, a point is in all of them or in none.
+"""
+
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from monitor_core.arrays import Ints
+from service.store.database import Database
+from service.store.history_rows import NO_ROWS, Rows, is_packed, joined, merged, packed, points, unpacked
+
+Resolution = Literal["raw", "minute", "hour", "day"]
+RESOLUTIONS: tuple[Resolution, ...] = get_args(Resolution)
+PERIODS_S: Mapping[Resolution, int] = {"raw": 1, "minute": 60, "hour": 3600, "day": 86400}
+"""Length of a row"""
+
+MOST_PRUNED = 2000
+"""Rows of a parameter and a resolution that are deleted at once: a clock that is ahead for a moment costs no more."""
+SHARE_PRUNED = 60
+"""Part of the parameters that is looked at after each write."""
+_CUT = 100
+"""Part of the largest table that is deleted where the file is too large."""
+_BYTES_PER_S: Mapping[Resolution, float] = {"raw": 5, "minute": 2.5, "hour": 0.04, "day": 0.002}
+"""About, of each parameter, where there is a point each 10 s: only to find the largest table"""
+
+_TABLE = """
+    CREATE TABLE {} (
+        series INTEGER NOT NULL, t INTEGER NOT NULL, n INTEGER NOT NULL, cells BLOB NOT NULL,
+        PRIMARY KEY (series, t)
+    ) STRICT, WITHOUT ROWID;
+"""
+MIGRATIONS = (
+    """
+    CREATE TABLE series (
+        id INTEGER PRIMARY KEY,
+        axis TEXT NOT NULL,
+        parameter TEXT NOT NULL,
+        unit TEXT NOT NULL,
+        UNIQUE (axis, parameter, unit)
+    ) STRICT;
+    """
+    + "".join(map(_TABLE.format, RESOLUTIONS)),
+)
+
+
+class Bounds(NamedTuple):
+    """How much is kept: the age of each resolution [s], the size of the file [bytes]."""
+
+    age_s: Mapping[Resolution, float]
+    size_bytes: float
+
+
+class Series(NamedTuple):
+    """What a row belongs to."""
+
+    axis: str
+    parameter: str
+    unit: str
+
+
+class Point(NamedTuple):
+    """The quantities of a parameter at a time [s since 1970], in the order of ``QUANTITIES``."""
+
+    series: Series
+    t: int
+    values: Sequence[float]
+
+
+class HistoryStore:
+    """The history in a file, one writer; may be read from any thread at any time.
+
+    Every method raises StoreError where the file cannot be read or written.
+
+    Raises:
+        StoreInUseError: another daemon writes to this file.
+        StoreError: the file cannot be opened.
+    """
+
+    def __init__(self, path: Path, bounds: Bounds) -> None:
+        self._db = Database(path, MIGRATIONS, "NORMAL")
+        self.messages = self._db.messages
+        self._bounds = bounds
+        self._ids: dict[Series, int] = {}
+        self._pruned = 0
+
+    def add(self, found: Sequence[Point]) -> None:
+        """Add points, and add them to their minutes, hours and days: all or none."""
+        ids = dict(self._ids)
+        with self._db.write() as connection:
+            series = np.array([_series_id(connection, ids, point.series) for point in found], np.int64)
+            rows = points([point.t for point in found], [point.values for point in found])
+            for table in RESOLUTIONS:
+                _roll_up(connection, table, series, rows)
+        self._ids = ids
+
+    def prune(self, now_s: float) -> None:
+        """Delete some of what is too old, and, where the file is too large, the oldest of what takes most of it.
+
+        To be called after each ``add``: each call does a part, so that none takes long.
+        """
+        with self._db.write() as connection:
+            ids = [row[0] for row in connection.execute("SELECT id FROM series ORDER BY id")]
+            share = -(-len(ids) // SHARE_PRUNED)
+            part = [ids[(self._pruned + k) % len(ids)] for k in range(share)]
+            self._pruned += share
+            for table, age_s in self._bounds.age_s.items():
+                _delete(connection, table, part, now_s - age_s)
+            if _used_bytes(connection) > self._bounds.size_bytes:
+                _cut(connection, ids)
+
+    @contextmanager
+    def read(self) -> Iterator["HistoryView"]:
+        """A view of this moment."""
+        with self._db.read() as connection:
+            yield HistoryView(connection)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+
+class HistoryView:
+    """One consistent view of the file."""
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self._connection = connection
+
+    def series(self, axis: str, parameter: str | None) -> dict[int, Series]:
+        """The series of an axis, or of one of its parameters, by number."""
+        query = "SELECT id, axis, parameter, unit FROM series WHERE axis = ?1 AND ?2 IN (parameter, '') ORDER BY id"
+        return {row[0]: Series(*row[1:]) for row in self._connection.execute(query, [axis, parameter or ""])}
+
+    def ends(self, table: Resolution, ids: Iterable[int]) -> tuple[int, int] | None:
+        """Begin of the oldest and of the newest row of these series [s]; None without any."""
+        return _ends(self._connection, table, ids)
+
+    def rows(
+        self, table: Resolution, series: int, since_s: int, until_s: int, most: int | None = None
+    ) -> Rows:
+        """The rows of a series that begin at or after ``since_s`` and before ``until_s``, the first ``most``."""
+        query = f"SELECT t, n, cells FROM {table} WHERE series = ? AND t >= ? AND t < ? ORDER BY t LIMIT ?"
+        values = [series, since_s, until_s, -1 if most is None else most]
+        return _rows(self._connection.execute(query, values).fetchall())
+
+
+def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: Series) -> int:
+    """The number of a series, which is inserted if it is new."""
+    if series not in ids:
+        connection.execute("INSERT OR IGNORE INTO series (axis, parameter, unit) VALUES (?, ?, ?)", series)
+        query = "SELECT id FROM series WHERE axis = ? AND parameter = ? AND unit = ?"
+        ids[series] = int(connection.execute(query, series).fetchone()[0])
+    return ids[series]
+
+
+def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, rows: Rows) -> None:
+    """Merge rows with those of the table that are there already."""
+    new, owners = merged(rows, PERIODS_S[table], series)
+    keys = list(zip(owners.tolist(), new.t.tolist(), strict=True))
+    query = f"SELECT n, cells FROM {table} WHERE series = ? AND t = ?"
+    answers = [(s, t, connection.execute(query, (s, t)).fetchone()) for s, t in keys]
+    known = [(s, t, *row) for s, t, row in answers if row is not None]
+    if known:
+        before = _rows([row[1:] for row in known])
+        both = joined([before, new]), np.r_[np.array([row[0] for row in known], np.int64), owners]
+        new, owners = merged(both[0], PERIODS_S[table], both[1])
+    columns = owners.tolist(), new.t.tolist(), new.n.tolist(), packed(new)
+    connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?, ?)", zip(*columns, strict=True))
+
+
+def _rows(found: Iterable[tuple[int, int, bytes]]) -> Rows:
+    """The rows; those with numbers that do not fit their count are left out."""
+    sound = [row for row in found if is_packed(row[1], row[2])]
+    return unpacked(*zip(*sound, strict=True)) if sound else NO_ROWS
+
+
+def _delete(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int], until_s: float) -> None:
+    """Delete the rows of some series that end by this time, the oldest first, at most ``MOST_PRUNED`` of each."""
+    last_s = until_s - PERIODS_S[table]
+    oldest = f"SELECT t FROM {table} WHERE series = ?1 AND t <= ?2 ORDER BY t LIMIT {MOST_PRUNED}"
+    query = f"DELETE FROM {table} WHERE series = ?1 AND t IN ({oldest})"
+    connection.executemany(query, [(series, last_s) for series in ids])
+
+
+def _cut(connection: sqlite3.Connection, ids: Sequence[int]) -> None:
+    """Delete the oldest part of the table that is about the largest."""
+    ends = {table: found for table in RESOLUTIONS if (found := _ends(connection, table, ids)) is not None}
+    spans = {table: last - first for table, (first, last) in ends.items()}
+    if spans:
+        table = max(spans, key=lambda name: spans[name] * _BYTES_PER_S[name])
+        first, length_s = ends[table][0], max(spans[table] // _CUT, PERIODS_S[table])
+        _delete(connection, table, ids, first + length_s + PERIODS_S[table])
+
+
+def _ends(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int]) -> tuple[int, int] | None:
+    query = f"SELECT min(t) FROM {table} WHERE series = ?1", f"SELECT max(t) FROM {table} WHERE series = ?1"
+    # Two questions: SQLite answers each with one look into the index, but not both at once.
+    found = [[connection.execute(q, [series]).fetchone()[0] for q in query] for series in ids]
+    known = [ends for ends in found if ends[0] is not None]
+    return (min(e[0] for e in known), max(e[1] for e in known)) if known else None
+
+
+def _used_bytes(connection: sqlite3.Connection) -> int:
+    """Bytes of the file that hold something: what is deleted is used again, and the file does not grow."""
+    pages, free, size = (
+        int(connection.execute(f"PRAGMA {name}").fetchone()[0])
+        for name in ("page_count", "freelist_count", "page_size")
+    )
+    return (pages - free) * size

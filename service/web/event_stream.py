@@ -1,0 +1,181 @@
+"""Server-sent events: axes that have changed, and each transition of an alarm, which can be resumed."""
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Query
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+
+from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.store.alarm_transitions import RecordedTransition
+from service.store.database import StoreError
+from service.store.journal import RecordedAlarm
+from service.texts import iso
+from service.web import models, views
+from service.web.app_state import AppState
+from service.web.problem_details import described
+
+EVERY_S = 0.5
+"""Time between two looks for changes"""
+MOST_AXES_PER_S = 100
+"""Of each stream: where there are more, all of them are sent less often."""
+KEEP_ALIVE_S = 10.0
+MOST_STREAMS = 32
+MOST_TRANSITIONS = 100
+"""Read at once; a stream that is behind goes on with the next ones."""
+_LARGEST_ID = 2**63 - 1
+
+_NOT_FOUND = described(404, "There is no such axis")
+_FULL = described(503, "Too many streams are open")
+
+LastId = Annotated[
+    int | None,
+    Header(
+        alias="Last-Event-ID",
+        ge=0,
+        le=_LARGEST_ID,
+        description="number of the last alarm event that was received: those after it come first",
+    ),
+]
+
+
+class AxisTexts:
+    """The JSON of each axis of the newest snapshot: made once, however many streams send it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._snapshot: Snapshot | None = None
+        self._texts: dict[str, str] = {}
+
+    def event(self, snapshot: Snapshot, axes: list[AxisSnapshot], now_us: int) -> str:
+        """The body of models.Axes with some of the axes of a snapshot."""
+        with self._lock:
+            if self._snapshot is not snapshot:
+                self._snapshot, self._texts = snapshot, {}
+            for axis in axes:
+                if axis.id not in self._texts:
+                    self._texts[axis.id] = views.axis(axis, now_us).model_dump_json()
+            texts = ",".join(self._texts[axis.id] for axis in axes)
+        return f'{{"taken":"{iso(snapshot.taken_us)}","axes":[{texts}]}}'
+
+
+class Stream:
+    """What one client has been sent."""
+
+    def __init__(self, state: AppState, texts: AxisTexts, axis: str | None, last_id: int | None) -> None:
+        self._state, self._texts, self._axis, self._last_id = state, texts, axis, last_id
+        self._sent: dict[str, AxisSnapshot] = {}
+        self._snapshot: Snapshot | None = None
+        self._revision = -1
+        self.behind = True
+        """Whether there may be more transitions already"""
+
+    def axes(self) -> tuple[str, int] | None:
+        """The axes that have changed, as the data of an event, and their number; None: none has."""
+        state, snapshot = self._state, self._state.snapshot()
+        if snapshot is self._snapshot:
+            return None
+        self._snapshot = snapshot
+        wanted = [a for a in snapshot.axes if self._axis in (None, a.id)]
+        changed = [a for a in wanted if self._sent.get(a.id) != a]
+        if not changed:
+            return None
+        self._sent |= {a.id: a for a in changed}
+        return self._texts.event(snapshot, changed, state.now_us()), len(changed)
+
+    def alarms(self) -> list[ServerSentEvent]:
+        """The transitions since the last time, at most some."""
+        journal = self._state.journal
+        revision = journal.revision
+        if revision == self._revision and not self.behind:
+            return []
+        try:
+            if self._last_id is None or self._revision < 0:
+                latest = journal.last_transition()  # of an earlier journal it may be smaller
+                self._last_id = latest if self._last_id is None else min(self._last_id, latest)
+            found = journal.transitions_after(self._last_id, MOST_TRANSITIONS)
+        except StoreError:
+            return []  # it is tried again
+        self._revision, self.behind = revision, len(found) == MOST_TRANSITIONS
+        self._last_id = found[-1][0] if found else self._last_id
+        return [
+            self._event(number, transition, alarm)
+            for number, transition, alarm in found
+            if self._axis in (None, alarm.axis)
+        ]
+
+    def _event(self, number: int, transition: RecordedTransition, alarm: RecordedAlarm) -> ServerSentEvent:
+        folder = self._state.recordings
+        recording = None if folder is None else folder.holding(alarm.since_us)
+        body = models.AlarmChange(
+            alarm=views.alarm(alarm, self._state.now_us(), recording),
+            transition=views.alarm_transition(transition),
+        )
+        return ServerSentEvent(event="alarm", id=str(number), raw_data=body.model_dump_json())
+
+
+class Slots:
+    """The number of open streams."""
+
+    def __init__(self) -> None:
+        self._open = 0
+
+    async def take(self) -> AsyncIterator[None]:
+        """Hold a place until the stream has ended.
+
+        Raises:
+            HTTPException: all are taken.
+        """
+        if self._open >= MOST_STREAMS:
+            raise HTTPException(503, f"{MOST_STREAMS} streams are open", headers={"Retry-After": "10"})
+        self._open += 1
+        try:
+            yield
+        finally:
+            self._open -= 1
+
+
+def router(state: AppState) -> APIRouter:
+    """The route of the events below /api/v1."""
+    api = APIRouter()
+    slots, texts = Slots(), AxisTexts()
+
+    async def known_axis(
+        axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
+    ) -> str | None:
+        return None if axis is None else state.axis(axis).id
+
+    @api.get(
+        "/events", summary="Live events", response_class=EventSourceResponse, responses=_FULL | _NOT_FOUND,
+        dependencies=[Depends(slots.take)],
+    )  # fmt: skip
+    async def events(
+        axis: Annotated[str | None, Depends(known_axis)], last_id: LastId = None
+    ) -> AsyncIterator[ServerSentEvent]:
+        """Events `axes`: the axes that have changed, at most twice a second; `alarm`: each transition of an alarm.
+
+        Data of `axes` is as in GET /api/v1/axes; that of `alarm` is {"alarm": Alarm, as it is when this is sent,
+        "transition": AlarmTransition}; its id is the number of the transition. Without Last-Event-ID only new
+        transitions come. A comment comes where there is nothing else for ten seconds.
+        """
+        stream = Stream(state, texts, axis, last_id)
+        loop = asyncio.get_running_loop()
+        axes_at, alive_at = loop.time(), loop.time() + KEEP_ALIVE_S
+        while not state.stopping():
+            found = await run_in_threadpool(stream.alarms)
+            if loop.time() >= axes_at and (axes := await run_in_threadpool(stream.axes)) is not None:
+                found.append(ServerSentEvent(event="axes", raw_data=axes[0]))
+                axes_at = loop.time() + max(EVERY_S, axes[1] / MOST_AXES_PER_S)
+            if not found and loop.time() >= alive_at:
+                found.append(ServerSentEvent(comment="still there"))
+            for event in found:
+                yield event
+                alive_at = loop.time() + KEEP_ALIVE_S
+            if not stream.behind:
+                await asyncio.sleep(EVERY_S)
+
+    return api

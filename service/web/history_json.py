@@ -1,0 +1,119 @@
+"""The history as JSON and as a table, written column by column: no step is long enough to hold up the other threads."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from monitor_core.arrays import Floats, Ints
+from service.store.history_query import Course, HistoryAnswer
+from service.store.history_rows import QUANTITIES, Rows
+from service.store.history_store import Series
+from service.texts import iso
+
+TABLE_COLUMNS: Mapping[str, type] = {
+    "time": str,
+    "parameter": str,
+    "unit": str,
+    "n": int,
+    **{f"{name}_{part}": float for name in QUANTITIES for part in ("mean", "min", "max")},
+}
+_UNITS = {
+    "cusum_up": "{} samples",
+    "cusum_down": "{} samples",
+    "threshold": "{} samples",
+    "observability": "1",
+}
+
+
+def history_json(axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]) -> bytes:
+    """The body of models.History.
+
+    Args:
+        axis_id: robot.axis.
+        answer: what was found.
+        monitored: unit and nominal value of the parameters of now, which are listed first, with or without rows.
+    """
+    head = {
+        "axis": axis_id,
+        "resolution": answer.resolution,
+        "step_s": answer.step_s,
+        "next": None if answer.next_s is None else iso(answer.next_s * 1_000_000),
+    }
+    parts = [
+        json.dumps(head)[:-1],
+        ', "time": [',
+        ",".join(f'"{t}"' for t in _times(answer.t)),
+        '], "parameters": [',
+    ]
+    for k, course in enumerate(_ordered(axis_id, answer, monitored)):
+        parts += [", " if k else "", *_parameter(course, monitored)]
+    return "".join([*parts, "]}"]).encode()
+
+
+def history_table(answer: HistoryAnswer) -> Mapping[str, Sequence[Any]]:
+    """The rows of an answer that have points, in order of time, as the columns of ``TABLE_COLUMNS``."""
+    times = _times(answer.t)
+    found = [(m, k) for m in range(len(answer.t)) for k, c in enumerate(answer.courses) if c.rows.n[m] > 0]
+    where = [m for m, _ in found]
+    owners = [answer.courses[k].series for _, k in found]
+    columns: dict[str, Sequence[Any]] = {
+        "time": [times[m] for m in where],
+        "parameter": [series.parameter for series in owners],
+        "unit": [series.unit for series in owners],
+        "n": [int(answer.courses[k].rows.n[m]) for m, k in found],
+    }
+    for part, column in (("mean", "mean"), ("min", "low"), ("max", "high")):
+        numbers = np.array([getattr(answer.courses[k].rows, column)[m] for m, k in found])
+        numbers = numbers.reshape(-1, len(QUANTITIES))
+        columns |= {f"{name}_{part}": numbers[:, q].tolist() for q, name in enumerate(QUANTITIES)}
+    return columns
+
+
+def _ordered(
+    axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]
+) -> Iterator[Course]:
+    known = {(c.series.parameter, c.series.unit): c for c in answer.courses}
+    for name, (unit, _) in monitored.items():
+        nothing = Course(Series(axis_id, name, unit), _nothing(answer.t))
+        yield known.pop((name, unit), nothing)
+    yield from known.values()
+
+
+def _nothing(t: Ints) -> Rows:
+    """As many rows without a point."""
+    empty = np.full((len(t), len(QUANTITIES)), np.nan)
+    return Rows(t, np.zeros(len(t), np.int64), empty, empty, empty)
+
+
+def _parameter(course: Course, monitored: Mapping[str, tuple[str, float]]) -> Iterator[str]:
+    _, name, unit = course.series
+    now_unit, nominal = monitored.get(name, ("", np.nan))
+    head = {
+        "name": name,
+        "unit": unit,
+        "nominal": nominal if unit == now_unit and np.isfinite(nominal) else None,
+    }
+    yield f'{json.dumps(head)[:-1]}, "n": {json.dumps(course.rows.n.tolist())}'
+    for q, quantity in enumerate(QUANTITIES):
+        own = _UNITS.get(quantity, "{}").format(unit)
+        yield f', "{quantity}": {{"unit": {json.dumps(own)}'
+        for part, column in (("mean", course.rows.mean), ("min", course.rows.low), ("max", course.rows.high)):
+            yield f', "{part}": [{_numbers(column[:, q])}]'
+        yield "}"
+    yield "}"
+
+
+def _numbers(column: Floats) -> str:
+    """With seven digits, as they are kept; null where they are not finite."""
+    finite = np.isfinite(column)
+    texts = map("{:.7g}".format, column.tolist())
+    if finite.all():
+        return ",".join(texts)
+    return ",".join(text if known else "null" for text, known in zip(texts, finite.tolist(), strict=True))
+
+
+def _times(t: Ints) -> list[str]:
+    texts: list[str] = np.datetime_as_string(t.astype("datetime64[s]"), unit="us").tolist()
+    return [f"{text}Z" for text in texts]

@@ -1,0 +1,192 @@
+"""Live events from a real server: axes that change, transitions of alarms, resumed; few streams, which end."""
+
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import httpx
+import pytest
+
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AlarmEvent
+from service.store.alarm_transitions import Note
+from service.web import event_stream, gate, models
+from service.web.server import serve
+from tests.service.web.conftest import NOON_US, Stage, monitored_axis, serving
+
+NOTE = Note(NOON_US, "anna")
+
+
+class Event(NamedTuple):
+    kind: str
+    data: Any
+    number: str | None
+
+
+@pytest.fixture(autouse=True)
+def fast(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_stream, "EVERY_S", 0.02)
+
+
+@contextmanager
+def stream(address: str, query: str = "", **headers: str) -> Iterator[Iterator[Event]]:
+    """The events of a new stream; comments are events without data."""
+    sent = {name.replace("_", "-"): value for name, value in headers.items()}
+    with httpx.stream("GET", f"{address}/api/v1/events{query}", headers=sent, timeout=20) as answer:
+        assert answer.status_code == 200
+        assert answer.headers["content-type"].startswith("text/event-stream")
+        yield _events(answer.iter_lines())
+
+
+def _events(lines: Iterator[str]) -> Iterator[Event]:
+    fields: dict[str, str] = {}
+    for line in lines:
+        name, _, value = line.partition(": ")
+        if line:
+            fields[name] = value
+        else:
+            data = json.loads(fields["data"]) if "data" in fields else None
+            yield Event(fields.get("event", "comment"), data, fields.get("id"))
+            fields = {}
+
+
+def next_of(events: Iterator[Event], kind: str) -> Event:
+    return next(event for event in events if event.kind == kind)
+
+
+def test_axes_come_all_at_first_and_then_those_that_change(stage: Stage) -> None:
+    stage.healthy()
+    with serving(stage) as address, stream(address) as events:
+        first = next(events)
+        assert (first.kind, first.number) == ("axes", None)
+        assert first.data == httpx.get(f"{address}/api/v1/axes").json()
+        axes = stage.snapshot.axes
+        gated = replace(axes[1], gated_by="mode = 2")
+        stage.snapshot = replace(stage.snapshot, taken_us=NOON_US + 1, axes=(replace(axes[0]), gated))
+        second = next(events)
+        assert [a["id"] for a in second.data["axes"]] == ["demo.axis2"]
+        assert second.data["axes"][0]["gated_by"] == "mode = 2"
+        models.Axes.model_validate(second.data)
+
+
+def test_only_an_axis_and_its_alarms(stage: Stage, fm_alarm: Alarm) -> None:
+    stage.healthy()
+    with serving(stage) as address:
+        assert httpx.get(f"{address}/api/v1/events?axis=demo.axis9").status_code == 404
+        with stream(address, "?axis=demo.axis2", last_event_id="0") as events:
+            assert [a["id"] for a in next(events).data["axes"]] == ["demo.axis2"]
+            stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+            stage.record("demo.axis2", "N m s/rad", 0.06, fm_alarm)
+            alarm = next(events)
+            assert (alarm.data["alarm"]["axis"], alarm.number) == ("demo.axis2", "2")
+
+
+def test_each_transition_of_an_alarm_is_an_event_and_none_is_missed(stage: Stage, fm_alarm: Alarm) -> None:
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    with serving(stage) as address:
+        with stream(address) as events:
+            next_of(events, "axes")
+            stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, NOTE)
+            alarm = next_of(events, "alarm")
+            assert alarm.number == "2", "what was there before is not sent"
+            assert alarm.data["transition"]["event"] == "acknowledge"
+            assert alarm.data["transition"]["who"] == "anna"
+            assert alarm.data["alarm"] == httpx.get(f"{address}/api/v1/alarms").json()["alarms"][0]
+            models.AlarmChange.model_validate(alarm.data)
+        for k in range(250):
+            stage.journal.act(number, AlarmEvent.COMMENT, NOTE._replace(comment=f"comment {k}"))
+        with stream(address, last_event_id="2") as events:
+            found = [next_of(events, "alarm") for _ in range(250)]
+            assert [event.number for event in found] == [str(k) for k in range(3, 253)]
+            assert [e.data["transition"]["comment"] for e in found] == [f"comment {k}" for k in range(250)]
+            stage.journal.act(number, AlarmEvent.COMMENT, NOTE._replace(comment="last"))
+            assert next_of(events, "alarm").number == "253"
+        # The journal was damaged, and began again.
+        with stream(address, last_event_id="900") as events:
+            next_of(events, "axes")
+            stage.journal.act(number, AlarmEvent.COMMENT, NOTE._replace(comment="new"))
+            assert next_of(events, "alarm").number == "254"
+        refused = httpx.get(f"{address}/api/v1/events", headers={"last-event-id": "x"})
+        assert refused.status_code == 422
+
+
+def test_a_comment_keeps_a_silent_stream_alive(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_stream, "KEEP_ALIVE_S", 0.05)
+    with serving(stage) as address, stream(address) as events:
+        assert [next(events).kind for _ in range(3)] == ["axes", "comment", "comment"]
+
+
+def test_streams_are_few_and_their_places_become_free(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_stream, "MOST_STREAMS", 2)
+    with serving(stage) as address:
+        with stream(address) as first, stream(address) as second:
+            next(first), next(second)
+            refused = httpx.get(f"{address}/api/v1/events")
+            assert (refused.status_code, refused.headers["retry-after"]) == (503, "10")
+            assert httpx.get(f"{address}/api/v1/axes").status_code == 200
+        for _ in range(500):
+            with httpx.stream("GET", f"{address}/api/v1/events") as answer:
+                if answer.status_code == 200:
+                    break
+        assert answer.status_code == 200
+
+
+def test_a_stream_ends_with_the_daemon(stage: Stage) -> None:
+    stop, started, ports = threading.Event(), threading.Event(), list[int]()
+
+    def ready(port: int) -> None:
+        ports.append(port)
+        started.set()
+
+    server = threading.Thread(target=serve, args=(stage.app(), "127.0.0.1", 0, ready, stop))
+    server.start()
+    assert started.wait(30)
+    with stream(f"http://127.0.0.1:{ports[0]}") as events:
+        next(events)
+        stage.stopping = True
+        stop.set()
+        assert list(events) == [], "it is closed as it should be: httpx fails where it is cut"
+    server.join(30)
+    assert not server.is_alive()
+
+
+def test_a_client_that_does_not_read_is_cut_off(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It gets what fits into the buffers; then its place is free for another."""
+    monkeypatch.setattr(gate, "LONGEST_REQUEST_S", 0.3)
+    monkeypatch.setattr(event_stream, "MOST_STREAMS", 1)
+    monkeypatch.setattr(event_stream, "MOST_AXES_PER_S", 1e9)
+    monkeypatch.setattr(event_stream, "EVERY_S", 0.001)
+    stage.snapshot = replace(stage.snapshot, axes=tuple(monitored_axis(f"axis{k}") for k in range(50)))
+    done = threading.Event()
+
+    def change() -> None:
+        while not done.wait(0.001):
+            stage.snapshot = replace(
+                stage.snapshot,
+                axes=tuple(replace(a, gated_by="" if a.gated_by else "x") for a in stage.snapshot.axes),
+            )
+
+    changing = threading.Thread(target=change)
+    changing.start()
+    try:
+        with serving(stage) as address:
+            host, _, port = address.removeprefix("http://").partition(":")
+            with socket.socket() as deaf:
+                deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+                deaf.connect((host, int(port)))
+                deaf.sendall(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+                assert deaf.recv(12) == b"HTTP/1.1 200"
+                statuses = list[int]()
+                while not statuses or statuses[-1] != 200:
+                    with httpx.stream("GET", f"{address}/api/v1/events", timeout=20) as answer:
+                        statuses.append(answer.status_code)
+                    done.wait(0.02)
+                    assert len(statuses) < 1000
+                assert statuses[0] == 503
+    finally:
+        done.set()
+        changing.join()
