@@ -36,7 +36,8 @@ class Daemon:
 
     def __init__(self, stage: Stage, port: int = 0) -> None:
         self._stop, self._ready = threading.Event(), threading.Event()
-        self.port = 0
+        self.port, self._stage = 0, stage
+        stage.stopping = False
         arguments = (stage.app(), "127.0.0.1", port, self._started, self._stop)
         self._thread = threading.Thread(target=serve, args=arguments)
         self._thread.start()
@@ -47,6 +48,7 @@ class Daemon:
         self._ready.set()
 
     def stop(self) -> None:
+        self._stage.stopping = True  # streams of events end
         self._stop.set()
         self._thread.join(30)
 
@@ -116,10 +118,6 @@ def test_the_overview_shows_axes_with_estimates(page: Page) -> None:
     row = parameter(page, "demo.axis1", "fm")
     for words in ("fm", "0.0783 ± 0.0050", "+30.5 %", "alarm"):
         expect(row).to_contain_text(words)
-    expect(tile(page, "demo.axis1")).to_have_attribute(
-        "aria-label",
-        re.compile(r"kT 0\.993 ± 0\.035, −0\.7 %, tracking; 1/Ja .*not tested; fm .*, \+30\.5 %, alarm"),
-    )
     expect(tile(page, "demo.axis2")).to_contain_text("no sample yet")
     expect(parameter(page, "demo.axis2", "fm")).to_contain_text("–")
 
@@ -154,8 +152,10 @@ def test_three_hundred_axes_are_on_one_screen(page: Page, stage: Stage) -> None:
     page.set_viewport_size({"width": 1920, "height": 1080})
     page.goto("/")
     expect(page.locator("a.tile")).to_have_count(300)
-    label = re.compile(r"demo.axis7: .*kT 0\.993 ± 0\.035, −0\.7 %, tracking; 1/Ja .*not tested; fm .*, \+30\.5 %, alarm")
-    expect(page.get_by_role("link", name=label)).to_have_count(1)
+    label = re.compile(
+        r"demo.axis7: .*kT 0\.993 ± 0\.035, −0\.7 %, tracking; 1/Ja .*not tested; fm .*, \+30\.5 %, alarm"
+    )
+    expect(page.get_by_title("demo.axis7", exact=True)).to_have_attribute("aria-label", label)
     outside = "[...document.querySelectorAll('a.tile')].filter((t) => t.getBoundingClientRect().bottom > 1080).length"
     assert page.evaluate(outside) == 0
 
@@ -370,7 +370,6 @@ def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:
     with_status(stage, parameters=(kT, *others))
     expect(row).to_contain_text("0.800 ± 0.020")
     expect(row).to_contain_text("−20.0 %")
-    expect(page.locator("a.tile")).to_have_count(1)
 
 
 def test_it_asks_for_a_token_where_the_daemon_wants_one(
@@ -496,7 +495,13 @@ def test_names_are_text_and_all_fits_the_screen(
     stage.snapshot = replace(stage.snapshot, axes=tuple(axes), messages=tuple(NAMES.values()))
     page.set_viewport_size({"width": width, "height": 800})
     page.goto("/")
-    for address in ("/#/", "/#/alarms", f"/#/alarms/{number}", "/#/system", f"/#/axes/{quote(name, safe='')}"):
+    for address in (
+        "/#/",
+        "/#/alarms",
+        f"/#/alarms/{number}",
+        "/#/system",
+        f"/#/axes/{quote(name, safe='')}",
+    ):
         page.goto(address)
         expect(page.locator("main")).to_contain_text(own)
         assert page.evaluate("document.documentElement.scrollWidth") <= width, address

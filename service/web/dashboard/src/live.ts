@@ -82,8 +82,8 @@ export async function refresh(): Promise<void> {
   const begin = Date.now();
   try {
     const following = events.isFollowing();
-    // The events say when alarms have changed; from time to time they are asked for in any case.
-    const alarmsToo = !following || begin - alarmsAt > 5 * EVERY_MS;
+    // The events say when a person or a cause changes the state of an alarm, not when it gets a name or a size.
+    const alarmsToo = !following || begin - alarmsAt > 1.5 * EVERY_MS;
     const [service, axes, active] = await Promise.all([
       ask<Service>("/api/v1/service"),
       following ? null : ask<Body<"Axes">>("/api/v1/axes"),

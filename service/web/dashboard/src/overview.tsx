@@ -145,7 +145,8 @@ const Tile = memo(function Tile({ item, wide, age }: TileProps) {
       <a class={`tile ${need} prio-${alarms[0]?.priority ?? "none"}`} href={axisLink(axis.id)} aria-label={label} title={axis.id}>
         <span class="head">
           {alarms[0] ? <AlarmMark alarm={alarms[0]} /> : <NeedMark need={need} />}
-          <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>
+          {wide ? <bdi class="whole name">{axis.id}</bdi>
+            : <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>}
           {wide && <span class="state">{words}</span>}
         </span>
         {wide && <span class="age">{alarms[0] ? <>{t.since} <Time at={alarms[0].onset} /></> : age}</span>}

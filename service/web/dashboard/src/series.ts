@@ -1,35 +1,11 @@
 // From the history of the API to columns that are plotted: gaps, numbers that are none, constant values.
-import type { Alarm, Axis } from "./ask";
+import type { Alarm, Axis, Body } from "./ask";
 import type { LivePoint } from "./live_buffer";
 
 type Numbers = (number | null)[];
 
-/** A quantity over time: mean, least and largest value of each row. */
-interface Quantity {
-  mean: Numbers;
-  min: Numbers;
-  max: Numbers;
-}
-
-export interface HistoryOfParameter {
-  name: string;
-  unit: string;
-  n: number[];
-  estimate: Quantity;
-  deviation: Quantity;
-  standard_deviation: Quantity;
-  cusum_up: Quantity;
-  cusum_down: Quantity;
-  threshold: Quantity;
-  observability: Quantity;
-}
-
-export interface History {
-  axis: string;
-  step_s: number;
-  time: string[];
-  parameters: HistoryOfParameter[];
-}
+export type History = Body<"History">;
+type Quantity = Body<"HistoryColumn">;
 
 /** Columns of a parameter; null is a gap. Time in s since 1970, the statistics relative to the threshold. */
 export interface Columns {
@@ -84,7 +60,7 @@ export function columnsOf(name: string, history: History | null, live: LivePoint
   return columns;
 }
 
-function addHistory(to: Columns, history: History, p: HistoryOfParameter): void {
+function addHistory(to: Columns, history: History, p: Body<"ParameterHistory">): void {
   history.time.forEach((iso, i) => {
     const of = (q: Quantity): number | null => (p.n[i] === 0 ? null : finite(q.mean[i]));
     const estimate = of(p.estimate);

