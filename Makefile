@@ -16,10 +16,10 @@ export NUMBA_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test bench soak lint format docs lock image clean
+.PHONY: help run test bench soak lint format docs screenshots lock image clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 run: $(READY) $(PAGE) ## start the demo: a simulated robot on an embedded bus, dashboard in the browser
 	@$(BIN)/axiswatch demo $(ARGS)
@@ -47,6 +47,9 @@ format: $(READY) ## let ruff correct what it can
 docs: $(READY) ## write the generated part of docs/ (API schema, figures), if docs/build.py is there
 	@if [ -f docs/build.py ]; then $(BIN)/python -m docs.build $(ARGS); \
 	else echo "docs/build.py is not there: nothing is generated"; fi
+
+screenshots: $(READY) $(PAGE) ## take the pictures of the dashboard in docs/pictures, of the demo (some minutes)
+	@$(BIN)/python -m docs.screenshots
 
 lock: $(READY) ## pin again: newest versions that pyproject.toml admits, for every Python and platform
 	@tools/lock.sh $(ARGS)

@@ -2,6 +2,7 @@
 import { useMemo, useState } from "preact/hooks";
 import { AlarmTable, useAlarms } from "./alarm_list";
 import type { Alarm, Axis, Parameter } from "./ask";
+import { changesOf, Epochs, epochWords, useEpochs } from "./epochs";
 import { number, percent, span, withMargin } from "./format";
 import { useHistory } from "./history";
 import { ageOf, useLive } from "./live";
@@ -22,6 +23,8 @@ export function AxisPage({ id }: { id: string }) {
   const end = shown.end ?? now;
   const range: Range = [end - shown.length, end];
   const history = useHistory(id, range, shown.end === null);
+  const [epochs, loadEpochs] = useEpochs(axis);
+  const changes = changesOf(epochs);
   const [alarms, refresh] = useAlarms(`axis=${encodeURIComponent(id)}&limit=100`);
   if (!axis) return <p class="quiet">{live.answered === null ? t.waiting : t.notThere(id)}</p>;
   const change = ([from, to]: Range): void => show({ length: to - from, end: to >= now ? null : to });
@@ -42,10 +45,11 @@ export function AxisPage({ id }: { id: string }) {
           <span>{t.plotHelp}</span>
         </p>
         {axis.parameters.map((p) => (
-          <ParameterPanel key={p.name} {...{ p, id, history, range, monitored }} alarms={alarms?.alarms ?? []} onRange={change} />
+          <ParameterPanel key={p.name} {...{ p, id, history, range, monitored, changes }} alarms={alarms?.alarms ?? []} onRange={change} />
         ))}
       </TimeRange>
       <Trends id={id} />
+      <Epochs axis={axis} epochs={epochs} refresh={loadEpochs} />
       <Facts axis={axis} />
       {alarms && alarms.alarms.some((alarm) => !alarm.active) && (
         <section>
@@ -65,6 +69,7 @@ function newest(axis: Axis | undefined): number {
 function Head({ axis, age }: { axis: Axis; age: number | null }) {
   const sentences = [...axis.not_tested, ...axis.confounded];
   const notes = [
+    ...(epochWords(axis) === "" ? [] : [epochWords(axis)]),
     ...(axis.gated_by === null ? [] : [t.paused(axis.gated_by)]),
     ...axis.outside_calibration.map(t.outsideCalibration),
   ];
@@ -90,10 +95,11 @@ interface PanelProps {
   alarms: Alarm[];
   range: Range;
   monitored: string[];
+  changes: number[];
   onRange: (range: Range) => void;
 }
 
-function ParameterPanel({ p, id, history, alarms, range, monitored, onRange }: PanelProps) {
+function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onRange }: PanelProps) {
   // The history of the daemon is up to a minute behind: the end is what this page has seen.
   const newestSeen = liveBuffer.after(id, 0).at(-1)?.time;
   const columns = useMemo(() => columnsOf(p.name, history, liveBuffer.after(id, 0)), [p.name, id, history, newestSeen]);
@@ -110,11 +116,11 @@ function ParameterPanel({ p, id, history, alarms, range, monitored, onRange }: P
       </div>
       <div class="plots">
         {inside === 0 && <p class="quiet">{t.noHistory}</p>}
-        <Plot label={t.plotOf(p.name)} height={150} time={columns.time} range={range} marks={marks} onRange={onRange}
+        <Plot label={t.plotOf(p.name)} height={150} time={columns.time} {...{ range, marks, changes, onRange }}
           columns={[columns.low, columns.high, columns.nominal, columns.estimate]}
           lines={[{ label: "", colour: "none" }, { label: "", colour: "none" }, NOMINAL, ESTIMATE]} band={[0, 1]}
           scale={rangeOf(visible([columns.low, columns.high, columns.nominal, columns.estimate], columns, range), least)} />
-        <Plot label={t.plotOfTest(p.name)} height={100} time={columns.time} range={range} marks={marks} onRange={onRange}
+        <Plot label={t.plotOfTest(p.name)} height={100} time={columns.time} {...{ range, marks, changes, onRange }}
           columns={[columns.time.map(() => 1), columns.up, columns.down]} lines={[THRESHOLD, UP, DOWN]}
           scale={rangeOf(visible([columns.up, columns.down], columns, range), [0, 1.1])} />
       </div>

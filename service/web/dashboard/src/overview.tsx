@@ -2,6 +2,7 @@
 import { memo } from "preact/compat";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Alarm } from "./ask";
+import { epochOf, epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
 import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time, Words } from "./marks";
@@ -129,6 +130,12 @@ function Tiles({ items }: { items: Item[] }) {
 
 const ageText = (age: number | null): string => (age === null ? t.noSample : t.lastSample(span(age)));
 
+/** A wide tile says since when there is an alarm, or what is being learnt, or how old the last sample is. */
+function Age({ item: { axis, alarms }, age }: { item: Item; age: string }) {
+  if (alarms[0]) return <span class="age">{t.since} <Time at={alarms[0].onset} /></span>;
+  return <span class="age"><Words>{epochWords(axis) || age}</Words></span>;
+}
+
 interface TileProps {
   item: Item;
   wide: boolean;
@@ -137,7 +144,7 @@ interface TileProps {
 
 const Tile = memo(function Tile({ item, wide, age }: TileProps) {
   const { axis, need, alarms } = item;
-  const words = needText(item) || t.needs.normal;
+  const words = needText(item) || epochWords(axis) || t.needs.normal;
   // A wide one says all this in its own text.
   const label = wide ? undefined : [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
   return (
@@ -147,9 +154,9 @@ const Tile = memo(function Tile({ item, wide, age }: TileProps) {
           {alarms[0] ? <AlarmMark alarm={alarms[0]} /> : <NeedMark need={need} />}
           {wide ? <bdi class="whole name">{axis.id}</bdi>
             : <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>}
-          {wide && <span class="state">{words}</span>}
+          {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[epochOf(axis)?.state ?? "current"] : words}</span>}
         </span>
-        {wide && <span class="age">{alarms[0] ? <>{t.since} <Time at={alarms[0].onset} /></> : age}</span>}
+        {wide && <Age {...{ item, age }} />}
         {axis.parameters.map((p) => (wide ? <WideRow key={p.name} p={p} /> : <Bar key={p.name} p={p} />))}
       </a>
     </li>

@@ -25,6 +25,8 @@ export interface PlotProps {
   /** Numbers of two columns between which a band is drawn. */
   band?: [number, number];
   marks?: Mark[];
+  /** Times of changes of the nominal values, drawn as lines. */
+  changes?: number[];
   range: Range;
   /** The range of the values. */
   scale: Range;
@@ -91,7 +93,7 @@ function optionsOf(latest: { current: PlotProps }, node: HTMLElement): uPlot.Opt
     }))],
     ...(band ? { bands: [{ series: [band[1] + 1, band[0] + 1] as [number, number], fill: colour("band") }] } : {}),
     hooks: {
-      drawClear: [(u) => drawMarks(u, latest.current.marks ?? [])],
+      drawClear: [(u) => drawMarks(u, latest.current.marks ?? []), (u) => drawChanges(u, latest.current.changes ?? [])],
       setSelect: [(u) => {
         const { left, width: w } = u.select;
         if (w < 4) return;
@@ -146,6 +148,22 @@ function drawMarks(u: uPlot, marks: Mark[]): void {
     ctx.font = `${12 * ratio}px sans-serif`;
     ctx.textAlign = "left";
     ctx.fillText(label, left + 4 * ratio, bbox.top + 16 * ratio);
+  }
+  ctx.restore();
+}
+
+function drawChanges(u: uPlot, changes: number[]): void {
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.strokeStyle = colourOf(u.root, "quiet");
+  ctx.lineWidth = devicePixelRatio;
+  for (const at of changes) {
+    const x = u.valToPos(at, "x", true);
+    if (x < bbox.left || x > bbox.left + bbox.width) continue;
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
   }
   ctx.restore();
 }

@@ -178,6 +178,28 @@ export const de: Texts = {
   trendLegend: "Mittelwerte; gestrichelt: Trend mit Band von ± 2 Standardabweichungen von Niveau und Steigung; Balken: Grenze, wann sie erreicht wird (90 %)",
   noTrend: "Noch zu wenig Geschichte für einen Trend.",
 
+  epochs: {
+    title: "Epochen der Nennwerte",
+    columns: { number: "Epoche", state: "Zustand", source: "Aus", since: "Gültig seit", who: "Wer", values: "Werte" },
+    state: { learning: "lernt", verifying: "wird geprüft", current: "gültig", closed: "ersetzt", rolled_back: "zurückgenommen", cancelled: "abgebrochen" },
+    source: { configuration: "Konfiguration", files: "Dateien", window: "Lernfenster", restored: "frühere Epoche" },
+    before: "vorher:",
+    baseline: "Neu einlernen",
+    cancel: "Einlernen abbrechen",
+    restore: "Wiederherstellen",
+    hours: "Einlernen für [h Betrieb]",
+    verify: "Danach prüfen für [h Betrieb]",
+    meaning: {
+      baseline: "Die Achse lernt ihre jetzigen Werte als neue Nennwerte. Was jetzt an ihr falsch ist, gilt dann als normal und löst keinen Alarm aus. Nur nach einer Reparatur.",
+      cancel: "Die gültigen Werte bleiben.",
+      restore: "Die Nennwerte dieser Epoche werden als neue Epoche wieder gültig.",
+    },
+    confirm: {
+      baseline: "Die Achse wurde repariert oder geändert und geprüft: Sie ist in Ordnung.",
+      restore: "Diese Werte passen zur jetzigen Mechanik der Achse.",
+    },
+  },
+
   system: "System",
   version: "Version",
   running: "Läuft seit",

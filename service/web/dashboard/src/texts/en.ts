@@ -178,6 +178,28 @@ export const en = {
   trendLegend: "means; dashed: trend, with a band of ± 2 standard deviations of level and slope; bar: limit, when it is reached (90 %)",
   noTrend: "Too little history for a trend yet.",
 
+  epochs: {
+    title: "Epochs of the nominal values",
+    columns: { number: "Epoch", state: "State", source: "From", since: "In force since", who: "Who", values: "Values" },
+    state: { learning: "learning", verifying: "verifying", current: "in force", closed: "replaced", rolled_back: "rolled back", cancelled: "cancelled" },
+    source: { configuration: "configuration", files: "files", window: "learning window", restored: "earlier epoch" },
+    before: "before:",
+    baseline: "Re-baseline",
+    cancel: "Cancel the learning",
+    restore: "Restore",
+    hours: "Learn for [h of operation]",
+    verify: "Then verify for [h of operation]",
+    meaning: {
+      baseline: "The axis learns its present values as new nominal values. What is wrong with it now will count as normal, and will raise no alarm. Only after a repair.",
+      cancel: "The values that are in force stay.",
+      restore: "The nominal values of this epoch come into force again, as a new epoch.",
+    },
+    confirm: {
+      baseline: "The axis was repaired or changed, and was inspected: it is in order.",
+      restore: "These values fit the present mechanics of the axis.",
+    },
+  },
+
   system: "System",
   version: "Version",
   running: "Running for",
