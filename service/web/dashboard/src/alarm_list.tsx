@@ -124,16 +124,17 @@ function Names({ alarm }: { alarm: Alarm }) {
 }
 
 /** The ends of the interval in which the onset lies, as far as they are known. */
-export function onsetRange(alarm: Alarm): string {
+function onsetRange(alarm: Alarm): string {
   if (alarm.onset_low === null && alarm.onset_high === null) return "";
   const [low, high] = [alarm.onset_low, alarm.onset_high].map((end) => (end === null ? t.unknown : moment(end)));
   return t.onsetRange(low ?? "", high ?? "");
 }
 
-function OnsetRange({ alarm }: { alarm: Alarm }) {
+export function OnsetRange({ alarm, full = false }: { alarm: Alarm; full?: boolean }) {
   const away = (end: string): string => span(Math.abs(Date.parse(end) - Date.parse(alarm.onset)) / 1000);
   const ends = [alarm.onset_low && `−${away(alarm.onset_low)}`, alarm.onset_high && `+${away(alarm.onset_high)}`].filter(Boolean);
-  return ends.length === 0 ? null : <small class="nowrap" title={onsetRange(alarm)}>{ends.join(" ")}</small>;
+  if (ends.length === 0) return null;
+  return <small title={onsetRange(alarm)}>{full ? t.onsetWithin(ends.join(" ")) : <span class="nowrap">{ends.join(" ")}</span>}</small>;
 }
 
 /** Size with its 95 % interval, also as a share of nominal. */

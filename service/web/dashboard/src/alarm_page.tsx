@@ -1,7 +1,7 @@
 // One alarm for the person who goes to the axis: what was found, how sure, since when, what to do. Printed, it is one sheet.
 import { useCallback, useEffect, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
-import { Frames, onsetRange, sizeText, State } from "./alarm_list";
+import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord } from "./ask";
 import { moment, percent, zone } from "./format";
 import { useLive } from "./live";
@@ -24,7 +24,6 @@ export function AlarmPage({ id }: { id: string }) {
   const key = JSON.stringify(live.active.find((one) => String(one.id) === id) ?? null);
   useEffect(() => void refresh(), [refresh, beat, key]);
   if (alarm === null) return <p class="quiet">{problem || t.waiting}</p>;
-  const range = onsetRange(alarm);
   const axis = live.axes.find((one) => one.id === alarm.axis);
   const meaning = axis?.parameters.find((p) => p.name === alarm.parameter)?.meaning ?? "";
   const report = live.service?.report;
@@ -44,7 +43,7 @@ export function AlarmPage({ id }: { id: string }) {
             <dt>{t.columns.parameter}</dt><dd><bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</dd>
             <dt>{t.columns.size}</dt><dd>{sizeText(alarm)}</dd>
             <dt>{t.nominal}</dt><dd>{numberWithUnit(alarm.nominal, alarm.unit)}</dd>
-            <dt>{t.columns.onset}</dt><dd><Time at={alarm.onset} />{range && <small>{range}</small>}</dd>
+            <dt>{t.columns.onset}</dt><dd><Time at={alarm.onset} /><OnsetRange alarm={alarm} full /></dd>
             <dt>{t.columns.raised}</dt><dd><Time at={alarm.raised} /></dd>
             <dt>{t.columns.ended}</dt><dd>{alarm.ended === null ? "–" : <Time at={alarm.ended} />}</dd>
             <dt>{t.kindLabel}</dt><dd>{t.kind[alarm.kind]}</dd>

@@ -37,7 +37,10 @@ export function ticks(values: number[]): string[] {
   const step = Math.abs((values[1] ?? 1) - (values[0] ?? 0));
   const e = exponentOf(Math.max(...values.map(Math.abs), 0));
   const power = e < -3 || e > 4 ? e : 0;
-  const decimals = Math.min(8, Math.max(0, -exponentOf(step) + power));
+  let decimals = Math.max(0, -exponentOf(step) + power);
+  // A step of 2.5 needs one more than a step of 2.
+  const isWhole = (x: number): boolean => Math.abs(x - Math.round(x)) < 1e-6 * x;
+  if (!isWhole((step / 10 ** power) * 10 ** decimals)) decimals += 1;
   return values.map((x) => scaled(x, power, decimals));
 }
 

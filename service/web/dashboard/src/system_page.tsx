@@ -92,8 +92,8 @@ function Buses({ live }: { live: Live }) {
 const Name = ({ id }: { id: string }) => <a href={axisLink(id)}><bdi>{id}</bdi></a>;
 
 function samplesOf(axis: Axis): Cells {
-  const { used = 0, ...others } = axis.counters;
-  return [<Name id={axis.id} />, count(axis.samples), count(used), reasons(others), reasons(axis.dropped)];
+  const { used = 0, seeding = 0, ...others } = axis.counters;
+  return [<Name id={axis.id} />, count(axis.samples), count(used + seeding), reasons(others), reasons(axis.dropped)];
 }
 
 function clockOf(axis: Axis): Cells {

@@ -206,6 +206,7 @@ describe("numbers and times", () => {
     [format.span(0.44), "0.4 s"],
     [format.span(75), "75 s"],
     [format.span(3600 * 5), "5 h"],
+    [format.ticks([145.25, 145.5, 145.75]).join(" "), "145.25 145.50 145.75"],
     [format.ticks([0.95, 1, 1.05]).join(" "), "0.95 1.00 1.05"],
     [format.ticks([0, 2e-5, 4e-5]).join(" "), "0·10⁻⁵ 2·10⁻⁵ 4·10⁻⁵"],
   ])("%s", (written, expected) => expect(written).toBe(expected));

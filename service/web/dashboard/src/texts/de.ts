@@ -117,6 +117,7 @@ export const de: Texts = {
   },
   inside: "Unter den Bedingungen der Kalibrieraufnahmen ausgelöst.",
   outside: "Außerhalb der Bedingungen der Kalibrieraufnahmen ausgelöst: Fehlalarme können dort häufiger sein.",
+  onsetWithin: (ends) => `${ends} mit einer Wahrscheinlichkeit von 90 %`,
   crossings: "Schwelle überschritten",
   times: (n) => (n === 1 ? "einmal" : `${n}-mal`),
   advice: {

@@ -117,6 +117,7 @@ export const en = {
   } as Record<string, string>,
   inside: "Raised in the conditions of the calibration records.",
   outside: "Raised outside the conditions of the calibration records: there, false alarms may be more frequent.",
+  onsetWithin: (ends: string) => `${ends} with a probability of 90 %`,
   crossings: "Threshold crossed",
   times: (n: number) => (n === 1 ? "once" : `${n} times`),
   advice: {
