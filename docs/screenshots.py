@@ -38,7 +38,7 @@ def pictures_of(alarm: dict[str, Any]) -> tuple[Picture, ...]:
         Picture("overview", "", height=590),
         Picture("overview-dark", "", height=590, scheme="dark"),
         Picture("overview-phone", "", 360, 740, language="de"),
-        Picture("axis", axis, height=880),
+        Picture("axis", axis, height=840),
         Picture("axis-dark", axis, height=600, scheme="dark"),
         Picture("axis-phone", axis, 360, 740),
         Picture("alarms", "#/alarms", height=420),

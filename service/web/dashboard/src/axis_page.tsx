@@ -41,10 +41,11 @@ export function AxisPage({ id }: { id: string }) {
           <span><i class="key dashes" /> {t.legendNominal}</span>
           <span><i class="key up" /> {t.legendUp}</span>
           <span><i class="key down" /> {t.legendDown}</span>
+          <span><i class="key threshold" /> {t.legendThreshold}</span>
           <span><i class="key alarm" /> {t.legendAlarm}</span>
           <span>{t.plotHelp}</span>
         </p>
-        {axis.parameters.map((p) => (
+        {inQuestionFirst(axis.parameters).map((p) => (
           <ParameterPanel key={p.name} {...{ p, id, history, range, monitored, changes }} alarms={alarms?.alarms ?? []} onRange={change} />
         ))}
       </TimeRange>
@@ -60,6 +61,10 @@ export function AxisPage({ id }: { id: string }) {
     </>
   );
 }
+
+/** Those with an alarm first. */
+const inQuestionFirst = (parameters: Parameter[]): Parameter[] =>
+  [...parameters].sort((a, b) => Number(b.status === "alarm") - Number(a.status === "alarm"));
 
 /** The newest time that there is [s since 1970]: of the last sample, which has the clock of the machine. */
 function newest(axis: Axis | undefined): number {
@@ -118,7 +123,7 @@ function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onR
         {inside === 0 && <p class="quiet">{t.noHistory}</p>}
         <Plot label={t.plotOf(p.name)} height={150} time={columns.time} {...{ range, marks, changes, onRange }}
           columns={[columns.low, columns.high, columns.nominal, columns.estimate]}
-          lines={[{ label: "", colour: "none" }, { label: "", colour: "none" }, NOMINAL, ESTIMATE]} band={[0, 1]}
+          lines={[{ colour: "none" }, { colour: "none" }, NOMINAL, ESTIMATE]} band={[0, 1]}
           scale={rangeOf(visible([columns.low, columns.high, columns.nominal, columns.estimate], columns, range), least)} />
         <Plot label={t.plotOfTest(p.name)} height={100} time={columns.time} {...{ range, marks, changes, onRange }}
           columns={[columns.time.map(() => 1), columns.up, columns.down]} lines={[THRESHOLD, UP, DOWN]}
@@ -128,11 +133,11 @@ function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onR
   );
 }
 
-const NOMINAL = { label: "nominal", colour: "quiet", dash: [6, 4] };
-const ESTIMATE = { label: "estimate", colour: "text" };
-const THRESHOLD = { label: "threshold", colour: "alarm", dash: [2, 3], width: 1 };
-const UP = { label: "up", colour: "text" };
-const DOWN = { label: "down", colour: "quiet", dash: [8, 3] };
+const NOMINAL = { colour: "quiet", dash: [6, 4] };
+const ESTIMATE = { colour: "text" };
+const THRESHOLD = { colour: "alarm", dash: [2, 3], width: 1 };
+const UP = { colour: "text" };
+const DOWN = { colour: "quiet", dash: [8, 3] };
 
 const within = ({ time, estimate }: Columns, [from, to]: Range): number =>
   time.filter((at, i) => at >= from && at <= to && estimate[i] !== null).length;

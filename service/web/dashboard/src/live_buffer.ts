@@ -1,13 +1,21 @@
 // The last minutes of the axes as this page has seen them: the live end of the plots.
-import type { Axis } from "./ask";
+import type { Axis, Parameter } from "./ask";
 
-const LENGTH_S = 900;
+const LENGTH_S = 120; // the history of the daemon is up to a minute late
 
 export interface LivePoint {
   /** Time of the last sample [s since 1970]. */
   time: number;
-  axis: Axis;
+  parameters: LiveParameter[];
 }
+
+/** What is plotted of a parameter: the rest of three hundred axes would fill the memory. */
+export type LiveParameter = Pick<
+  Parameter, "name" | "estimate" | "standard_deviation" | "nominal" | "cusum" | "threshold" | "observation"
+>;
+
+const plotted = ({ name, estimate, standard_deviation, nominal, cusum, threshold, observation }: Parameter): LiveParameter =>
+  ({ name, estimate, standard_deviation, nominal, cusum, threshold, observation });
 
 class LiveBuffer {
   private readonly points = new Map<string, LivePoint[]>();
@@ -22,7 +30,7 @@ class LiveBuffer {
     if (last && time > last.time && time < last.time + 0.5) return;
     if (last && time < last.time) kept.length = 0;
     if (last && time === last.time) return;
-    kept.push({ time, axis });
+    kept.push({ time, parameters: axis.parameters.map(plotted) });
     while ((kept[0]?.time ?? Infinity) < time - LENGTH_S) kept.shift();
     this.points.set(axis.id, kept);
   }

@@ -9,7 +9,6 @@ import { language } from "./texts";
 export type Range = [number, number];
 
 export interface Line {
-  label: string;
   /** A colour of the style sheet. */
   colour: string;
   dash?: number[];

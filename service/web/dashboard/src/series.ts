@@ -1,5 +1,5 @@
 // From the history of the API to columns that are plotted: gaps, numbers that are none, constant values.
-import type { Alarm, Axis, Body } from "./ask";
+import type { Alarm, Body } from "./ask";
 import type { LivePoint } from "./live_buffer";
 
 type Numbers = (number | null)[];
@@ -55,7 +55,7 @@ export function columnsOf(name: string, history: History | null, live: LivePoint
     if (last !== undefined && point.time <= last) continue;
     // Nothing in between for some steps: a gap, not a line across it.
     if (last !== undefined && point.time > last + 3 * step) push(columns, (last + point.time) / 2, {});
-    addLive(columns, name, point.time, point.axis);
+    addLive(columns, name, point);
   }
   return columns;
 }
@@ -70,8 +70,8 @@ function addHistory(to: Columns, history: History, p: Body<"ParameterHistory">):
   });
 }
 
-function addLive(to: Columns, name: string, time: number, axis: Axis): void {
-  const p = axis.parameters.find((one) => one.name === name);
+function addLive(to: Columns, name: string, { time, parameters }: LivePoint): void {
+  const p = parameters.find((one) => one.name === name);
   if (!p) return;
   const g = [finite(p.cusum.up), finite(p.cusum.down)];
   const values = row(finite(p.estimate), finite(p.standard_deviation), finite(p.nominal), g, finite(p.threshold));

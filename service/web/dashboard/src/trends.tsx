@@ -35,11 +35,11 @@ export function Trends({ id }: { id: string }) {
   );
 }
 
-const MEAN = { label: "mean", colour: "text" };
-const FORECAST = { label: "trend", colour: "text", dash: [6, 4] };
-const NOMINAL = { label: "nominal", colour: "quiet", dash: [2, 3] };
-const LIMIT = { label: "limit", colour: "alarm", width: 4 };
-const HIDDEN = { label: "", colour: "none" };
+const MEAN = { colour: "text" };
+const FORECAST = { colour: "text", dash: [6, 4] };
+const NOMINAL = { colour: "quiet", dash: [2, 3] };
+const LIMIT = { colour: "alarm", width: 4 };
+const HIDDEN = { colour: "none" };
 
 function TrendPanel({ p }: { p: Body<"LongTermHistory"> }) {
   const c = trendColumns(p);

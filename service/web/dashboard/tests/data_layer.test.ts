@@ -3,6 +3,7 @@ import { beforeEach, describe, expect, test } from "vitest";
 import type { Alarm, Axis, Body } from "../src/ask";
 import { EventParser } from "../src/events";
 import * as format from "../src/format";
+import { liveBuffer } from "../src/live_buffer";
 import { itemsOf, matches, ordered } from "../src/need";
 import { columnsOf, marksOf, rangeOf, type History } from "../src/series";
 import { choose } from "../src/texts";
@@ -66,7 +67,7 @@ describe("columns of a plot", () => {
   });
 
   test("go on with what the page has seen, after a gap where nothing was seen, and never twice", () => {
-    const live = [0, 5, 100].map((s) => ({ time: T0 + s, axis: axisOf("a") }));
+    const live = [0, 5, 100].map((s) => ({ time: T0 + s, parameters: axisOf("a").parameters }));
     const c = columnsOf("fm", historyOf([1], [1]), live);
     expect(c.time.map((s) => s - T0)).toEqual([0, 5, 52.5, 100]);
     expect(c.estimate).toEqual([1, 1.1, null, 1.1]);
@@ -76,6 +77,15 @@ describe("columns of a plot", () => {
     expect(columnsOf("fm", null, []).time).toEqual([]);
     expect(columnsOf("kT", historyOf([1], [1]), []).time).toEqual([]);
   });
+});
+
+test("the page keeps the last two minutes of an axis, a point each half second, in order", () => {
+  for (const s of [0, 0.2, 1, 1, 50, 130]) liveBuffer.add(axisOf("kept", { last_sample: iso(s) }));
+  const times = (after: number): number[] => liveBuffer.after("kept", T0 + after).map(({ time }) => time - T0);
+  expect(times(0)).toEqual([50, 130]);
+  expect(times(50)).toEqual([130]);
+  liveBuffer.add(axisOf("kept", { last_sample: iso(60) })); // the clock was set back
+  expect(times(0)).toEqual([60]);
 });
 
 describe("the range of a plot", () => {

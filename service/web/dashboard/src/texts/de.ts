@@ -4,7 +4,6 @@ import type { Texts } from "./en";
 export const de: Texts = {
   skip: "Zum Inhalt",
   pages: { overview: "Übersicht", alarms: "Alarme", system: "System", api: "API", metrics: "Metriken", report: "Bericht der Inbetriebnahme" },
-  language: "Sprache",
   otherLanguage: "English",
   theDaemon: "Zustand des Dienstes",
   connecting: "verbindet",
@@ -23,7 +22,6 @@ export const de: Texts = {
   waiting: "Wartet auf die erste Antwort.",
   notThere: (what) => `${what}: nicht vorhanden.`,
   activeAlarms: (n) => (n === 1 ? "1 aktiver Alarm" : `${n} aktive Alarme`),
-  noActiveAlarm: "Kein aktiver Alarm",
   newAlarm: (axis, words) => `Neuer Alarm: ${axis}: ${words}`,
   alarmNamed: (axis, words) => `Alarm: ${axis}: ${words}`,
   more: (n) => `${n} weitere`,
@@ -45,7 +43,6 @@ export const de: Texts = {
   lastSample: (age) => `letzter Messwert vor ${age}`,
   since: "seit",
   learning: "lernt",
-  estimateOf: (name, value) => `${name} ${value}`,
 
   status: {
     waiting: "wartet", settling: "schwingt ein", seeding: "lernt", tracking: "verfolgt", "weakly observed": "schwach beobachtet",
@@ -105,7 +102,6 @@ export const de: Texts = {
   kindLabel: "Verlauf der Änderung",
   nominal: "Nennwert",
   causes: "Mögliche Ursachen",
-  cause: "Ursache",
   probability: "Wahrscheinlichkeit",
   alike: (names) => `sähe gleich aus: ${names}`,
   stageChanged: "Etwas hat sich geändert; die Ursache ist noch nicht bekannt. Sie wird benannt, sobald genug Bewegung gesehen wurde.",
@@ -147,7 +143,6 @@ export const de: Texts = {
   toLive: "Zum Ende",
   plotHelp: "Ziehen vergrößert; Pfeiltasten verschieben, + und − ändern den Bereich, Pos1 springt ans Ende.",
   noHistory: "Kein Verlauf in dieser Zeit.",
-  historyFrom: (when) => `Der Verlauf beginnt ${when}.`,
   legendEstimate: "Schätzwert, 95-%-Band",
   legendNominal: "Nennwert",
   legendUp: "Test höher ▲",

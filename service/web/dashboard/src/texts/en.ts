@@ -2,7 +2,6 @@
 export const en = {
   skip: "Skip to the content",
   pages: { overview: "Overview", alarms: "Alarms", system: "System", api: "API", metrics: "Metrics", report: "Commissioning report" },
-  language: "Language",
   otherLanguage: "Deutsch",
   theDaemon: "State of the daemon",
   connecting: "connecting",
@@ -21,7 +20,6 @@ export const en = {
   waiting: "Waiting for the first answer.",
   notThere: (what: string) => `${what}: not there.`,
   activeAlarms: (n: number) => (n === 1 ? "1 active alarm" : `${n} active alarms`),
-  noActiveAlarm: "No active alarm",
   newAlarm: (axis: string, words: string) => `New alarm: ${axis}: ${words}`,
   alarmNamed: (axis: string, words: string) => `Alarm: ${axis}: ${words}`,
   more: (n: number) => `${n} more`,
@@ -43,7 +41,6 @@ export const en = {
   lastSample: (age: string) => `last sample ${age} ago`,
   since: "since",
   learning: "learning",
-  estimateOf: (name: string, value: string) => `${name} ${value}`,
 
   status: {
     waiting: "waiting", settling: "settling", seeding: "learning", tracking: "tracking", "weakly observed": "weakly observed",
@@ -105,7 +102,6 @@ export const en = {
   kindLabel: "Course",
   nominal: "Nominal value",
   causes: "Possible causes",
-  cause: "Cause",
   probability: "Probability",
   alike: (names: string) => `would look the same: ${names}`,
   stageChanged: "Something has changed; the cause is not known yet. It is named when enough motion has been seen.",
@@ -147,7 +143,6 @@ export const en = {
   toLive: "To the end",
   plotHelp: "Drag to zoom; arrow keys move, + and − zoom, Home returns to the end.",
   noHistory: "No history in this time.",
-  historyFrom: (when: string) => `The history begins ${when}.`,
   legendEstimate: "estimate, 95 % band",
   legendNominal: "nominal value",
   legendUp: "test up ▲",
