@@ -16,10 +16,10 @@ export NUMBA_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test bench soak lint format docs screenshots lock image clean
+.PHONY: help run test bench soak lint format docs screenshots lock image image-test clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 run: $(READY) $(PAGE) ## start the demo: a simulated robot on an embedded bus, dashboard in the browser
 	@$(BIN)/axiswatch demo $(ARGS)
@@ -56,6 +56,9 @@ lock: $(READY) ## pin again: newest versions that pyproject.toml admits, for eve
 
 image: ## build the container image with docker or buildah
 	@tools/build-image.sh $(ARGS)
+
+image-test: ## build the image with buildah and try it: size, demo on a read-only root (root; some minutes)
+	@tools/test-image.sh $(ARGS)
 
 clean: ## remove the environment, caches and builds
 	rm -rf $(VENV) service/web/static service/web/dashboard/node_modules .cache .hypothesis .benchmarks .ruff_cache dist build

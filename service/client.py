@@ -1,9 +1,10 @@
-"""A client of a running daemon: its alarms, and its state, over REST."""
+"""A client of a running daemon: its alarms, its history, the epochs of its axes, and its state, over REST."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
+from urllib.parse import quote
 
 if TYPE_CHECKING:
     import httpx
@@ -81,6 +82,44 @@ class ServiceJson(TypedDict):
     started: str
 
 
+class NominalJson(TypedDict):
+    """A nominal value of an epoch (the API's NominalValue)."""
+
+    name: str
+    unit: str
+    value: float | None
+    former: float | None
+    standard_deviation: float | None
+    kept: str | None
+
+
+class EpochJson(TypedDict):
+    """An epoch of an axis (the API's Epoch, which has more)."""
+
+    number: int
+    state: str
+    source: str
+    restored_from: int | None
+    began: str
+    in_force: str | None
+    ended: str | None
+    who: str
+    comment: str | None
+    work_order: str | None
+    reason: str | None
+    done_s: float | None
+    length_s: float | None
+    values: list[NominalJson]
+
+
+class EpochsJson(TypedDict):
+    """The epochs of an axis, the newest first (the API's AxisEpochs)."""
+
+    axis: str
+    current: int
+    epochs: list[EpochJson]
+
+
 class AlarmText(NamedTuple):
     """What a person writes about an alarm."""
 
@@ -156,6 +195,30 @@ class Client:
         """Add a comment or the number of a work order."""
         return self._act(alarm_id, "comment", text)
 
+    def epochs(self, axis: str) -> EpochsJson:
+        """The epochs of an axis."""
+        found: EpochsJson = self._ask("GET", f"axes/{_quoted(axis)}/epochs")
+        return found
+
+    def baseline(self, axis: str, text: AlarmText = NOTHING, **plan: float | str | None) -> EpochJson:
+        """Begin a new epoch of an axis; the plan is that of POST /api/v1/axes/{axis}/baseline."""
+        body = {**text._asdict(), **{name: value for name, value in plan.items() if value is not None}}
+        found: EpochJson = self._ask("POST", f"axes/{_quoted(axis)}/baseline", body=body)
+        return found
+
+    def cancel_baseline(self, axis: str, text: AlarmText = NOTHING) -> EpochJson:
+        """End the learning window of an axis."""
+        found: EpochJson = self._ask("POST", f"axes/{_quoted(axis)}/baseline/cancel", body=text._asdict())
+        return found
+
+    def restore_epoch(
+        self, axis: str, number: int, verify_hours: float, text: AlarmText = NOTHING
+    ) -> EpochJson:
+        """Let the values of a former epoch be in force again."""
+        body = {**text._asdict(), "verify_hours": verify_hours}
+        found: EpochJson = self._ask("POST", f"axes/{_quoted(axis)}/epochs/{number}/restore", body=body)
+        return found
+
     def record(self) -> str:
         """Have the raw frames of the last minutes written to a file; its name."""
         return str(self._ask("POST", "recordings")["name"])
@@ -163,6 +226,11 @@ class Client:
     def recording(self, name: str) -> bytes:
         """The content of a recording, a candump log."""
         return self._send("GET", f"recordings/{name}").content
+
+    def history_file(self, axis: str, kind: str, **query: str | None) -> bytes:
+        """The history of an axis as a file, csv or parquet; the rest is as in GET /api/v1/axes/{axis}/history.csv."""
+        given: dict[str, str | int] = {name: value for name, value in query.items() if value is not None}
+        return self._send("GET", f"axes/{quote(axis, safe='')}/history.{kind}", given).content
 
     def _act(
         self,
@@ -208,6 +276,11 @@ class Client:
         except ValueError as error:
             message = f"{self._url} is no axiswatch: it answers {answer.status_code} without JSON"
             raise ClientError(message) from error
+
+
+def _quoted(axis: str) -> str:
+    """The id of an axis as a part of a path."""
+    return quote(axis, safe="")
 
 
 def _reason(problem: Any) -> str:

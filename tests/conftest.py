@@ -39,6 +39,7 @@ DEBIAN_PACKAGE = {
     "ip": "iproute2",
     "systemd-analyze": "systemd",
     "git": "git",
+    "mosquitto": "mosquitto",
 }
 
 

@@ -10,10 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 from pymoca import ast
 
 from monitor_core.modeling.modelica.library import library
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
+from service.can.bus_reader import LONGEST_RETRY_S
+from service.commands.exit_codes import MISTAKE
+from service.commands.main import app
+from service.web.server import GRACE_S
 from tests.conftest import ROOT
 
 CONFIG = ROOT / "config"
@@ -91,12 +96,48 @@ def test_dashboard_panels_are_laid_out() -> None:
         taken |= cells
 
 
+UNIT = CONFIG / "systemd" / "axiswatch.service"
+
+
+def unit_settings() -> dict[str, list[str]]:
+    """The values of each setting of the unit, in their order."""
+    found: dict[str, list[str]] = {}
+    for name, value in re.findall(r"^(\w+)=(.*)$", UNIT.read_text(encoding="utf-8"), re.MULTILINE):
+        found.setdefault(name, []).append(value)
+    return found
+
+
 def test_unit_lets_the_program_compile_and_see_the_bus() -> None:
-    unit = (CONFIG / "systemd" / "axiswatch.service").read_text(encoding="utf-8")
-    assert not re.search(r"^MemoryDenyWriteExecute=(yes|true|on|1)", unit, re.MULTILINE)
-    assert re.search(r"^Environment=NUMBA_CACHE_DIR=%S/axiswatch/", unit, re.MULTILINE)
-    assert re.search(r"^StateDirectory=axiswatch$", unit, re.MULTILINE)
-    assert re.search(r"^RestrictAddressFamilies=.*\bAF_CAN\b", unit, re.MULTILINE)
+    unit = unit_settings()
+    assert unit.get("MemoryDenyWriteExecute", ["no"]) == ["no"]
+    assert any(value.startswith("NUMBA_CACHE_DIR=%S/axiswatch/") for value in unit["Environment"])
+    assert unit["StateDirectory"] == ["axiswatch"]
+    assert "AF_CAN" in unit["RestrictAddressFamilies"][0].split()
+
+
+def test_unit_and_program_agree() -> None:
+    group: Any = typer.main.get_command(app)
+    unit = unit_settings()
+    for setting, name in (("ExecStartPre", "check"), ("ExecStart", "run")):
+        (program, command, *words), *others = (line.split() for line in unit[setting])
+        assert (Path(program).name, command, others) == ("axiswatch", name, [])
+        given = group.get_command(None, name).make_context(name, words).params
+        assert given["config"] == Path("/etc/axiswatch/axiswatch.toml")
+    assert (unit["Type"], unit["Restart"]) == (["notify"], ["on-failure"])
+    assert unit["RestartPreventExitStatus"] == [str(MISTAKE)]
+    assert unit["ExecReload"] == ["/bin/kill -HUP $MAINPID"]
+    assert float(unit["TimeoutStopSec"][0]) > 4 * GRACE_S
+    assert float(unit["WatchdogSec"][0]) > 2 * LONGEST_RETRY_S
+
+
+def test_systemd_takes_the_unit_and_finds_it_hardened(need: Need, tmp_path: Path) -> None:
+    analyze = need("systemd-analyze")
+    unit = tmp_path / UNIT.name
+    # The program must be there for systemd to take the unit.
+    unit.write_text(re.sub(r"/opt/axiswatch/bin/axiswatch", "/bin/true", UNIT.read_text(encoding="utf-8")))
+    checked = subprocess.run([analyze, "verify", unit], capture_output=True, text=True, check=False)
+    assert (checked.returncode, unit.name in checked.stderr) == (0, False), checked.stderr
+    run(analyze, "security", "--offline=true", "--threshold=20", unit)  # an exposure of 2.0
 
 
 def test_image_keeps_its_compiled_kernel_where_no_volume_hides_it() -> None:

@@ -8,6 +8,7 @@
 #   gcc                    likewise, where the processor has tile registers: see with-vcan-ptrace.c
 #   promtool, prometheus   unpacked into .cache/test-packages, not installed: Debian's package would start
 #                          a service, make a user and listen on a port
+#   mosquitto              likewise, with those of its libraries that a machine mostly lacks
 
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
@@ -68,6 +69,37 @@ if ! have promtool && [ ! -x "$TREE/bin/promtool" ]; then
     listed || refresh
     unpack_prometheus >/dev/null 2>&1 || { refresh; quietly unpack_prometheus; } ||
       fail "promtool is missing, and Debian's package prometheus could not be fetched"
+  fi
+fi
+
+unpack_mosquitto() {
+  local tmp rc
+  tmp=$(mktemp -d) || return 1
+  (
+    cd "$tmp" && libraries=$(apt-cache depends mosquitto | awk '$2 ~ /^lib(wrap|dlt|cjson|mosquitto|websockets)/ {print $2}') &&
+      apt -o APT::Sandbox::User=root download mosquitto $libraries &&
+      for package in ./*.deb; do dpkg-deb -x "$package" tree || exit; done &&
+      mkdir -p "$TREE/bin" "$TREE/mosquitto" &&
+      cp -a tree/usr/sbin/mosquitto tree/usr/lib/*/*.so.* "$TREE/mosquitto" &&
+      { [ ! -d tree/lib ] || find tree/lib -name '*.so.*' -exec cp -a {} "$TREE/mosquitto" ';'; } &&
+      cat >mosquitto <<'WRAPPER' && chmod +x mosquitto &&
+#!/bin/sh
+here=$(dirname "$(readlink -f "$0")")/../mosquitto
+LD_LIBRARY_PATH=$here exec "$here/mosquitto" "$@"
+WRAPPER
+      { LD_LIBRARY_PATH=$TREE/mosquitto "$TREE/mosquitto/mosquitto" -h | grep -q '^mosquitto version'; } &&
+      mv mosquitto "$TREE/bin/"
+  )
+  rc=$?
+  rm -rf "$tmp"; return $rc
+}
+if ! have mosquitto && [ ! -x "$TREE/bin/mosquitto" ]; then
+  if ! have apt-get || ! have dpkg-deb; then fail "mosquitto is missing, the MQTT broker"
+  else
+    echo "unpacking for the tests: mosquitto"
+    listed || refresh
+    unpack_mosquitto >/dev/null 2>&1 || { refresh; quietly unpack_mosquitto; } ||
+      fail "mosquitto is missing, and Debian's package could not be fetched"
   fi
 fi
 exit 0

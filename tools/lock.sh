@@ -3,7 +3,7 @@
 # lock.sh [UV PIP COMPILE ARGUMENT...]      for example: lock.sh --upgrade-package numpy
 #
 # Writes requirements.lock (everything), requirements-runtime.lock (the part the container image needs, at the same
-# versions) and requirements-mf4.lock (the same with the extra mf4, for its tests): exact versions and hashes, with
+# versions, with the extra mqtt, as nothing is installed in an image later) and requirements-mf4.lock (the same with the extra mf4, for its tests): exact versions and hashes, with
 # markers where Pythons or platforms differ.
 
 set -eu
@@ -13,6 +13,6 @@ compile() {
   .venv/bin/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
     --no-emit-index-url --custom-compile-command "make lock" "$@"
 }
-compile --extra dev --output-file requirements.lock "$@"
-compile --constraints requirements.lock --output-file requirements-runtime.lock --upgrade
+compile --extra dev --extra mqtt --output-file requirements.lock "$@"
+compile --constraints requirements.lock --extra mqtt --output-file requirements-runtime.lock --upgrade
 compile --constraints requirements.lock --extra mf4 --output-file requirements-mf4.lock --upgrade

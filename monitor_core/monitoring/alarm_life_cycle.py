@@ -46,7 +46,7 @@ ACTIVE_STATES = (AlarmState.UNACKNOWLEDGED, AlarmState.ACKNOWLEDGED, AlarmState.
 
 
 class AlarmEvent(StrEnum):
-    """Events that change the state of an alarm, except that a comment changes none."""
+    """Events that change the state of an alarm, except that a comment and a name change none."""
 
     RAISE = "raise"
     CLEAR = "clear"
@@ -61,6 +61,8 @@ class AlarmEvent(StrEnum):
     REMOVE = "remove from service"
     RETURN = "return to service"
     COMMENT = "comment"
+    NAME = "name"
+    """The cause has been found, or corrected; the state stays"""
 
 
 class AlarmTransitionError(ValueError):
@@ -146,7 +148,7 @@ class AlarmLife(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """A change of the state of an alarm.  ``before`` and ``after`` are equal for a comment."""
+    """A change of the state of an alarm.  ``before`` and ``after`` are equal for a comment and a name."""
 
     event: AlarmEvent
     before: AlarmLife
@@ -178,7 +180,7 @@ def transition(life: AlarmLife, event: AlarmEvent, until_us: int | None = None) 
 
 def _after(life: AlarmLife, event: AlarmEvent, until_us: int | None) -> AlarmLife:
     state = life.state
-    if event is AlarmEvent.COMMENT:
+    if event in (AlarmEvent.COMMENT, AlarmEvent.NAME):
         return life
     if event in _OVERLAYS:
         hides, replaces = _OVERLAYS[event]

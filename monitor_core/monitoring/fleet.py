@@ -1,5 +1,7 @@
 """A fleet: axes of any drives, sample rates and settings, whose blocks of samples are taken in one call."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -22,6 +24,8 @@ from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
 
 _T = TypeVar("_T", bound=np.generic)
+_NO_AXIS = -1
+"""Of a lane that takes no samples."""
 _NOTHING: Mapping[int, Any] = MappingProxyType({})
 
 
@@ -77,9 +81,23 @@ class Fleet:
             for axis in range(len(models))
         )
 
+    @classmethod
+    def of_monitors(cls, monitors: Sequence[AxisMonitor]) -> Fleet:
+        """A fleet of monitors that exist, each with the state it has; they may be those of several fleets.
+
+        The lanes of monitors that are left out take no samples any more.
+        """
+        fleet = cls.__new__(cls)
+        lanes: dict[int, _Group] = {}
+        for axis, monitor in enumerate(monitors):
+            empty = _Group([_NO_AXIS] * len(monitor.batch.models), monitor.batch)
+            lanes.setdefault(id(monitor.batch), empty).axes[monitor.lane] = axis
+        fleet._groups, fleet.monitors = list(lanes.values()), tuple(monitors)
+        return fleet
+
     @property
     def batch_sizes(self) -> list[int]:
-        """How many axes share each batch."""
+        """How many lanes each batch has."""
         return [len(group.axes) for group in self._groups]
 
     def update(
@@ -111,7 +129,7 @@ class Fleet:
 class _Group(NamedTuple):
     """A batch and the axes of its lanes."""
 
-    axes: Sequence[int]
+    axes: list[int]
     batch: AxisBatch
 
     def run(

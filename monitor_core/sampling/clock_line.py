@@ -60,6 +60,8 @@ DRIFT_FIELDS: list[tuple[Any, ...]] = [
     ("level_us", "f8"),
     ("rate", "f8"),
     ("known_rate", "f8"),
+    ("first_at_us", "f8"),
+    ("first_level_us", "f8"),
     ("windows", "i8"),
     ("window", "f8", (MOST_WINDOWS, 2)),
     ("early", "i8"),
@@ -75,6 +77,7 @@ DRIFT_FIELDS: list[tuple[Any, ...]] = [
 Two consecutive windows that are off by more than ``step_us`` are a step, and the fit restarts.  Of the ``most``
 earliest frames of a window that quantile counts which is ``part`` of all frames: the very earliest may have a wrong
 number.
+``first_at_us`` and ``first_level_us`` are of the first of them: the frame that a line begins with may have been late.
 With ``quick`` the line first follows early frames immediately, as the one it began with may have been late.
 """
 
@@ -115,6 +118,7 @@ def is_given_up(clock: Any, received_us: int) -> Any:
 def restart_drift(clock: Any, rate: float) -> None:
     """A new line, whose rate may be known from before."""
     clock.at_us = clock.level_us = clock.window_since_us = clock.may_move_us = 0.0
+    clock.first_at_us = clock.first_level_us = 0.0
     clock.rate = clock.known_rate = rate
     clock.windows = clock.early = clock.seen = clock.shift_us = 0
     clock.was_off = False
@@ -232,6 +236,8 @@ def _fit(clock: Any) -> None:
         place_us += clock.window[k, 0]
         delay_us += clock.window[k, 1]
     clock.at_us, clock.level_us = place_us / count, delay_us / count
+    if clock.first_at_us == 0.0:
+        clock.first_at_us, clock.first_level_us = clock.at_us, clock.level_us
     if count == 1:
         return
     known = (clock.window_us / 4) ** 2

@@ -43,6 +43,15 @@ KEEP = 32
 EARLY = 0.25
 """Part of a cycle by which a frame may be before the line; all other frames are late, by up to the rest at once."""
 
+BUNCHED = 0.1
+"""Part of the frames that follow another one at once, from which on they are taken to come in bunches."""
+
+RECENT = 64
+"""Frames, of which that part is found."""
+
+COUNTED = 0.4
+"""Part of a cycle by which the last frame of a bunch may be before the line, where counting says that it is of it."""
+
 _MOST = int(PART * WINDOW) + 1
 _LONGEST_COUNTER = 62
 """Bits: a longer counter never wraps."""
@@ -64,6 +73,7 @@ CLOCK = np.dtype(
         ("ready", "i8"),
         ("paused", "?"),
         ("pauses", "i8"),
+        ("bunched", "f8"),
     ]
 )
 """A line with its drift, and what is known of the last frame."""
@@ -130,6 +140,10 @@ def cyclic_clock(interval_s: float) -> Clock:
     the waiting frames arrive in a burst.  Such a frame is held until one arrives at its usual distance; then those that
     arrived together belong to successive cycles, back from the last one, and cycles before them are missing.
 
+    An adapter that passes frames on in bunches, each 16 ms say, makes the last one of a bunch late by anything up to a
+    cycle.  Then its time of receipt alone does not tell its cycle: the number of frames does, unless the two contradict
+    each other.
+
     Frames that are not later than the last cycle are rejected as repeated or out of order; those further back than half
     a second (or ten cycles), and those that waited for longer, as untimed.  After a second of nothing but untimed
     frames the line restarts: the clock of this machine was set back.  After a pause of half a second the rate is kept,
@@ -154,11 +168,13 @@ def _clock(interval_s: float, keep: int, most: int, held: int) -> Clock:
 
 
 def counted_interval_s(clock: Clock) -> float | None:
-    """Measured time of one count since the line began [s]; None: not known yet."""
+    """Measured time of one count since the first window of the line [s]; None: not known yet."""
     state = clock.state[0]
-    if not state["runs"] or state["at_us"] <= 2 * state["window_us"]:
+    passed_us = state["at_us"] - state["first_at_us"]
+    if not state["runs"] or passed_us < state["window_us"]:
         return None
-    return float(state["interval_us"] * (1 + state["level_us"] / state["at_us"]) * 1e-6)
+    rate = (state["level_us"] - state["first_level_us"]) / passed_us
+    return float(state["interval_us"] * (1 + rate) * 1e-6)
 
 
 def cyclic_interval_s(clock: Clock) -> float | None:
@@ -230,12 +246,12 @@ def read_cycle(clock: Any, values: Any, value: Any) -> None:
         return
     place_us = received_us - clock.anchor_us
     late_us = place_us - expected_delay(clock, float(place_us))
-    cycle = np.int64(math.floor(late_us / clock.interval_us + EARLY))
+    waited = received_us - clock.received_us < clock.interval_us / 2
+    cycle = _last_possible(clock, late_us / clock.interval_us, waited)
     newest = values[HELD, clock.held - 1].cycle if clock.held else clock.n
     if cycle <= newest - clock.longest:
         _read_untimed(clock, values, value)
         return
-    waited = received_us - clock.received_us < clock.interval_us / 2
     if clock.held and not waited and cycle > newest:
         release_held(clock, values)
     if clock.held or cycle > clock.n + 1:
@@ -246,6 +262,18 @@ def read_cycle(clock: Any, values: Any, value: Any) -> None:
         _put_ready(clock, values, value, 0, REPEATED if cycle == clock.n else OUT_OF_ORDER)
         return
     _put_ready(clock, values, value, _give(clock, received_us, cycle), GIVEN)
+
+
+@outlined
+def _last_possible(clock: Any, late: float, waited: bool) -> Any:
+    """The last cycle that a frame can be of; ``late``: after the line at cycle 0, in cycles."""
+    clock.bunched += ((1.0 if waited else 0.0) - clock.bunched) / RECENT
+    if clock.bunched < BUNCHED:
+        return np.int64(math.floor(late + EARLY))
+    counted = clock.n + clock.held + 1
+    if -COUNTED <= late - counted < 1.0:
+        return counted
+    return np.int64(math.floor(late + PART))
 
 
 @outlined

@@ -2,14 +2,37 @@
 
 * ``entries``: readings of a monitor, and means of them over hours of operation.
 * ``slow_history``: a year of entries in bounded memory.
+* ``learning_window``: new nominal values of a repaired axis.
 * ``trend_models``: the trends that are compared, and how the entries scatter around them.
 * ``trend``: the probabilities of the trends, level and slope.
 * ``limit_forecast``: when a limit is reached, with its interval.
 """
 
 from monitor_core.trend.entries import Reading, thinned
+from monitor_core.trend.learning_window import (
+    PARTS,
+    SKIPPED,
+    Kept,
+    Learned,
+    LearningWindow,
+    WindowDoubt,
+    WindowError,
+)
 from monitor_core.trend.limit_forecast import COVERED
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend
 
-__all__ = ["COVERED", "Reading", "SlowHistory", "Trend", "thinned"]
+__all__ = [
+    "COVERED",
+    "PARTS",
+    "SKIPPED",
+    "Kept",
+    "Learned",
+    "LearningWindow",
+    "Reading",
+    "SlowHistory",
+    "Trend",
+    "WindowDoubt",
+    "WindowError",
+    "thinned",
+]

@@ -34,6 +34,8 @@ class Reading(NamedTuple):
     """Time in operation since the last one"""
     correlation: float
     """Of the estimates of two readings in a row"""
+    holds: bool = True
+    """The model explains the measurements"""
 
 
 class Entry(NamedTuple):

@@ -20,7 +20,9 @@ from service.can.user_errors import BusError
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
 """Why a frame did not reach the worker.  kernel_overflow is known for socketcan only."""
 
-_RETRY_S, _LONGEST_RETRY_S = 0.25, 5.0
+_RETRY_S = 0.25
+LONGEST_RETRY_S = 5.0
+"""Between two tries to open a bus"""
 _IFF_UP = 1
 
 
@@ -93,6 +95,8 @@ class CanReader:
         self._dropped = dict.fromkeys(READER_REASONS, 0)
         self._overflow_before = 0
         self._retry_s = _RETRY_S
+        self.turns = 0
+        """How often its loop has turned, which it does on a silent bus, too"""
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -140,6 +144,7 @@ class CanReader:
                     self._reopen()
                 else:
                     self._read(self._receiver)
+                self.turns += 1
         finally:
             self._state = (
                 "closed" if self._stop.is_set() else "down: the reader has stopped, which is a fault"
@@ -186,7 +191,7 @@ class CanReader:
         except BusError as error:
             self._state = f"down: {error}"
             self._stop.wait(self._retry_s)
-            self._retry_s = min(2 * self._retry_s, _LONGEST_RETRY_S)
+            self._retry_s = min(2 * self._retry_s, LONGEST_RETRY_S)
 
     def _interface_up(self) -> bool | None:
         """Whether the network interface is up; None when there is none of that name."""

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from monitor_core.wording import seconds_in
 from service.client import AlarmJson, AlarmRecordJson, AlarmText, Client
 from service.commands.exit_codes import EPILOG, explained
-from service.config.base_table import seconds_in
 
 Url = Annotated[
     str,
@@ -73,7 +73,7 @@ def list_alarms(
     with explained(), Client(url, token) as client:
         found = client.alarms(state=state, axis=axis, limit=limit)
     if as_json:
-        _print_json(found)
+        print_json(found)
         return
     for alarm in found["alarms"]:
         print(_line(alarm))
@@ -95,14 +95,14 @@ def show(
     with explained(), Client(url, token) as client:
         found = client.alarm(alarm_id)
     if as_json:
-        _print_json(found)
+        print_json(found)
         return
     print(_line(found))
     if found["recording"] is not None:
         print(f"  frames around it: {found['recording']}")
     for t in found["transitions"]:
-        words = [f"  {_time(t['at'])}  {t['event']} by {t['who']}: {t['to_state']}"]
-        words += [f"until {_time(t['until'])}"] if t["until"] and t["event"] == "shelve" else []
+        words = [f"  {short_time(t['at'])}  {t['event']} by {t['who']}: {t['to_state']}"]
+        words += [f"until {short_time(t['until'])}"] if t["until"] and t["event"] == "shelve" else []
         words += [f"({text})" for text in (t["comment"], t["work_order"]) if text]
         print(" ".join(words))
 
@@ -191,24 +191,26 @@ def _each(
         for number in alarm_ids:
             found = action(client, number)
             if as_json:
-                _print_json(found)
+                print_json(found)
             else:
                 print(_line(found))
 
 
-def _print_json(found: Any) -> None:
+def print_json(found: Any) -> None:
+    """Print an answer of the API."""
     print(json.dumps(found, indent=1, ensure_ascii=False))
 
 
 def _line(a: AlarmJson) -> str:
     """An alarm in two lines: what is done about it, and what it says."""
     number = "not yet recorded" if a["id"] is None else f"{a['id']}"
-    state = a["state"] + (f" until {_time(a['shelved_until'])}" if a["shelved_until"] else "")
-    ended = f", ended {_time(a['ended'])}" if a["ended"] else ""
+    state = a["state"] + (f" until {short_time(a['shelved_until'])}" if a["shelved_until"] else "")
+    ended = f", ended {short_time(a['ended'])}" if a["ended"] else ""
     order = f", work order {a['work_order']}" if a["work_order"] else ""
     head = f"{number}  {a['axis']} {a['parameter']} {a['direction']}: {state}, {a['priority']} priority"
-    return f"{head}, raised {_time(a['raised'])}{ended}{order}\n    {a['words']}"
+    return f"{head}, raised {short_time(a['raised'])}{ended}{order}\n    {a['words']}"
 
 
-def _time(iso: str | None) -> str:
+def short_time(iso: str | None) -> str:
+    """A time of the API for people; empty: there is none."""
     return "" if iso is None else f"{iso[:10]} {iso[11:19]} UTC"

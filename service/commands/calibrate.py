@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from monitor_core.wording import seconds_in
 from service.commands.exit_codes import explained
 from service.commands.options import (
     AxisName,
@@ -23,7 +24,6 @@ from service.commands.options import (
 )
 from service.commands.output_files import Files
 from service.commands.progress import steps_bar
-from service.config.base_table import seconds_in
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

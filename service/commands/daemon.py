@@ -1,23 +1,30 @@
 """The daemon: readers, worker, store and web are connected, started and stopped."""
 
+import os
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import structlog
 
 from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
+from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.reloading import Reloaded, Reloading
+from service.pipeline.snapshot import Snapshot
+from service.pipeline.wall_clock import WallClock
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
@@ -30,6 +37,9 @@ from service.web.app import create_app
 from service.web.report_pages import ReportPages
 from service.web.server import Certificate, is_remote, serve
 
+if TYPE_CHECKING:
+    from service.links.running import Links
+
 log = structlog.get_logger(__name__)
 
 
@@ -41,6 +51,7 @@ def run_daemon(
     reports: Path | None = None,
     complete: Callable[[], None] = lambda: None,
     insecure: bool = False,
+    reloadable: Callable[[Callable[[Config], Reloaded]], None] = lambda _reload: None,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -52,6 +63,7 @@ def run_daemon(
         reports: folder in which ``commission`` has left its report, if it has.
         complete: called once everything is compiled and all detectors run, from another thread.
         insecure: other machines may reach it without tokens or TLS.
+        reloadable: called with what takes over another configuration.
 
     Raises:
         UnprotectedError: they would, and may not.
@@ -61,13 +73,17 @@ def run_daemon(
         StoreError: the state directory cannot be used.
         RecordError: the record cannot be written.
         CannotListenError: the address of the page is not available.
+        LinkSecretError: a secret or a certificate of a link cannot be used.
         DaemonFailedError: an internal fault.
     """
     stop = stop or threading.Event()
     certificate = _certificate(config.web)
     access = _access(config, insecure)
     with ExitStack() as stack:
-        core = FramePipeline(config)
+        journal = Journal(config.service.state_dir / "alarms.sqlite")
+        stack.callback(journal.close)
+        begun = at_start(config.axes, journal.epochs, now_us())
+        core = FramePipeline(config, begun.axes)
         compiled = _in_background(config, stack)
         compiled.multimodel.add_done_callback(lambda done: None if done.exception() else complete())
         readers = _open_buses(config, core, stack)
@@ -77,19 +93,37 @@ def run_daemon(
         stack.callback(recording.close)
         history = _history(config)
         stack.callback(history.stop)
-        worker, journal = _worker(config, core, compiled, readers, recording, history, stack, stop)
+        checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
+        stack.callback(checkpoints.close)
+        saver = Checkpointer(checkpoints, core.monitors, config.service.checkpoint_interval_s, None, now_us)
+        state = _State(journal, checkpoints, saver, begun, history)
+        worker = _worker(config, core, compiled, readers, recording, state, stop)
+        baselines = Baselines(config.axes, begun.axes, core.monitors, worker, journal.epochs, now_us)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
+        stack.callback(baselines.stop)
         for reader in readers.values():
             stack.callback(reader.close)
+
+        links = _links(config, journal, lambda: worker.snapshot, stack)
+        systemd = ServiceManager(
+            os.environ, lambda: _turns(worker, readers), lambda: status_line(worker.snapshot)
+        )
+        stack.callback(systemd.close)
 
         def begin(port: int) -> None:
             for reader in readers.values():
                 reader.start()
             worker.start()
             history.start()
+            if links is not None:
+                links.start()
+            baselines.start()
+            reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
+            reloadable(reloading.reload)
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
+            systemd.ready()
             ready(url)
 
         pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
@@ -100,15 +134,23 @@ def run_daemon(
             access=access,
             extracts=extracts,
             history=history,
+            links=tuple if links is None else links.snapshots,
+            baselines=baselines,
             stopping=stop.is_set,
         )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
+        systemd.stopping()
     if worker.error is not None:
         raise DaemonFailedError(
             "a fault in the worker has stopped the daemon; the log says what"
         ) from worker.error
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
+    """How often the loops have turned that must turn as long as the daemon monitors."""
+    return {"worker": worker.turns} | {f"reader {name}": reader.turns for name, reader in readers.items()}
 
 
 def _certificate(web: WebConfig) -> Certificate | None:
@@ -179,47 +221,42 @@ def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[s
     return readers
 
 
+class _State(NamedTuple):
+    """What is in the state directory, and the epochs that are in force."""
+
+    journal: Journal
+    checkpoints: Checkpoints
+    saver: Checkpointer
+    begun: AtStart
+    history: HistoryRecording
+
+
 def _worker(
     config: Config,
     core: FramePipeline,
     compiled: Compiled,
     readers: Mapping[str, CanReader],
     recording: Recording,
-    history: HistoryRecording,
-    stack: ExitStack,
+    state: _State,
     stop: threading.Event,
-) -> tuple[Worker, Journal]:
-    """The worker with the files of the state directory, which are closed in the reverse order."""
-    journal = Journal(config.service.state_dir / "alarms.sqlite")
-    stack.callback(journal.close)
-    checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
-    stack.callback(checkpoints.close)
+) -> Worker:
+    """The worker, whose monitors are restored."""
+    journal, checkpoints, saver, begun, history = state
+    resume(core.monitors, journal.epochs, begun.epochs)
     restored = restore(core.monitors, checkpoints, journal, now_us())
+    saver.saved_us = restored.checkpoint_us
+    messages = (*begun.messages, *restored.messages, *begun_again(core.monitors))
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
-    alarms = Alarms(journal, known, rules=rules)
+    clock = WallClock()
+    alarms = Alarms(journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
-    interval_s = config.service.checkpoint_interval_s
-    for message in restored.messages:
+    for message in messages:
         log.warning("start", message=message)
-    saver = Checkpointer(checkpoints, core.monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
-    worker = Worker(
-        config,
-        core,
-        buses,
-        recording,
-        alarms,
-        history,
-        saver,
-        compiled,
-        now_us,
-        restored.messages,
-        stop.set,
-    )
-    return worker, journal
+    return Worker(config, core, buses, recording, alarms, history, saver, compiled, clock, messages, stop.set)
 
 
 def _history(config: Config) -> HistoryRecording:
@@ -234,6 +271,19 @@ def _history(config: Config) -> HistoryRecording:
     return HistoryRecording(
         lambda: HistoryStore(kept.state_dir / "history.sqlite", bounds), kept.history_interval_s
     )
+
+
+def _links(
+    config: Config, journal: Journal, snapshot: Callable[[], Snapshot], stack: ExitStack
+) -> "Links | None":
+    """The plant links, whose libraries take memory only where there are any."""
+    if not config.links.any:
+        return None
+    from service.links.running import Links
+
+    links = Links(config.links, config.service.state_dir, journal, snapshot)
+    stack.callback(links.stop)
+    return links
 
 
 def _extracts(config: Config) -> Extracts | None:

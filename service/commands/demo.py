@@ -12,9 +12,9 @@ from rich.console import Console
 
 from service.can.bus import open_buses
 from service.commands.calibrate import Budget
+from service.commands.daemon_logs import configure_logs
 from service.commands.exit_codes import explained
 from service.commands.options import Port, axis_named, configuration
-from service.commands.run import configure_logs
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.drive_sources import shipped

@@ -14,9 +14,9 @@ OK, FAULT, MISTAKE, NO_BUS, UNAVAILABLE, NOT_TESTED = range(6)
 EXIT_CODES = """\
 Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, in the configuration or in a
 file, or a fit of identify that is too poor to be used; 3 a bus cannot be opened or written to; 4 the port is
-taken, the state directory cannot be used, or the daemon does not answer or is not ready (status, alarms); 5 replay: a
-parameter was not tested in the records, so the absence of an alarm says nothing of it; commission: an axis could not be
-commissioned."""
+taken, the state directory cannot be used, or the daemon does not answer or is not ready (status, alarms, baseline);
+5 replay: a parameter was not tested in the records, so the absence of an alarm says nothing of it; commission: an axis
+could not be commissioned."""
 EPILOG = " ".join(EXIT_CODES.split())
 """Of the help of each command."""
 
@@ -54,6 +54,7 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
     from service.can.user_errors import BusError, IngestError
     from service.client import ClientError
     from service.config.axis_settings import AxisError
+    from service.links.link_secrets import LinkSecretError
     from service.simulation.robot import FaultError
     from service.store.database import StoreError
     from service.web.access import UnprotectedError
@@ -71,6 +72,7 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
         CalibrationError,
         UnprotectedError,
         CertificateError,
+        LinkSecretError,
     )
     codes: list[tuple[tuple[type[Exception], ...], int]] = [
         ((BusError,), NO_BUS),

@@ -1,22 +1,26 @@
-"""``axiswatch run``: the daemon; its logs are readable on a terminal, otherwise one JSON object a line."""
+"""``axiswatch run``: the daemon."""
 
-import logging
+from __future__ import annotations
+
 import signal
-import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
 import structlog
 import typer
-from structlog.typing import Processor
 
+from service.commands.daemon_logs import LogFormat, configure_logs
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Port, configuration
-from service.config import ConfigErrors, load
+from service.config import Config, ConfigErrors, load
+from service.store.database import StoreError
+
+if TYPE_CHECKING:
+    from service.pipeline.reloading import Reloaded
 
 Record = Annotated[
     Path | None,
@@ -34,83 +38,101 @@ Insecure = Annotated[
     ),
 ]
 
+LogFormatOption = Annotated[
+    LogFormat,
+    typer.Option(
+        "--log-format",
+        help="Lines for people (console), or a JSON object each. auto: console on a terminal, else JSON.",
+    ),
+]
+
 log = structlog.get_logger(__name__)
 
 
-def run(config: ConfigPath, record: Record = None, port: Port = None, insecure: Insecure = False) -> None:
+def run(
+    config: ConfigPath,
+    record: Record = None,
+    port: Port = None,
+    insecure: Insecure = False,
+    log_format: LogFormatOption = "auto",
+) -> None:
     """Monitor the axes of a configuration until SIGTERM or Ctrl-C: the daemon.
 
     Alarms and checkpoints are kept in the state directory; the page, the REST interface and the metrics are
     served at the configured address, and so is the report that `commission` has left beside the configuration. A bus
     that goes down later is waited for. Any other address than 127.0.0.1 needs tokens (`axiswatch token`) and TLS.
-    SIGHUP checks the configuration file; a new one is used after a restart.
+    SIGHUP reads the configuration again: changed, new and removed axes are taken over, the others go on as they are. A
+    mistake changes nothing, and is logged.
     """
     read = configuration(config)
     from service.commands.daemon import run_daemon
 
-    if port is not None:
-        read = read.model_copy(update={"web": read.web.model_copy(update={"port": port})})
-    configure_logs()
-    with explained(), _hangup_looks_at(config):
-        run_daemon(read, record, reports=config.parent, insecure=insecure)
-
-
-@contextmanager
-def _hangup_looks_at(config: Path) -> Iterator[None]:
-    """On SIGHUP log whether the configuration file is right; in a thread, as it takes a while."""
-
-    def look() -> None:
-        try:
-            load(config)
-        except ConfigErrors as errors:
-            problems = [str(problem) for problem in errors.problems]
-            log.error("SIGHUP: the configuration has mistakes; the daemon goes on", problems=problems)
-        else:
-            log.warning("SIGHUP: the configuration is right; it is used after a restart", file=str(config))
-
-    def on_hangup(_number: int, _frame: FrameType | None) -> None:
-        threading.Thread(target=look, name="configuration", daemon=True).start()
-
-    before = signal.signal(signal.SIGHUP, on_hangup)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGHUP, before)
-
-
-def configure_logs(stream: TextIO | None = None, level: int = logging.INFO) -> None:
-    """Send all logs, those of libraries too, to ``stream``, default the standard error stream."""
-    target = stream or sys.stderr
-    shared: list[Processor] = [
-        structlog.contextvars.merge_contextvars,
-        structlog.stdlib.add_log_level,
-        structlog.stdlib.add_logger_name,
-        structlog.processors.TimeStamper(fmt="iso", utc=True),
-    ]
-    structlog.configure(
-        processors=[*shared, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
-        logger_factory=structlog.stdlib.LoggerFactory(),
-        wrapper_class=structlog.stdlib.BoundLogger,
-        cache_logger_on_first_use=True,
-    )
-    handler = logging.StreamHandler(target)
-    handler.setFormatter(
-        structlog.stdlib.ProcessorFormatter(
-            foreign_pre_chain=shared,
-            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_rendering(target)],
+    configure_logs(log_format)
+    hangup = _Hangup(config, port)
+    with explained(), hangup.listening():
+        run_daemon(
+            with_port(read, port), record, reports=config.parent, insecure=insecure, reloadable=hangup.use
         )
-    )
-    root = logging.getLogger()
-    root.handlers[:] = [handler]
-    root.setLevel(level)
-    # The daemon itself reports better what these log at INFO.
-    for name in ("can", "uvicorn", "asyncio"):
-        logging.getLogger(name).setLevel(logging.WARNING)
 
 
-def _rendering(target: TextIO) -> list[Processor]:
-    if target.isatty():
-        return [structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)]
-    # Without local variables: those of a request hold its token.
-    traceback = structlog.tracebacks.ExceptionDictTransformer(show_locals=False)
-    return [structlog.processors.ExceptionRenderer(traceback), structlog.processors.JSONRenderer()]
+class _Hangup:
+    """What SIGHUP does: the configuration is read, checked and taken over, in a thread, as it takes a while.
+
+    Args:
+        path: of the configuration.
+        port: that of the command line.
+    """
+
+    def __init__(self, path: Path, port: int | None) -> None:
+        self._path, self._port = path, port
+        self._lock = threading.Lock()
+        self.reload: Callable[[Config], Reloaded] | None = None
+        """None: the daemon has not begun yet"""
+
+    def use(self, reload: Callable[[Config], Reloaded]) -> None:
+        """The daemon runs: ``reload`` takes a configuration over."""
+        self.reload = reload
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Obey SIGHUP in this block."""
+
+        def on_hangup(_number: int, _frame: FrameType | None) -> None:
+            threading.Thread(target=self.look, name="configuration", daemon=True).start()
+
+        before = signal.signal(signal.SIGHUP, on_hangup)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGHUP, before)
+
+    def look(self) -> None:
+        """Read the configuration and take it over; what is wrong with it is logged, and changes nothing."""
+        from service.pipeline.baselines import BaselineError
+        from service.pipeline.reloading import ReloadError
+
+        with self._lock:
+            try:
+                read = with_port(load(self._path), self._port)
+            except ConfigErrors as errors:
+                problems = [str(problem) for problem in errors.problems]
+                log.error("SIGHUP: the configuration has mistakes; nothing was changed", problems=problems)
+                return
+            if self.reload is None:
+                log.warning("SIGHUP: the daemon is starting; nothing was changed", file=str(self._path))
+                return
+            try:
+                found = self.reload(read)
+            except (ReloadError, BaselineError, StoreError) as error:
+                log.error("SIGHUP: nothing was changed", file=str(self._path), reason=str(error))
+                return
+            log.info("SIGHUP: the configuration is used", file=str(self._path), **found._asdict())
+            if found.needs_restart:
+                log.warning("SIGHUP: these changes need a restart", tables=found.needs_restart)
+
+
+def with_port(config: Config, port: int | None) -> Config:
+    """The configuration with the port of the command line."""
+    if port is None:
+        return config
+    return config.model_copy(update={"web": config.web.model_copy(update={"port": port})})

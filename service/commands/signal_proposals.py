@@ -27,6 +27,12 @@ _SAME_INTERVAL = 0.01
 """Relative: a measured interval that differs by less is the configured one."""
 _BUNCHED = 0.05
 """Of the samples: so many frames come too close to another one where they come in bunches."""
+_PARTS = 5
+"""Of a record with bunches, in each of which some frames are hardly late"""
+_FEWEST = 100
+"""Frames that tell their interval"""
+_PAUSE_S = 0.5
+"""After a longer one a counter may have wrapped, or the controller was off"""
 _UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 """Of times, by how many of them are a second."""
 _ABOUT = 2.5
@@ -186,9 +192,11 @@ def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[C
 
 
 def _unit_of_time(checked: Checked) -> Iterator[Correction]:
+    if checked.axis.config.time.column is None:
+        return
     ratio = _interval_s(checked)[0] / checked.axis.config.sample_interval_s
     for factor, unit in _UNITS.items():
-        if checked.axis.config.time.column is not None and 1 / _ABOUT < ratio / factor < _ABOUT:
+        if 1 / _ABOUT < ratio / factor < _ABOUT:
             yield Correction(("time", "factor"), 1 / factor, f"the times look like {unit}")
 
 
@@ -202,17 +210,60 @@ def _interval(checked: Checked) -> Iterator[Correction]:
 def _interval_s(checked: Checked) -> tuple[float, float]:
     """The median of the records, and by what part of it that may be off.
 
-    Where frames come in bunches it is that of all that came, with or without becoming a sample: the first and the last
-    may then have waited as long as the longest pause was.
+    Times by a counter have the configured interval, whatever the true one is: the times of receipt tell that.
     """
+    counted = checked.axis.config.time.counter_signal is not None
     intervals = []
-    for record, crowded in zip(checked.records, map(_crowded, checked.sources), strict=True):
-        if crowded > _BUNCHED:
-            every_s = record.duration_s / (len(record) - 1) / (1 + crowded)
-            intervals.append((every_s, float(record.intervals.max()) / record.duration_s))
+    for record, source in zip(checked.records, checked.sources, strict=True):
+        if not checked.in_tables and (counted or _crowded(source) > _BUNCHED):
+            intervals.append(_interval_received(*_receipts(checked, source)))
         else:
             intervals.append((record.mean_interval_s, 0.0))
-    return sorted(intervals)[len(intervals) // 2]
+    known = [found for found in intervals if math.isfinite(found[1])] or intervals
+    return sorted(known)[len(known) // 2]
+
+
+def _receipts(checked: Checked, source: Source) -> tuple[Floats, Floats]:
+    """Times at which the torque or the counter came [s], with or without becoming a sample, and its cycle (N,)."""
+    from service.can.messages import find_counter
+    from service.ingest.bus_samples import Ingest
+    from service.ingest.records import LogRecord
+
+    config, bus, signals = checked.config, checked.axis.config.bus, {checked.axis.id: ()}
+    assert bus is not None  # else there is no log of it
+    time = checked.axis.config.time
+    log, ingest = LogRecord(source.path, config, signals), Ingest(config, bus, signals)
+    wanted = "torque" if time.counter_signal is None else "counter"
+    frames = (of_bus[bus] for of_bus, _ in log.frames() if bus in of_bus)
+    found = [v for block in frames for v in ingest.feed_values(block) if v.quantity == wanted]
+    t = np.concatenate([v.t_us for v in found]).astype(np.float64) * 1e-6 - (source.begins_s or 0.0)
+    cycle = np.arange(len(t), dtype=np.float64)
+    if time.counter_message is not None and time.counter_signal is not None:
+        _, counter = find_counter(ingest.decoder.known, time.counter_message, time.counter_signal)
+        steps = np.diff(np.concatenate([v.physical for v in found])) % 2.0**counter.length
+        cycle[1:] = np.cumsum(steps)
+    inside = (t >= 0) & (t <= source.end_s - source.start_s)
+    return t[inside], cycle[inside]
+
+
+def _interval_received(t: Floats, cycle: Floats) -> tuple[float, float]:
+    """The interval of cycles (N,) of which something was received at t (N,), and by what part of it that may be off.
+
+    Each is late by an unknown time, but some in each part of the record by hardly any: the line of the interval goes
+    through the earliest ones near both ends.  Those of all parts together tell how far they are from a line.
+    """
+    pauses = np.flatnonzero(np.diff(t) > _PAUSE_S) + 1
+    t, cycle = max(
+        zip(np.split(t, pauses), np.split(cycle, pauses), strict=True), key=lambda part: len(part[0])
+    )
+    if len(t) < _FEWEST or cycle[-1] == cycle[0]:
+        return 0.0, math.inf
+    late = t - t[0] - (cycle - cycle[0]) * (t[-1] - t[0]) / (cycle[-1] - cycle[0])
+    parts = np.array_split(np.arange(len(t)), _PARTS)
+    first, last = (part[late[part].argmin()] for part in (parts[0], parts[-1]))
+    interval_s = float((t[last] - t[first]) / (cycle[last] - cycle[first]))
+    earliest = [(t - cycle * interval_s)[part].min() for part in parts]
+    return interval_s, float(np.ptp(earliest) / (t[last] - t[first]))
 
 
 def _crowded(source: Source) -> float:

@@ -1,6 +1,5 @@
 """Base class of the tables of the configuration, and the types of their values."""
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,27 +78,3 @@ def intervals(count: float) -> Callable[[dict[str, Any]], Any]:
 
 
 # --- Times as people write them: 10min, 1h, "14 days" -----------------------------------------------------------------
-
-
-_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0, "y": 31557600.0}
-_TIME = re.compile(r"(?P<number>[\d.]+)\s*(?P<unit>[a-z]*)")
-_SPELLED = {"hour": "h", "day": "d", "week": "w", "year": "y", "minute": "min", "second": "s", "m": "min"}
-_LONGEST_S = 1000 * _UNITS["y"]
-
-
-def seconds_in(text: str) -> float:
-    """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds.
-
-    Raises:
-        ValueError: the text is no time, or less than a second, or more than a thousand years.
-    """
-    match = _TIME.fullmatch(text.strip().lower())
-    unit = (match["unit"] if match else "") or "s"
-    unit = next((short for word, short in _SPELLED.items() if unit in (word, f"{word}s")), unit)
-    try:
-        seconds = float(match["number"]) * _UNITS[unit] if match else 0.0
-    except (ValueError, KeyError):
-        seconds = 0.0
-    if not 1 <= seconds <= _LONGEST_S:
-        raise ValueError(f"{text}: write a time, such as 10min, 1h, 30d or 1y")
-    return seconds

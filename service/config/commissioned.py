@@ -67,7 +67,7 @@ class Found(NamedTuple):
 def relocated(text: str, source: Path, target: Path) -> str:
     """The text of a configuration for another folder: files that it names stay where they are."""
     document = tomlkit.parse(text)
-    for table, key in _paths(document):
+    for table, key in kept_files(document):
         table[key] = os.path.relpath(source / str(table[key]), target)
     return tomlkit.dumps(document)
 
@@ -195,8 +195,8 @@ def _remove(axis: Any, table: str, keys: Sequence[str]) -> None:
         del axis[table]
 
 
-def _paths(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
-    """Where the configuration names files that stay where they are."""
+def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
+    """Table and key of each file that a configuration names, and that commissioning does not replace."""
     for bus in document.get("bus", ()):
         if "messages" in bus:
             yield bus, "messages"

@@ -20,12 +20,14 @@ REMOVED_KEYS: Mapping[str, str] = {
     "forgetting": "give memory_s = sample_interval_s / (1 - forgetting) instead",
     "history_length_s": "the history is kept in a file: give history_raw_days instead",
     "gain": "follows from torque_noise and output_noise, or from an identification: give nominal_file",
+    "password": "a secret does not belong here: write it into a file, and give password_file, or password_env",
+    "secret": "a secret does not belong here: write it into a file, and give secret_file, or secret_env",
     "speed_noise": "angle and speed are no longer used together: give one of the two tables, and output_noise for it",
 }
 
 
 def hint(key: str) -> str | None:
-    """What to do with a key of an earlier version; None: it never was a key."""
+    """What to do with a key of an earlier version, or one for a secret; None: it never was a key."""
     if key in RENAMED_KEYS:
         return f"is now called {RENAMED_KEYS[key]}"
     return REMOVED_KEYS.get(key)

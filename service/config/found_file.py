@@ -48,9 +48,22 @@ def read_found(schema: type[_F], path: Path) -> _F:
         FoundFileError: it cannot be read, or is no such file.
     """
     try:
-        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise FoundFileError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise FoundFileError(f"{path} is no TOML: {error}") from None
+    return found_in(schema, text, path)
+
+
+def found_in(schema: type[_F], text: str, path: Path) -> _F:
+    """The content of such a file; ``path`` is its name in messages.
+
+    Raises:
+        FoundFileError: it is no such file.
+    """
+    try:
+        content = tomllib.loads(text)
     except ValueError as error:
         raise FoundFileError(f"{path} is no TOML: {error}") from None
     for key in _keys(content):

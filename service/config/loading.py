@@ -4,6 +4,8 @@ The environment overrides the keys of [service] and [web]: AXISWATCH_WEB__PORT=9
 AXISWATCH_WEB__HOSTS=a,b the list of its hosts.
 The names are those of pydantic-settings (prefix, section, two underscores, key, any case), which itself reads only the
 environment of the process and does not report which variable was wrong.
+
+Under systemd STATE_DIRECTORY, the folder that its unit has for the service, is the default of state_dir.
 """
 
 import os
@@ -22,10 +24,12 @@ from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.canopen_rules import CANOPEN_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
+from service.config.link_rules import LINK_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import ConfigErrors, Finding, Keys, Problem, dotted, nearest, positions, shown
 from service.config.robot_defaults import origin
-from service.config.schema import Config
+from service.config.schema import AxisConfig, Config
+from service.config.schema_links import concealed
 from service.config.validation_messages import findings, table_in
 
 PREFIX = "AXISWATCH_"
@@ -55,6 +59,7 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
     values = _values(path, text)
     over = {key: _Override(name, value) for name, value in environ.items() if (key := _path(name))}
     _override(values, over)
+    _default_state_dir(values, environ)
     config, found = _read(values, Reading(path.absolute().parent, thresholds))
     found += _unknown_sections(over)
     if config is None or found:
@@ -127,7 +132,7 @@ def _shown_at(values: Any, path: Keys) -> str | None:
             values = values[part]
         except (KeyError, IndexError, TypeError):
             return None
-    return shown(values)
+    return shown(concealed(path[-1], values) if path else values)
 
 
 # --- The environment --------------------------------------------------------------------------------------------------
@@ -145,6 +150,16 @@ def _override(values: dict[str, Any], over: _Overrides) -> None:
         table = values.setdefault(str(section), {}) if section in SECTIONS else None
         if isinstance(table, dict):
             table[str(key)] = _typed(str(section), str(key), override.text)
+
+
+def _default_state_dir(values: dict[str, Any], environ: Mapping[str, str]) -> None:
+    """Write the first state directory of systemd's unit into the values, unless they have one, in place.
+
+    Without it there is a [service], too, so that the default starts at the folder of the file.
+    """
+    table = values.setdefault("service", {})
+    if isinstance(table, dict) and environ.get("STATE_DIRECTORY"):
+        table.setdefault("state_dir", environ["STATE_DIRECTORY"].partition(":")[0])
 
 
 def _typed(section: str, key: str, text: str) -> Any:
@@ -179,16 +194,20 @@ Rule = Callable[[T], Iterator[Finding]]
 
 def crosscheck(config: Config) -> Iterator[Finding]:
     """The findings of all cross-checks."""
-    yield from _run(CONFIG_RULES, config, ())
+    yield from _run((*CONFIG_RULES, *LINK_RULES), config, ())
     for i, bus in enumerate(config.bus):
         yield from _run(BUS_RULES, bus, ("bus", i))
     for i, robot in enumerate(config.robot):
         yield from _run((defaults_without_name, signals_of_axes), robot, ("robot", i))
         for k, axis in enumerate(robot.axis):
-            path: Keys = ("robot", i, "axis", k)
-            yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, path)
-            yield from _run(MODEL_RULES, axis, path, last=complete_model)
-            yield from _run(CONDITION_RULES, axis, path, last=values_at_ends)
+            yield from (found.inside(("robot", i, "axis", k)) for found in axis_findings(axis))
+
+
+def axis_findings(axis: AxisConfig) -> Iterator[Finding]:
+    """The findings of all cross-checks of one axis."""
+    yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, ())
+    yield from _run(MODEL_RULES, axis, (), last=complete_model)
+    yield from _run(CONDITION_RULES, axis, (), last=values_at_ends)
 
 
 def _run(rules: Iterable[Rule[T]], table: T, path: Keys, last: Rule[T] | None = None) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
+from service.config.schema_links import LinksConfig
 from service.config.schema_model import (
     AlarmsConfig,
     DetectorConfig,
@@ -158,7 +159,8 @@ class ServiceConfig(Table):
     """[service]: what the daemon keeps."""
 
     state_dir: FilePath = Field(Path("state"), validate_default=True)
-    """folder of the alarm journal and the checkpoints, relative to the configuration file"""
+    """folder of the alarm journal and the checkpoints, relative to the configuration file; default under systemd: its
+    StateDirectory"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
     history_interval_s: Positive = Field(10.0, le=3600)
@@ -397,6 +399,10 @@ class NamedAxis(NamedTuple):
     config: AxisConfig
     sources: tuple[Source, ...] = ()
     """Its further signals"""
+    epoch: int = 1
+    """Number of the epoch that its nominal values and thresholds belong to"""
+    configured: bool = True
+    """These are those of its configuration"""
 
 
 class Config(Table):
@@ -406,6 +412,8 @@ class Config(Table):
     """what the daemon keeps"""
     web: WebConfig = Field(default_factory=WebConfig)
     """where it is served"""
+    links: LinksConfig = Field(default_factory=LinksConfig)
+    """where else the alarms go"""
     bus: tuple[BusConfig, ...] = ()
     """CAN buses, [[bus]]; without any, axes are only identified from tables"""
     robot: tuple[RobotConfig, ...] = Field(min_length=1)

@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from monitor_core.monitoring import AlarmRules, Priority
-from service.config.base_table import DriveName, Positive, Reading, Real, Table, Text, from_folder, seconds_in
+from monitor_core.wording import seconds_in
+from service.config.base_table import DriveName, Positive, Reading, Real, Table, Text, from_folder
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
 from service.config.thresholds_file import ThresholdsFile

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from monitor_core.arrays import Floats, Ints
@@ -11,7 +11,7 @@ from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameBlock, FrameKey
 from service.config.bus_messages import messages_of
 from service.config.conditions import needed
-from service.config.schema import Config, Source
+from service.config.schema import Config, NamedAxis, Source
 from service.ingest.axis_input import AxisInput
 
 Carried = Mapping[str, Sequence[Source]]
@@ -57,6 +57,19 @@ class Ingest:
         self.decoder = Decoder(messages_of(config, bus))
         self.axes = {axis.id: AxisInput(axis, self.decoder, signals[axis.id]) for axis in axes}
         """The axes on this bus, by their names"""
+
+    def change(self, axes: Sequence[NamedAxis], replaced: Set[str]) -> None:
+        """Read these axes from now on: those that are replaced anew, the others go on as they are.
+
+        Raises:
+            DescriptionError, IngestError: as the constructor.
+        """
+        self.axes = {
+            axis.id: AxisInput(axis, self.decoder, needed(axis))
+            if axis.id in replaced
+            else self.axes[axis.id]
+            for axis in axes
+        }
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:

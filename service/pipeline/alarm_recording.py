@@ -1,7 +1,7 @@
 """Alarms on their way to the journal: what the disk refuses is shown at once, as not yet recorded."""
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import fields, replace
 from time import monotonic
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import structlog
 from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.monitoring import AlarmLife, AlarmRules, AxisMonitor, due
 from service.config import NamedAxis
+from service.pipeline.wall_clock import WallClock
 from service.store.alarm_statistics import StateCount
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal, RecordedAlarm
@@ -113,6 +114,7 @@ class Alarms:
         quantities: by axis and parameter.
         clock: seconds, for the time between two tries.
         rules: what the configuration says of alarms, by axis and parameter.
+        wall: the clock of the samples; after it was set, an alarm ends so long after it was raised as it has lasted.
     """
 
     def __init__(
@@ -121,9 +123,12 @@ class Alarms:
         quantities: Mapping[tuple[str, str], Quantity],
         clock: Callable[[], float] = monotonic,
         rules: Mapping[tuple[str, str], AlarmRules] | None = None,
+        wall: WallClock | None = None,
     ) -> None:
-        self._journal, self._quantities, self._clock = journal, quantities, clock
-        self._rules = rules or {}
+        self._journal, self._quantities, self._clock = journal, dict(quantities), clock
+        self._rules, self._wall = dict(rules or {}), wall or WallClock()
+        self._set_by_us: dict[tuple[str, AlarmKey], int] = {}
+        """How far the clock had been set when an alarm was raised, of those that are open"""
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._waiting: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._refused: set[tuple[str, AlarmKey]] = set()
@@ -133,9 +138,38 @@ class Alarms:
         self.problem: str | None = None
         """Why alarms wait, for the operator; None while none wait."""
 
+    @property
+    def clock_message(self) -> str | None:
+        """That the clock was set, for the operator."""
+        return self._wall.message
+
     def adopt(self, open_alarms: Iterable[AxisAlarm]) -> None:
         """Adopt alarms that are open in the journal from an earlier run."""
         self._open |= {change.key: change for change in open_alarms}
+
+    def waits_for_journal(self, axis_id: str) -> bool:
+        """Whether the journal does not have all of the alarms of an axis yet, after a try to write them."""
+        self.record(())
+        return any(key[0] == axis_id for key in self._waiting)
+
+    def change(
+        self,
+        axis_ids: Collection[str],
+        quantities: Mapping[tuple[str, str], Quantity],
+        rules: Mapping[tuple[str, str], AlarmRules],
+    ) -> None:
+        """These axes have other nominal values from now on, and no open alarm in the journal; or they are gone."""
+        self._open = {key: change for key, change in self._open.items() if key[0] not in axis_ids}
+        self._waiting = {key: change for key, change in self._waiting.items() if key[0] not in axis_ids}
+        self._refused = {key for key in self._refused if key[0] not in axis_ids}
+        self._quantities = {k: q for k, q in self._quantities.items() if k[0] not in axis_ids} | {
+            **quantities
+        }
+        self._rules = {key: own for key, own in self._rules.items() if key[0] not in axis_ids} | {**rules}
+
+    def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
+        """What the configuration says of the alarms of an axis, by their causes."""
+        return {cause: rules for (axis, cause), rules in self._rules.items() if axis == axis_id}
 
     def open(self, axis_id: str) -> tuple[Alarm, ...]:
         """The open alarms of an axis: those of the journal, and those that it does not have yet."""
@@ -145,7 +179,7 @@ class Alarms:
     def record(self, changes: Iterable[AxisAlarm]) -> None:
         """Add changes, and write all waiting ones, unless the last try has failed a moment ago."""
         for change in changes:
-            self._waiting[change.key] = change
+            self._waiting[change.key] = self._lasting(change)
         if self._waiting and self._clock() >= self._next_try:
             self._write()
 
@@ -201,6 +235,7 @@ class Alarms:
         key, alarm = change.key, change.alarm
         before = self._open.pop(key, None)
         if alarm.ended_us is not None:
+            self._set_by_us.pop(key, None)
             log.info("alarm ended", **self._facts(change))
             return
         self._open[key] = change
@@ -209,6 +244,17 @@ class Alarms:
             log.warning("alarm reopened" if again else "alarm raised", **self._facts(change))
         elif _name(before.alarm) != _name(alarm):
             log.warning("alarm named", **self._facts(change))
+
+    def _lasting(self, change: AxisAlarm) -> AxisAlarm:
+        """The change, its times by the clock as it was when the alarm was raised."""
+        adopted = change.key in self._open
+        set_by = self._wall.set_by_us
+        step = set_by - self._set_by_us.setdefault(change.key, 0 if adopted else set_by)
+        if not step:
+            return change
+        alarm = change.alarm
+        ended = None if alarm.ended_us is None else alarm.ended_us - step
+        return change._replace(alarm=replace(alarm, updated_us=alarm.updated_us - step, ended_us=ended))
 
     def _entry(self, change: AxisAlarm) -> Entry:
         unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]

@@ -1,7 +1,9 @@
 """Monitors of all configured axes: samples by axis in, changed alarms out; and from the frames of all buses to them."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence, Set
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from service.config.axis_settings import axis_settings, detectors_of, monitored_
 from service.ingest.bus_samples import Ingest
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.epoch_progress import EpochProgress
 from service.pipeline.trends import Trends
 
 Samples = Mapping[str, SampleBlock]
@@ -52,20 +55,22 @@ class AxisMonitors:
 
     def __init__(self, axes: Sequence[NamedAxis]) -> None:
         self._ids = [axis.id for axis in axes]
+        self.epochs = {axis.id: EpochProgress(axis.epoch, axis.configured) for axis in axes}
+        """The epoch of each axis, and what is under way"""
         models = [monitored_model(axis) for axis in axes]
         settings = [axis_settings(axis, m) for axis, m in zip(axes, models, strict=True)]
         detectors = [detectors_of(*each) for each in zip(axes, models, settings, strict=True)]
-        self._fleet = Fleet(
-            models,
-            settings,
-            {a: d.multimodel for a, d in enumerate(detectors) if d.multimodel is not None},
-            {a: d.alarm_source for a, d in enumerate(detectors)},
-        )
+        multimodel = {a: d.multimodel for a, d in enumerate(detectors) if d.multimodel is not None}
+        sources = {a: d.alarm_source for a, d in enumerate(detectors)}
+        self._fleet = Fleet(models, settings, multimodel, sources) if axes else Fleet.of_monitors(())
         self.by_id: Mapping[str, AxisMonitor] = dict(zip(self._ids, self._fleet.monitors, strict=True))
-        self._deferred: list[tuple[int, SampleBlock]] | None = None
+        self._deferred: list[tuple[str, SampleBlock]] | None = None
         """Axis and samples that wait for its multi-model detector; None: none waits"""
         self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
-        keys = [monitor.history_key for monitor in self._fleet.monitors]
+        keys = [
+            self.epochs[axis.id].key(monitor.history_key)
+            for axis, monitor in zip(axes, self._fleet.monitors, strict=True)
+        ]
         self.trends = Trends(axes, models, keys)
         """The long-term trends of all axes"""
         self._resumed = False
@@ -103,8 +108,9 @@ class AxisMonitors:
         for a, update in self._fleet.update(blocks, traced=observer is not None, multimodel=together).items():
             axis_id, monitor = self._ids[a], self._fleet.monitors[a]
             if self._deferred is not None and monitor.multimodel is not None:
-                self._deferred.append((a, monitor.judged(blocks[a])))
+                self._deferred.append((axis_id, monitor.judged(blocks[a])))
             self.trends.take(axis_id, update.readings)
+            self.epochs[axis_id].take(update.readings)
             if observer is not None and update.trace is not None:
                 observer(axis_id, blocks[a], update.trace)
             changed += [AxisAlarm(axis_id, change.alarm) for change in update.changes]
@@ -118,10 +124,34 @@ class AxisMonitors:
         """Let the multi-model detectors take the samples that waited, in order; returns the alarms that changed."""
         deferred, self._deferred = self._deferred or (), None
         return [
-            AxisAlarm(self._ids[a], change.alarm)
-            for a, block in deferred
-            for change in self._fleet.monitors[a].update_multimodel(block)
+            AxisAlarm(axis_id, change.alarm)
+            for axis_id, block in deferred
+            for change in self.by_id[axis_id].update_multimodel(block)
         ]
+
+    def change(self, axis_ids: Sequence[str], made: AxisMonitors) -> None:
+        """Monitor these axes from now on: those of ``made`` by its monitors, the others go on as they are.
+
+        ``made`` must not be used afterwards.
+        """
+        replaced = made.by_id.keys()
+        by_id = {**self.by_id, **made.by_id}
+        fleet = Fleet.of_monitors([by_id[a] for a in axis_ids])
+        self._ids, self._fleet = list(axis_ids), fleet
+        self.by_id = {a: by_id[a] for a in axis_ids}
+        for own, new in (
+            (self._turns, made._turns),
+            (self._operating, made._operating),
+            (self._warm_ups, made._warm_ups),
+            (self._calibrated, made._calibrated),
+            (self.epochs, made.epochs),
+        ):
+            _change(own, new, axis_ids, replaced)
+        self.trends.change(axis_ids, made.trends)
+        self._waiting = (self._waiting - replaced | made._waiting) & set(axis_ids)
+        self._widening = (self._widening - replaced | made._widening) & set(axis_ids)
+        if self._deferred is not None:
+            self._deferred = [d for d in self._deferred if d[0] in self.by_id and d[0] not in replaced]
 
     @property
     def deferred_samples(self) -> int:
@@ -206,6 +236,13 @@ class AxisMonitors:
             detector.bank.run(np.zeros(0, np.int64), empty, empty)
 
 
+def _change(own: dict[str, Any], new: Mapping[str, Any], axis_ids: Sequence[str], replaced: Set[str]) -> None:
+    """Let a table by axis have the entries of replaced axes, and none of axes that are gone."""
+    for axis_id in [a for a in own if a in replaced or a not in axis_ids]:
+        del own[axis_id]
+    own.update(new)
+
+
 def _calibrated_range(axis: NamedAxis, settings: Settings, signals: Sequence[str]) -> CalibratedRange:
     found = axis.config.model.thresholds_file
     known = () if found is None else tuple(Range(r.condition, r.low, r.high) for r in found.range)
@@ -228,13 +265,15 @@ def _motion(monitor: AxisMonitor) -> Motion | None:
 class FramePipeline:
     """Ingest of every bus and the monitors of every axis.
 
+    ``axes``: those of the configuration with the nominal values of their epochs, where these differ.
+
     Raises:
         AxisError: an axis cannot be monitored as configured.
         DescriptionError, IngestError: a bus cannot be decoded as configured.
     """
 
-    def __init__(self, config: Config) -> None:
-        self.monitors = AxisMonitors(config.axes)
+    def __init__(self, config: Config, axes: Sequence[NamedAxis] | None = None) -> None:
+        self.monitors = AxisMonitors(config.axes if axes is None else axes)
         self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
         self._samples: dict[str, list[SampleBlock]] = {}
 

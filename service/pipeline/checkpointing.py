@@ -1,6 +1,6 @@
 """Checkpoints of all monitors, at an interval and at the end; and the restart from them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
 from time import monotonic
 from typing import Literal, NamedTuple
@@ -16,6 +16,7 @@ from monitor_core.trend import SlowHistory
 from monitor_core.wording import listed
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.epoch_progress import EpochProgress
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.database import StoreError
@@ -30,7 +31,9 @@ what it lacks."""
 MOST_REOPENED = 20
 """Number of alarms that have ended last which the monitor of an axis gets back, as they may be reopened"""
 
-Part = Literal["estimates", "multimodel", "thermal", "history"]
+Part = Literal["estimates", "multimodel", "thermal", "learning", "history"]
+FIRST = EpochProgress(1)
+"""Of an axis that has always had the nominal values of its configuration"""
 
 
 class SavedState(NamedTuple):
@@ -44,18 +47,29 @@ class SavedState(NamedTuple):
     restore: Callable[[Arrays], None]
 
 
-def states_of(axis_id: str, monitor: AxisMonitor, operating: Operating | None = None) -> Iterator[SavedState]:
-    """The states of a monitor: estimates, the evidence of its multi-model detector, and how warm the axis is."""
-    yield SavedState("estimates", axis_id, monitor.key, monitor.to_arrays, monitor.from_arrays)
+def states_of(
+    axis_id: str, monitor: AxisMonitor, operating: Operating | None = None, epoch: EpochProgress = FIRST
+) -> Iterator[SavedState]:
+    """The states of a monitor: estimates, evidence of its multi-model detector, a learning window; how warm it is.
+
+    All but the heat belong to the epoch.
+    """
+    key = epoch.key(monitor.key)
+    yield SavedState("estimates", axis_id, key, monitor.to_arrays, monitor.from_arrays)
     multimodel = monitor.multimodel
     if multimodel is not None:
         yield SavedState(
             "multimodel",
             f"{axis_id} (multi-model detector)",
-            monitor.multimodel_key,
+            epoch.key(monitor.multimodel_key),
             lambda: multimodel.bank.to_arrays() if multimodel.made else None,
             lambda arrays: multimodel.bank.from_arrays(arrays),
         )
+    if epoch.learning is not None:
+        number, window = epoch.learning
+        key = f"learning window 1 for epoch {number} of {window.length_s:g} s {monitor.key}"
+        name = f"{axis_id} (learning window)"
+        yield SavedState("learning", name, key, window.to_arrays, window.from_arrays)
     if operating is not None and operating.thermal is not None:
         m = operating.thermal.model
         key = f"{THERMAL_SCHEMA} tau={m.tau_s} fm={m.fm} fc={m.fc} largest={m.largest}"
@@ -89,6 +103,10 @@ class Checkpointer:
         self.problem: str | None = None
         """Why the last try failed, for the operator; None when it did not."""
 
+    def save_soon(self) -> None:
+        """Let the next checkpoint be due now: monitors have been replaced."""
+        self._due = monotonic()
+
     def save_if_due(self) -> None:
         """Save when the interval is over."""
         if monotonic() >= self._due:
@@ -110,7 +128,8 @@ class Checkpointer:
 
     def _states(self) -> Iterator[AxisState]:
         for axis_id, monitor in self._monitors.by_id.items():
-            for state in states_of(axis_id, monitor, self._monitors.operating(axis_id)):
+            epoch = self._monitors.epochs[axis_id]
+            for state in states_of(axis_id, monitor, self._monitors.operating(axis_id), epoch):
                 arrays = state.arrays()
                 if arrays is not None:
                     yield AxisState(state.name, state.key, arrays)
@@ -123,6 +142,7 @@ PART_NAMES: Mapping[Part, str] = {
     "estimates": "the estimates",
     "multimodel": "the evidence of the multi-model detector",
     "thermal": "the warm-up state",
+    "learning": "the learning window",
     "history": "the long-term history",
 }
 
@@ -176,8 +196,16 @@ class _Loader:
         return True
 
 
-def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, now_us: int) -> Restored:
+def restore(
+    monitors: AxisMonitors,
+    checkpoints: Checkpoints,
+    journal: Journal,
+    now_us: int,
+    configured: Collection[str] | None = None,
+) -> Restored:
     """Bring the monitors and their trends to the state of the last run.
+
+    ``configured``: all axes, where the monitors are only those of some.
 
     The journal decides which alarms are open and which have ended, as it may be newer than the checkpoint.  Only an
     alarm that the journal has never seen, as its file was damaged and created again, is taken from the checkpoint.
@@ -190,7 +218,7 @@ def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, 
     opened: list[AxisAlarm] = []
     changes: list[AxisAlarm] = []
     for axis_id, monitor in monitors.by_id.items():
-        for state in states_of(axis_id, monitor, monitors.operating(axis_id)):
+        for state in states_of(axis_id, monitor, monitors.operating(axis_id), monitors.epochs[axis_id]):
             at = Loss(axis_id, state.part, "")
             found = loader.load(at, state.name, state.key)
             if found is not None and loader.use(at, state.name, state.restore, found.arrays):
@@ -200,7 +228,7 @@ def restore(monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal, 
         opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
         own = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
         changes += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, own, journal)]
-    messages += _removed_axes(monitors.by_id, journal)
+    messages += _removed_axes(monitors.by_id if configured is None else configured, journal)
     _restore_trends(monitors.trends, loader)
     changes += monitors.trends.adopt(opened, now_us)
     messages += loss_messages(loader.losses)
@@ -247,9 +275,9 @@ def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
     return any(recorded.first == alarm.first for recorded in found)
 
 
-def _removed_axes(monitors: Mapping[str, AxisMonitor], journal: Journal) -> list[str]:
+def _removed_axes(configured: Collection[str], journal: Journal) -> list[str]:
     alarms, _ = journal.query(active=True, limit=1000)
-    removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in monitors)
+    removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in configured)
     return [f"{axis} is no longer configured, but has open alarms in the journal" for axis in removed]
 
 

@@ -21,8 +21,9 @@ COMPILED = tuple(Path(__file__).parents[2] / "monitor_core" / name for name in (
 def choose(environ: MutableMapping[str, str]) -> Path:
     """Set numba's cache folder and effort; to be called before anything imports numba.
 
-    The folder lies below NUMBA_CACHE_DIR if that is set, otherwise below the user's cache folder.  Where neither can be
-    written it is a temporary folder, which is reported: without a folder numba refuses to import the kernel.
+    The folder lies below NUMBA_CACHE_DIR if that is set, otherwise below the user's cache folder.  Where it cannot be
+    written it is a temporary folder: numba uses none that it cannot write to.  That has links to the files of the
+    wanted one, as an image ships them; where there are none, it is reported that every start compiles.
     """
     folder = _base(environ) / f"kernel-{fingerprint()}"
     try:
@@ -52,11 +53,27 @@ def _base(environ: MutableMapping[str, str]) -> Path:
 
 
 def _folder_of_this_run(wanted: Path, error: OSError) -> Path:
-    folder = tempfile.mkdtemp(prefix="axiswatch-kernel-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    # Processes that this one starts find a name as ``_base`` knows it.
+    folder = Path(tempfile.mkdtemp(prefix="axiswatch-")) / wanted.name
+    atexit.register(shutil.rmtree, folder.parent, ignore_errors=True)
+    if _linked(wanted, folder):
+        return folder
     print(
         f"axiswatch: the compiled kernel cannot be kept in {wanted} ({error.strerror}), so every start "
         f"compiles it again: set {VARIABLE} to a folder that can be written to",
         file=sys.stderr,
     )
-    return Path(folder)
+    return folder
+
+
+def _linked(shipped: Path, folder: Path) -> bool:
+    """Make the folder, with links to all files of the other one if they can be read; whether there are any."""
+    folder.mkdir()
+    try:
+        for file in (path for path in shipped.rglob("*") if path.is_file() and os.access(path, os.R_OK)):
+            link = folder / file.relative_to(shipped)
+            link.parent.mkdir(exist_ok=True)
+            link.symlink_to(file.absolute())
+    except OSError:  # it may not be looked at
+        pass
+    return any(folder.iterdir())

@@ -1,7 +1,7 @@
 """Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
@@ -9,6 +9,7 @@ from service.config import NamedAxis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline, Heat
+from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
 from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
 
 
@@ -48,6 +49,8 @@ class AxisSnapshot:
     """The long-term trend of each parameter"""
     histories_lost: int = 0
     """Long-term histories that could not be restored at the start"""
+    epoch: AxisEpoch = FIRST_EPOCH
+    """Which nominal values are in force, and what is under way"""
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -70,6 +73,28 @@ class BusSnapshot:
     def up(self) -> bool:
         """Whether frames can be received."""
         return self.state == "up"
+
+
+GIVE_UP_REASONS = ("age", "refused")
+"""Why a link gives a transition up: it could not be delivered for too long; the receiver does not want it."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSnapshot:
+    """One plant link: whether it works, and transitions of alarms since the start of the daemon."""
+
+    name: str
+    kind: str
+    """webhook, mqtt or smtp"""
+    connected: bool
+    """Whether the last try has succeeded; of a link without a lasting connection also before the first one"""
+    problem: str = ""
+    """Why it does not work; empty: it does"""
+    pending: int = 0
+    """Those that wait"""
+    delivered: int = 0
+    given_up: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(GIVE_UP_REASONS, 0))
+    """Those that are given up, by reason"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +168,7 @@ class AxisView:
             other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),
             trends=monitors.trends.for_axis(axis.id),
             histories_lost=monitors.trends.lost[axis.id],
+            epoch=monitors.epochs[axis.id].shown(status),
         )
 
 

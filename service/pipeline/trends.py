@@ -1,5 +1,7 @@
 """Long-term trends of all axes: fed with readings, computed one at a time, saved and restored."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
@@ -39,6 +41,14 @@ class Trends:
         self._waiting: dict[tuple[str, int], None] = {}
         self.lost: dict[str, int] = dict.fromkeys(self.axes, 0)
         """Histories that could not be restored, by axis"""
+
+    def change(self, axis_ids: Iterable[str], made: Trends) -> None:
+        """Go on with these axes: those of ``made`` begin there, the others go on as they are."""
+        kept = set(axis_ids) - made.axes.keys()
+        self.axes = {a: own for a, own in self.axes.items() if a in kept} | made.axes
+        self.lost = {a: own for a, own in self.lost.items() if a in kept} | made.lost
+        self._saved = {a: own for a, own in self._saved.items() if a in kept}
+        self._waiting = {due: None for due in self._waiting if due[0] in kept}
 
     def take(self, axis_id: str, readings: Iterable[Reading]) -> None:
         """Take readings of an axis."""

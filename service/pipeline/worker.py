@@ -6,19 +6,21 @@ shows them is replaced in one assignment.
 
 import threading
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from time import perf_counter
-from typing import NamedTuple, Protocol
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import structlog
 
+from monitor_core.monitoring import AlarmRules
 from service.can.bus_reader import ReaderStats
 from service.can.frames import FrameBlock
-from service.config import Config
+from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import Alarms, AxisAlarm
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.alarm_recording import Alarms, AxisAlarm, alarm_rules, quantities
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
@@ -104,6 +106,26 @@ class Compiled(NamedTuple):
     multimodel: Future[None]
 
 
+T = TypeVar("T")
+
+
+class _Action(NamedTuple, Generic[T]):
+    """Something to be done between two blocks, and its result."""
+
+    action: Callable[[], T]
+    done: Future[T]
+
+    def run(self) -> None:
+        if not self.done.set_running_or_notify_cancel():
+            return
+        try:
+            self.done.set_result(self.action())
+        except BaseException as error:
+            self.done.set_exception(error)
+            if not isinstance(error, Exception):
+                raise
+
+
 class Worker:
     """Owns the pipeline from ``start`` until ``stop`` returns.
 
@@ -141,10 +163,13 @@ class Worker:
         self._time = ProcessingTime()
         pipeline.monitors.defer_multimodel()
         self._history = history
-        self._views = [AxisView(axis, pipeline, alarms, history) for axis in config.axes]
+        self._views = {axis.id: self._view(axis) for axis in config.axes}
+        self._actions = deque[_Action[Any]]()
         self._started_us = now_us()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
+        self.turns = 0
+        """How often its loop has turned: frames may be missing, but it turns ten times a second"""
         self.error: BaseException | None = None
         """The fault that ended the thread."""
         self.snapshot = self._snapshot()
@@ -155,15 +180,62 @@ class Worker:
         self._thread.start()
 
     def stop(self) -> None:
-        """Process the waiting frames, save the monitors, end the thread."""
+        """Process the waiting frames, save the monitors, end the thread; what waits to be done is cancelled."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
+        while self._actions:
+            self._actions.popleft().done.cancel()
+
+    def between_blocks(self, action: Callable[[], T]) -> Future[T]:
+        """Have an action done by the worker's thread, between two blocks of samples; from any thread.
+
+        What it raises is raised by the future, too; the worker goes on.
+        """
+        done = Future[T]()
+        self._actions.append(_Action(action, done))
+        if self._stop.is_set() and not self._thread.is_alive():
+            done.cancel()
+        return done
+
+    def waits_for_journal(self, axis_id: str) -> bool:
+        """Whether the journal does not have all of the alarms of an axis yet; between two blocks."""
+        return self._alarms.waits_for_journal(axis_id)
+
+    def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
+        """What the configuration says of the alarms of an axis, by their causes; between two blocks."""
+        return self._alarms.rules_of(axis_id)
+
+    def change(self, axes: Sequence[NamedAxis], made: AxisMonitors) -> None:
+        """Monitor these axes from now on, those of ``made`` by its monitors; between two blocks.
+
+        The others keep their monitors and the state in them, and take every sample as without it.
+        """
+        ids = [axis.id for axis in axes]
+        gone = [axis_id for axis_id in self._views if axis_id not in ids]
+        new = [axis for axis in axes if axis.id in made.by_id]
+        known = quantities(made.by_id)
+        self._pipeline.monitors.change(ids, made)
+        self._alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
+        self._views = {axis_id: view for axis_id, view in self._views.items() if axis_id in ids}
+        self._views |= {axis.id: self._view(axis) for axis in new}
+        self._views = {axis_id: self._views[axis_id] for axis_id in ids}
+        self._checkpointer.save_soon()
+
+    def adopt(self, open_alarms: Iterable[AxisAlarm], changes: Iterable[AxisAlarm]) -> None:
+        """Alarms of changed axes that are open in the journal, and what it does not have yet; between two blocks."""
+        self._alarms.adopt(open_alarms)
+        self._alarms.record(changes)
+
+    def _view(self, axis: NamedAxis) -> AxisView:
+        return AxisView(axis, self._pipeline, self._alarms, self._history)
 
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
-                if not self._tick():
+                busy = self._tick()
+                self.turns += 1
+                if not busy:
                     self._stop.wait(TICK_S)
             self._finish()
         except BaseException as error:
@@ -173,6 +245,8 @@ class Worker:
 
     def _tick(self) -> bool:
         """Process one block; returns whether frames may still wait."""
+        while self._actions:
+            self._actions.popleft().run()
         busy = not self._waits() and self._block()
         self._recording.tick()
         self.snapshot = self._snapshot()
@@ -191,6 +265,7 @@ class Worker:
     def _block(self) -> bool:
         self._compiled.estimates.result()
         start = perf_counter()
+        self._now_us()  # if the clock was set, this is known before the frames with the new times
         if self._compiled.multimodel.done():
             self._compiled.multimodel.result()
             self._record(self._pipeline.monitors.resume_multimodel())
@@ -229,7 +304,7 @@ class Worker:
         return Snapshot(
             taken_us=now_us,
             started_us=self._started_us,
-            axes=tuple(view.snapshot() for view in self._views),
+            axes=tuple(view.snapshot() for view in self._views.values()),
             buses=tuple(bus.snapshot() for bus in self._buses),
             processing=self._time.histogram(),
             checkpoint_us=self._checkpointer.saved_us,
@@ -239,7 +314,8 @@ class Worker:
         )
 
     def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
-        now = (self._alarms.problem, self._checkpointer.problem, history.problem, *self._recording.problems)
+        alarms = self._alarms.problem, self._alarms.clock_message
+        now = (*alarms, self._checkpointer.problem, history.problem, *self._recording.problems)
         compiling = [COMPILING] if self._waits() else []
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)

@@ -1,10 +1,10 @@
 """The life cycle of recorded alarms in SQLite: each transition is a row, written with the state that it changes."""
 
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmState, Transition, transition
+from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmState, Priority, Transition, transition
 
 MIGRATION = """
     ALTER TABLE alarm ADD COLUMN state TEXT NOT NULL DEFAULT 'normal';
@@ -35,6 +35,12 @@ MIGRATION = """
 """
 """An alarm of an earlier version that is active was acknowledged by nobody."""
 
+IDENTITY_MIGRATION = """
+    CREATE TABLE journal_identity (identity TEXT NOT NULL) STRICT;
+    INSERT INTO journal_identity VALUES (lower(hex(randomblob(8))));
+"""
+"""A journal that takes the place of a damaged one counts its transitions from 1 again."""
+
 SERVICE = "axiswatch"
 CONFIGURATION = "configuration"
 """Who has done it, where it was no person."""
@@ -62,6 +68,15 @@ class RecordedTransition(NamedTuple):
     who: str
     comment: str
     work_order: str
+
+
+class NumberedTransition(NamedTuple):
+    """A transition with its number in the journal, in whose order they are committed, and its alarm."""
+
+    number: int
+    alarm_id: int
+    priority: Priority
+    transition: RecordedTransition
 
 
 def take(connection: sqlite3.Connection, alarm_id: int, changes: Iterable[Transition], note: Note) -> None:
@@ -95,26 +110,26 @@ def take(connection: sqlite3.Connection, alarm_id: int, changes: Iterable[Transi
 
 def taken(connection: sqlite3.Connection, alarm_id: int) -> list[RecordedTransition]:
     """The transitions of an alarm, oldest first."""
-    columns = ", ".join(RecordedTransition._fields)
-    query = f"SELECT {columns} FROM alarm_transition WHERE alarm_id = ? ORDER BY id"
+    query = f"SELECT {_COLUMNS} FROM alarm_transition WHERE alarm_id = ? ORDER BY id"
     return [_read(row) for row in connection.execute(query, [alarm_id])]
 
 
-def last_taken(connection: sqlite3.Connection) -> int:
-    """Number of the last transition; 0: there was none."""
-    return int(connection.execute("SELECT coalesce(max(id), 0) FROM alarm_transition").fetchone()[0])
+def taken_after(connection: sqlite3.Connection, number: int, limit: int) -> list[NumberedTransition]:
+    """The first transitions of all alarms after that number, oldest first."""
+    query = (
+        f"SELECT t.id, alarm_id, priority, {', '.join(f't.{name}' for name in RecordedTransition._fields)}"
+        " FROM alarm_transition t JOIN alarm a ON a.id = alarm_id WHERE t.id > ? ORDER BY t.id LIMIT ?"
+    )
+    rows = connection.execute(query, [number, limit])
+    return [
+        NumberedTransition(found, alarm_id, priority, _read(row)) for found, alarm_id, priority, *row in rows
+    ]
 
 
-def taken_after(
-    connection: sqlite3.Connection, number: int, limit: int
-) -> list[tuple[int, int, RecordedTransition]]:
-    """The first transitions after this number: their numbers, their alarms, and they."""
-    columns = ", ".join(RecordedTransition._fields)
-    query = f"SELECT id, alarm_id, {columns} FROM alarm_transition WHERE id > ? ORDER BY id LIMIT ?"
-    return [(row[0], row[1], _read(row[2:])) for row in connection.execute(query, [number, limit])]
+_COLUMNS = ", ".join(RecordedTransition._fields)
 
 
-def _read(row: tuple[Any, ...]) -> RecordedTransition:
+def _read(row: Sequence[Any]) -> RecordedTransition:
     at_us, event, before, after, *rest = row
     return RecordedTransition(at_us, AlarmEvent(event), AlarmState(before), AlarmState(after), *rest)
 

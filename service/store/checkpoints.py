@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import re
 import sqlite3
 import zipfile
 from collections.abc import Iterable, Mapping
@@ -39,6 +40,8 @@ MIGRATIONS = (
     ALTER TABLE quarantine RENAME COLUMN set_aside_us TO quarantined_us;
     """,
 )
+
+_EPOCH = re.compile(rb"(?:slow history 1 )?epoch=(\d+) ")
 
 Arrays = dict[str, NDArray[np.generic]]
 
@@ -142,12 +145,20 @@ def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
     axis, saved_key, at_us, data, checksum = row
     if checksum != _checksum(axis, saved_key, at_us, data):
         return QuarantinedCheckpoint("it is damaged (its checksum does not fit)")
+    if (before := _epoch(saved_key)) != (now := _epoch(key.encode())):
+        return QuarantinedCheckpoint(f"it belongs to {before}, not to {now}")
     if saved_key != key.encode():
         return QuarantinedCheckpoint("it was saved with another model, other parameters or other settings")
     try:
         return Checkpoint(at_us, unpack(data))
     except UnreadableError as error:
         return QuarantinedCheckpoint(f"it cannot be read ({error})")
+
+
+def _epoch(key: bytes) -> str:
+    """What the nominal values of a state belong to."""
+    found = _EPOCH.match(key)
+    return f"epoch {int(found[1])}" if found else "the configuration"
 
 
 def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:

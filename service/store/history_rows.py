@@ -1,6 +1,7 @@
 """Rows of the history as numbers: packed for the file, merged by their count, side by side on the same times."""
 
 from collections.abc import Iterable, Sequence
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -88,21 +89,22 @@ def packed(rows: Rows) -> list[bytes]:
     return [(a if n == 1 else b).tobytes() for n, (a, b) in zip(rows.n, texts, strict=True)]
 
 
-def is_packed(n: int, cells: bytes) -> bool:
-    """Whether these are the numbers of a row of n points."""
-    return len(cells) == (_SINGLE if n == 1 else _SEVERAL).itemsize and n > 0
-
-
-def unpacked(t: Sequence[int], n: Sequence[int], cells: Sequence[bytes]) -> Rows:
-    """Rows from the file."""
-    counts = np.asarray(n, np.int64)
+def unpacked(found: Sequence[tuple[int, int, bytes]]) -> Rows:
+    """Rows from begin, count and numbers of each in the file; those that are damaged are left out."""
+    if not found:
+        return NO_ROWS
+    t, n, cells = zip(*found, strict=True)
+    counts = np.array(n, np.int64)
+    alone, sizes = counts == 1, np.fromiter(map(len, cells), np.int64, len(cells))
+    sound = (sizes == np.where(alone, _SINGLE.itemsize, _SEVERAL.itemsize)) & (counts > 0)
+    if not sound.all():
+        return unpacked([row for row, known in zip(found, sound, strict=True) if known])
     mean, low, high = (np.empty((len(counts), _Q)) for _ in range(3))
-    alone = counts == 1
-    single = np.frombuffer(b"".join(c for c, k in zip(cells, n, strict=True) if k == 1), _SINGLE)
-    several = np.frombuffer(b"".join(c for c, k in zip(cells, n, strict=True) if k != 1), _SEVERAL)
+    single = np.frombuffer(b"".join(compress(cells, alone)), _SINGLE)
+    several = np.frombuffer(b"".join(compress(cells, ~alone)), _SEVERAL)
     for column, name in ((mean, "mean"), (low, "low"), (high, "high")):
         column[alone], column[~alone] = single["mean"], several[name]
-    return Rows(np.asarray(t, np.int64), counts, mean, low, high)
+    return Rows(np.array(t, np.int64), counts, mean, low, high)
 
 
 def aligned(rows: Sequence[Rows], step_s: int, gap_s: float) -> tuple[Ints, list[Rows]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from monitor_core.arrays import Ints
 from service.store.database import Database
-from service.store.history_rows import NO_ROWS, Rows, is_packed, joined, merged, packed, points, unpacked
+from service.store.history_rows import Rows, joined, merged, packed, points, unpacked
 
 Resolution = Literal["raw", "minute", "hour", "day"]
 RESOLUTIONS: tuple[Resolution, ...] = get_args(Resolution)
@@ -24,6 +24,8 @@ MOST_PRUNED = 2000
 """Rows of a parameter and a resolution that are deleted at once: a clock that is ahead for a moment costs no more."""
 SHARE_PRUNED = 60
 """Part of the parameters that is looked at after each write."""
+MOST_CUTS = 4
+"""In one go, where the file is too large"""
 _CUT = 100
 """Part of the largest table that is deleted where the file is too large."""
 _BYTES_PER_S: Mapping[Resolution, float] = {"raw": 5, "minute": 2.5, "hour": 0.04, "day": 0.002}
@@ -111,8 +113,10 @@ class HistoryStore:
             self._pruned += share
             for table, age_s in self._bounds.age_s.items():
                 _delete(connection, table, part, now_s - age_s)
-            if _used_bytes(connection) > self._bounds.size_bytes:
+            cuts = 0
+            while _used_bytes(connection) > self._bounds.size_bytes and cuts < MOST_CUTS:
                 _cut(connection, ids)
+                cuts += 1
 
     @contextmanager
     def read(self) -> Iterator["HistoryView"]:
@@ -146,7 +150,7 @@ class HistoryView:
         """The rows of a series that begin at or after ``since_s`` and before ``until_s``, the first ``most``."""
         query = f"SELECT t, n, cells FROM {table} WHERE series = ? AND t >= ? AND t < ? ORDER BY t LIMIT ?"
         values = [series, since_s, until_s, -1 if most is None else most]
-        return _rows(self._connection.execute(query, values).fetchall())
+        return unpacked(self._connection.execute(query, values).fetchall())
 
 
 def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: Series) -> int:
@@ -161,22 +165,16 @@ def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: S
 def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, rows: Rows) -> None:
     """Merge rows with those of the table that are there already."""
     new, owners = merged(rows, PERIODS_S[table], series)
-    keys = list(zip(owners.tolist(), new.t.tolist(), strict=True))
-    query = f"SELECT n, cells FROM {table} WHERE series = ? AND t = ?"
-    answers = [(s, t, connection.execute(query, (s, t)).fetchone()) for s, t in keys]
-    known = [(s, t, *row) for s, t, row in answers if row is not None]
-    if known:
-        before = _rows([row[1:] for row in known])
-        both = joined([before, new]), np.r_[np.array([row[0] for row in known], np.int64), owners]
-        new, owners = merged(both[0], PERIODS_S[table], both[1])
+    query = f"SELECT ?, n, cells FROM {table} WHERE series = ? AND t = ?"
+    keys = enumerate(zip(owners.tolist(), new.t.tolist(), strict=True))
+    answers = (connection.execute(query, (k, *key)).fetchone() for k, key in keys)
+    known = unpacked([row for row in answers if row is not None])
+    if len(known.n):
+        place = known.t
+        both = joined([known._replace(t=new.t[place]), new])
+        new, owners = merged(both, PERIODS_S[table], np.concatenate([owners[place], owners]))
     columns = owners.tolist(), new.t.tolist(), new.n.tolist(), packed(new)
     connection.executemany(f"INSERT OR REPLACE INTO {table} VALUES (?, ?, ?, ?)", zip(*columns, strict=True))
-
-
-def _rows(found: Iterable[tuple[int, int, bytes]]) -> Rows:
-    """The rows; those with numbers that do not fit their count are left out."""
-    sound = [row for row in found if is_packed(row[1], row[2])]
-    return unpacked(*zip(*sound, strict=True)) if sound else NO_ROWS
 
 
 def _delete(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int], until_s: float) -> None:

@@ -30,17 +30,19 @@ from service.store.alarm_statistics import (
     statistics,
 )
 from service.store.alarm_transitions import (
+    IDENTITY_MIGRATION,
     MIGRATION,
     SERVICE,
     Note,
+    NumberedTransition,
     RecordedTransition,
     end_shelf,
-    last_taken,
     take,
     taken,
     taken_after,
 )
 from service.store.database import Database
+from service.store.epochs import EPOCH_MIGRATION, Epochs
 
 MIGRATIONS = (
     """
@@ -91,6 +93,9 @@ MIGRATIONS = (
     """,
     # The life cycle: acknowledged, shelved, suppressed.
     MIGRATION,
+    # Plant links know the journal by it.
+    IDENTITY_MIGRATION,
+    EPOCH_MIGRATION,
 )
 
 
@@ -165,6 +170,11 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self._db = Database(path, MIGRATIONS, "FULL")
         self.messages = self._db.messages
+        with self._db.read() as connection:
+            self.identity = str(connection.execute("SELECT identity FROM journal_identity").fetchone()[0])
+            """Of this file, in whatever folder: random"""
+        self.epochs = Epochs(self._db, _end_open)
+        """Nominal values and thresholds of the axes; with their alarms, as both change in one transaction"""
 
     def record(self, entries: Iterable[Entry]) -> list[int]:
         """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
@@ -180,23 +190,22 @@ class Journal:
             return [_episode(alarm) for alarm in _open(connection, axis)]
 
     def ended_alarms(self, axis: str, limit: int) -> list[Alarm]:
-        """The alarms of an axis that have ended last, the oldest first; forecasts are left out."""
-        last = "WHERE axis = ? AND ended_us IS NOT NULL AND kind <> 'forecast' ORDER BY ended_us DESC, id DESC LIMIT ?"
+        """The alarms of its present epoch that have ended last, the oldest first; forecasts are left out."""
+        last = (
+            "WHERE axis = :axis AND ended_us IS NOT NULL AND kind <> 'forecast' AND raised_us >= coalesce((SELECT"
+            " in_force_us FROM epoch WHERE axis = :axis AND source <> 'configuration' AND state IN"
+            " ('verifying', 'current')), raised_us) ORDER BY ended_us DESC, id DESC LIMIT :limit"
+        )
         with self._db.read() as connection:
-            return [_episode(alarm) for alarm in reversed(_select(connection, last, [axis, limit]))]
+            found = _select(connection, last, {"axis": axis, "limit": limit})
+            return [_episode(alarm) for alarm in reversed(found)]
 
     def close_unmonitored(self, axis: str, monitored: Iterable[str], at_us: int) -> list[RecordedAlarm]:
         """End the open alarms of parameters that the axis no longer monitors; returns them."""
         names = set(monitored)
         with self._db.write() as connection:
             stale = [alarm for alarm in _open(connection, axis) if alarm.parameter not in names]
-            ended = [replace(alarm, ended_us=max(at_us, alarm.updated_us)) for alarm in stale]
-            rows = [(alarm.ended_us, alarm.id) for alarm in ended]
-            connection.executemany("UPDATE alarm SET ended_us = ? WHERE id = ?", rows)
-            for alarm in ended:
-                changes = due(alarm.life, False, AlarmRules())
-                take(connection, alarm.id, changes, Note(alarm.ended_us or at_us, SERVICE))
-            return ended
+            return _end(connection, stale, Note(at_us, SERVICE), {})
 
     def obey(self, rules: Mapping[tuple[str, str], AlarmRules], at_us: int) -> None:
         """Let the alarms that are active or hidden obey the configuration, which may have changed.
@@ -272,20 +281,15 @@ class Journal:
         with self._db.read() as connection:
             return taken(connection, alarm_id)
 
-    def last_transition(self) -> int:
-        """Number of the last transition of any alarm; 0: there was none."""
+    def transitions_after(self, number: int, limit: int) -> list[NumberedTransition]:
+        """The first transitions of all alarms after that number, in the order in which they were committed."""
         with self._db.read() as connection:
-            return last_taken(connection)
+            return taken_after(connection, number, limit)
 
-    def transitions_after(
-        self, number: int, limit: int
-    ) -> list[tuple[int, RecordedTransition, RecordedAlarm]]:
-        """The first transitions after this number, with their numbers and their alarms as they are now."""
+    def last_transition(self) -> int:
+        """Number of the last transition; 0: there is none."""
         with self._db.read() as connection:
-            found = taken_after(connection, number, limit)
-            alarms = {alarm_id: _get(connection, alarm_id) for _, alarm_id, _ in found}
-        known = ((n, transition, alarms[alarm_id]) for n, alarm_id, transition in found)
-        return [(n, transition, alarm) for n, transition, alarm in known if alarm is not None]
+            return int(connection.execute("SELECT coalesce(max(id), 0) FROM alarm_transition").fetchone()[0])
 
     def get(self, alarm_id: int) -> RecordedAlarm | None:
         """The alarm of that id."""
@@ -343,10 +347,33 @@ class Journal:
 _Value = str | int | float | None
 
 
+def _end_open(connection: sqlite3.Connection, axis: str, note: Note, rules: Mapping[str, AlarmRules]) -> None:
+    _end(connection, _open(connection, axis), note, rules)
+
+
+def _end(
+    connection: sqlite3.Connection,
+    alarms: Iterable[RecordedAlarm],
+    note: Note,
+    rules: Mapping[str, AlarmRules],
+) -> list[RecordedAlarm]:
+    """End open alarms; returns them.  ``rules``: by parameter."""
+    ended = [replace(alarm, ended_us=max(note.at_us, alarm.updated_us)) for alarm in alarms]
+    for alarm in ended:
+        connection.execute("UPDATE alarm SET ended_us = ? WHERE id = ?", [alarm.ended_us, alarm.id])
+        changes = due(alarm.life, False, rules.get(alarm.parameter, AlarmRules()))
+        take(connection, alarm.id, changes, note._replace(at_us=alarm.ended_us or note.at_us))
+    return ended
+
+
 def _record(connection: sqlite3.Connection, entry: Entry) -> int:
     known = _known(connection, entry)
     alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
     life = AlarmLife() if known is None else known.life
+    if known is not None and _is_named_anew(known, entry.alarm):
+        e = entry.alarm
+        at_us = e.past[-1].until_us if e.past else e.updated_us
+        take(connection, alarm_id, [transition(life, AlarmEvent.NAME)], Note(at_us, SERVICE))
     for present, at_us in _courses(known, entry.alarm):
         changes = due(life, present, entry.rules)
         take(connection, alarm_id, changes, Note(at_us, SERVICE))
@@ -369,6 +396,17 @@ def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) 
     values = changed | {"again": e.crossings, "id": known.id}
     connection.execute(f"UPDATE alarm SET {', '.join(texts)} WHERE id = :id", values)
     return known.id
+
+
+def _is_named_anew(known: RecordedAlarm, e: Alarm) -> bool:
+    """Whether the cause of an alarm has been found since its last record, or is another one than was found."""
+    same = known.raised_us == e.raised_us and e.stage == "named"
+    return same and (known.stage, known.parameter, known.direction, known.doubt) != (
+        e.stage,
+        e.parameter,
+        e.direction,
+        e.doubt,
+    )
 
 
 def _courses(known: RecordedAlarm | None, e: Alarm) -> Iterator[tuple[bool, int]]:

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Response
 from service.web import models, views
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
+from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
 from service.web.history_routes import router as history_router
 from service.web.problem_details import described
@@ -27,15 +28,16 @@ def router(state: AppState) -> APIRouter:
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
     api.include_router(history_router(state), tags=["axes"])
+    api.include_router(epoch_router(state), tags=["epochs"])
     api.include_router(alarm_router(state), tags=["alarms"])
     api.include_router(event_router(state), tags=["events"])
     api.include_router(recording_router(state.extracts), tags=["recordings"])
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
-        """Version, readiness with reasons, buses, messages for the operator."""
+        """Version, readiness with reasons, buses, links, messages for the operator."""
         report = None if state.reports is None else state.reports.address
-        return views.service(state.snapshot(), state.now_us(), report, state.access.danger)
+        return views.service(state.snapshot(), state.now_us(), report, state.access.danger, state.links())
 
     return api
 

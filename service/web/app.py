@@ -1,6 +1,6 @@
 """The web application: REST API, health and metrics, pages that ask no other host, answers to failed requests."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,9 +10,15 @@ from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
+from service.pipeline.baselines import (
+    BaselineConflictError,
+    BaselineError,
+    Baselines,
+    BaselineUnavailableError,
+)
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts
-from service.pipeline.snapshot import Snapshot
+from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.database import StoreError
 from service.store.journal import Journal
 from service.texts import now_us
@@ -39,6 +45,8 @@ def create_app(
     access: Access | None = None,
     extracts: Extracts | None = None,
     history: HistoryRecording | None = None,
+    links: Callable[[], Sequence[LinkSnapshot]] = tuple,
+    baselines: Baselines | None = None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
@@ -51,10 +59,14 @@ def create_app(
         access: who may ask; default: everyone on this machine.
         extracts: recordings of the frames around alarms.
         history: of the axes.
+        links: the newest state of each plant link.
+        baselines: new epochs of axes; None: none can begin.
         stopping: whether the daemon ends.
     """
     access = access or Access()
-    state = AppState(snapshot, journal, access, now_us, reports, extracts, history, stopping)
+    state = AppState(
+        snapshot, journal, access, now_us, reports, extracts, history, links, baselines, stopping
+    )
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
@@ -64,6 +76,7 @@ def create_app(
         app.include_router(report_router(reports))
     app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))
     app.add_middleware(Gate, access=access)
+    _describe_webhook(app)
     _answer_errors(app)
     add_to_schema(app)
     return app
@@ -72,7 +85,7 @@ def create_app(
 def _probes(state: AppState) -> APIRouter:
     """Health for machines: /healthz (alive), /readyz (monitoring, else the reasons), /metrics."""
     probes = APIRouter(tags=["probes"])
-    written = metrics.Metrics(state.snapshot, state.now_us)
+    written = metrics.Metrics(state.snapshot, state.now_us, state.links)
     protected = Depends(needs(Scope.READ))
 
     # These two answer on the event loop: they must not wait for a thread.
@@ -139,6 +152,23 @@ def _page(name: str) -> Response:
     return answer(503, "the dashboard is not built; in the top folder of the sources: python hatch_build.py")
 
 
+def _describe_webhook(app: FastAPI) -> None:
+    """The requests that ``[[links.webhook]]`` sends, for the schema."""
+
+    @app.webhooks.post("alarm", tags=["links"])
+    def alarm(
+        body: models.AlarmMessage,
+        x_axiswatch_timestamp: Annotated[int, Header(description="time of this try, seconds since 1970")],
+        x_axiswatch_signature: Annotated[
+            str,
+            Header(
+                description="sha256=HMAC-SHA-256 in hexadecimal digits of the text TIMESTAMP.BODY, by the secret"
+            ),
+        ],
+    ) -> None:
+        """A transition of an alarm, again and again until the answer is 2xx, or 4xx other than 408, 425 and 429."""
+
+
 def _answer_errors(app: FastAPI) -> None:
     """Answer failed requests with the reason and the resources that exist."""
 
@@ -157,6 +187,11 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(ShelfEndError)
     async def no_such_time(_: Request, error: ShelfEndError) -> JSONResponse:
         return answer(400, str(error))
+
+    @app.exception_handler(BaselineError)
+    async def no_baseline(_: Request, error: BaselineError) -> JSONResponse:
+        statuses = {BaselineConflictError: 409, BaselineUnavailableError: 503}
+        return answer(statuses.get(type(error), 422), str(error))
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:

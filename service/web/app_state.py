@@ -1,14 +1,15 @@
 """What the web reads of the daemon: the newest snapshot, the journal and a clock; and whether it is healthy."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Generic, TypeVar
 
+from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, RecordingFolder
-from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.journal import Journal
 from service.texts import now_us
 from service.web.access import Access
@@ -29,6 +30,8 @@ class AppState:
     reports: ReportPages | None = None
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
+    links: Callable[[], Sequence[LinkSnapshot]] = tuple
+    baselines: Baselines | None = None
     stopping: Callable[[], bool] = lambda: False
     """Whether the daemon ends: streams end then"""
 

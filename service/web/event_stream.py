@@ -98,14 +98,15 @@ class Stream:
                 latest = journal.last_transition()  # of an earlier journal it may be smaller
                 self._last_id = latest if self._last_id is None else min(self._last_id, latest)
             found = journal.transitions_after(self._last_id, MOST_TRANSITIONS)
+            alarms = {n.alarm_id: journal.get(n.alarm_id) for n in found}
         except StoreError:
             return []  # it is tried again
         self._revision, self.behind = revision, len(found) == MOST_TRANSITIONS
-        self._last_id = found[-1][0] if found else self._last_id
+        self._last_id = found[-1].number if found else self._last_id
         return [
-            self._event(number, transition, alarm)
-            for number, transition, alarm in found
-            if self._axis in (None, alarm.axis)
+            self._event(n.number, n.transition, alarm)
+            for n in found
+            if (alarm := alarms[n.alarm_id]) is not None and self._axis in (None, alarm.axis)
         ]
 
     def _event(self, number: int, transition: RecordedTransition, alarm: RecordedAlarm) -> ServerSentEvent:

@@ -21,7 +21,7 @@ from monitor_core.detection import DIRECTIONS, Reach, Stage
 from monitor_core.monitoring import PRIORITIES, AlarmState, DetectorStatus, ParameterStatus
 from monitor_core.trend import Trend
 from service.pipeline.history_recording import OBSERVABILITY
-from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.web.app_state import VERSION, Latest, age_s, sample_age_s
 
 _SI = "in the parameter's SI unit"
@@ -69,11 +69,18 @@ _GAUGES = {
         "innovation_variance": "Running variance of the prediction error, in the square of the output's unit (rad or "
         "rad/s).",
         "axis_gated": "1 while operating conditions exclude the samples from estimation, else 0.",
+        "axis_epoch": "Number of the epoch of the axis that is in force: of its nominal values and thresholds.",
+        "axis_learning": "1 while a learning window of the axis runs, else 0.",
+        "axis_verifying": "1 while a new epoch of the axis is being verified, else 0.",
         "axis_heat_watts": "Friction power that would keep the axis as warm as it is, in watts; absent where nothing "
         "follows the heat of the axis.",
         "stamp_scatter_seconds": "Standard deviation of receipt time minus sample time, in seconds; where the receipt "
         "time is the sample time, that of the intervals divided by the square root of two.",
         "last_sample_age_seconds": "Time since the last sample, in seconds; +Inf before the first.",
+    },
+    "link": {
+        "link_connected": "1 while the plant link works, 0 while its receiver cannot be reached.",
+        "link_pending": "Transitions of alarms that wait for the link.",
     },
     "bus": {"bus_up": "1 while the bus can be read, else 0."},
     "": {
@@ -102,6 +109,10 @@ _COUNTERS = {
         "clock_restarts": "Restarts of the time base of the samples: the controller restarted, or a clock was set.",
     },
     "reason": {"history_dropped_points": "Points of the history that were dropped."},
+    "link": {"link_delivered": "Transitions of alarms that the plant link has delivered."},
+    "link reason": {
+        "link_given_up": "Transitions of alarms that the plant link has given up: too old, or refused by the receiver."
+    },
     "bus": {"frames": "Frames received."},
     "bus reason": {"frames_dropped": "Frames that were dropped."},
 }
@@ -124,10 +135,16 @@ class Metrics:
     Args:
         snapshot: returns the newest one.
         now_us: the clock for ages.
+        links: the newest state of each plant link.
     """
 
-    def __init__(self, snapshot: Callable[[], Snapshot], now_us: Callable[[], int]) -> None:
-        self._snapshot, self._now_us = snapshot, now_us
+    def __init__(
+        self,
+        snapshot: Callable[[], Snapshot],
+        now_us: Callable[[], int],
+        links: Callable[[], Sequence[LinkSnapshot]] = tuple,
+    ) -> None:
+        self._snapshot, self._now_us, self._links = snapshot, now_us, links
         self._small = CollectorRegistry()
         self._small.register(_Small(snapshot))
         ProcessCollector(registry=self._small)
@@ -142,8 +159,8 @@ class Metrics:
         encoder, content_type = choose_encoder(accept)
         openmetrics = content_type.startswith("application/openmetrics-text")
         snapshot, now_us = self._snapshot(), self._now_us()
-        ages = self._writers[openmetrics].text(_ages(snapshot, now_us))
-        return self._of_axes[openmetrics](snapshot, now_us) + ages + encoder(self._small), content_type
+        fresh = self._writers[openmetrics].text([*_ages(snapshot, now_us), *_of_links(self._links())])
+        return self._of_axes[openmetrics](snapshot, now_us) + fresh + encoder(self._small), content_type
 
 
 class _Small(Collector):
@@ -331,6 +348,9 @@ def _detectors(axes: _Axes) -> Iterator[_Family]:
 def _samples(axes: _Axes) -> Iterator[_Family]:
     yield _Family("innovation_variance", (((a.id,), a.status.innovation_variance) for a in axes))
     yield _Family("axis_gated", (((a.id,), bool(a.gated_by)) for a in axes))
+    yield _Family("axis_epoch", (((a.id,), a.epoch.number) for a in axes))
+    yield _Family("axis_learning", (((a.id,), a.epoch.state == "learning") for a in axes))
+    yield _Family("axis_verifying", (((a.id,), a.epoch.state == "verifying") for a in axes))
     heats = ((a.id, a.heat) for a in axes)
     yield _Family("axis_heat_watts", (((axis,), heat.heat_w) for axis, heat in heats if heat is not None))
     yield _Family("samples", (((a.id,), a.status.samples) for a in axes))
@@ -381,3 +401,10 @@ def _buses(snapshot: Snapshot) -> Iterator[_Family]:
     yield _Family("bus_up", (((b.name,), b.up) for b in snapshot.buses))
     yield _Family("frames", (((b.name,), b.frames) for b in snapshot.buses))
     yield _by_reason("frames_dropped", ((b.name, b.dropped) for b in snapshot.buses))
+
+
+def _of_links(links: Sequence[LinkSnapshot]) -> Iterator[_Family]:
+    yield _Family("link_connected", (((link.name,), link.connected) for link in links))
+    yield _Family("link_pending", (((link.name,), link.pending) for link in links))
+    yield _Family("link_delivered", (((link.name,), link.delivered) for link in links))
+    yield _by_reason("link_given_up", ((link.name, link.given_up) for link in links))

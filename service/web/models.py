@@ -136,6 +136,20 @@ class Heat(Body):
     known: bool = Field(description="whether it is known well enough to test the parameters that follow it")
 
 
+class AxisEpoch(Body):
+    """Which nominal values of an axis are in force, and what is under way."""
+
+    number: int = Field(description="of the epoch that is in force; see /api/v1/axes/{axis}/epochs")
+    state: Literal["learning", "verifying", "current"] = Field(
+        description="learning: a window runs whose estimates will be the nominal values of a new epoch, while"
+        " monitoring goes on with those of the former one; verifying: a new epoch is in force and is watched; current:"
+        " nothing is under way"
+    )
+    done_s: Number = Field(description="operating time of the window that is under way [s]; null: none is")
+    length_s: Number = Field(description="operating time that it needs [s]; null: none is under way")
+    words: str = Field(description="what is under way, as a text; empty: nothing is")
+
+
 class Axis(Body):
     """The present state of an axis."""
 
@@ -173,7 +187,35 @@ class Axis(Body):
     open_alarms: list[str] = Field(
         description="causes of the open alarms of the axis, forecasts left out: parameters or sensor faults"
     )
+    epoch: AxisEpoch
     model: Model
+
+
+class ParameterState(Body):
+    """A monitored parameter as MQTT has it: fields of Parameter, and the deviation."""
+
+    name: str
+    unit: str
+    nominal: Number
+    estimate: Number
+    deviation: Number = Field(description="estimate - nominal, in unit; null where it is invalid")
+    standard_deviation: Number
+    status: Status
+    observation: Observation
+    tested: bool
+    not_tested_reason: NotTested | None
+
+
+class AxisState(Body):
+    """An axis as MQTT has it: fields of Axis."""
+
+    id: str
+    last_sample: Time | None
+    parameters: list[ParameterState]
+    open_alarms: list[str]
+    gated_by: TextOrNull
+    outside_calibration: list[str]
+    not_tested: list[str]
 
 
 class Axes(Body):
@@ -420,6 +462,13 @@ class AlarmChange(Body):
     transition: AlarmTransition
 
 
+class AlarmMessage(AlarmTransition):
+    """What a webhook and MQTT deliver: a transition of an alarm, and the alarm as it is now."""
+
+    id: str = Field(description="the same whenever it is sent again: a receiver drops what it has had")
+    alarm: Alarm
+
+
 class AlarmNote(Body):
     """What a person writes about an alarm; both may be left out."""
 
@@ -506,6 +555,23 @@ class Bus(Body):
     dropped: dict[str, int] = Field(description="number of dropped frames, by reason")
 
 
+class Link(Body):
+    """A plant link; numbers since the start of the daemon."""
+
+    name: str
+    kind: Literal["webhook", "mqtt", "smtp"]
+    connected: bool = Field(description="whether it works: the last try has succeeded")
+    problem: TextOrNull = Field(
+        description="why it does not, or what the receiver has refused; null: nothing"
+    )
+    pending: int = Field(description="transitions of alarms that wait")
+    delivered: int = Field(description="transitions of alarms that were delivered")
+    given_up: dict[str, int] = Field(
+        description="number of those that were given up, by reason: age, undeliverable for max_age_s; refused by the"
+        " receiver"
+    )
+
+
 class Service(Body):
     """The daemon itself."""
 
@@ -517,6 +583,7 @@ class Service(Body):
     taken: Time = Field(description="when the worker published this, UTC")
     checkpoint: Time | None = Field(description="when the monitors were saved last, UTC")
     buses: list[Bus]
+    links: list[Link] = Field(description="plant links, in the order of the configuration")
     report: str | None = Field(description="address of the report of the commissioning; null: there is none")
     insecure: str | None = Field(
         description="why the daemon is not protected where other machines reach it; null: it is"

@@ -16,7 +16,10 @@ import uvicorn
 from fastapi import FastAPI
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-_GRACE_S = 3
+GRACE_S = 3
+"""For running requests when the daemon stops [s]"""
+_UNREAD_S = 2
+"""For clients to take their answers then; before the requests end, which would be logged as faults [s]"""
 _SILENT_S = 20
 """A connection on which no request has been complete for so long, without its body, is closed."""
 _CONNECTIONS = 256
@@ -104,6 +107,14 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         self._ready()
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        asyncio.get_running_loop().call_later(_UNREAD_S, self._abort_connections)
+        await super().shutdown(sockets)
+
+    def _abort_connections(self) -> None:
+        for connection in list(self.server_state.connections):
+            connection.transport.abort()
+
     async def on_tick(self, counter: int) -> bool:
         return await super().on_tick(counter) or self._stop.is_set()
 
@@ -140,7 +151,7 @@ def serve(
         lifespan="off",
         limit_concurrency=_CONNECTIONS,
         timeout_keep_alive=_SILENT_S,
-        timeout_graceful_shutdown=_GRACE_S,
+        timeout_graceful_shutdown=GRACE_S,
         ssl_certfile=certificate and certificate.file,
         ssl_keyfile=certificate and certificate.key,
     )

@@ -8,7 +8,7 @@ from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from service.pipeline.alarm_recording import NOT_RECORDED
-from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
 from service.store.alarm_transitions import RecordedTransition
 from service.store.journal import RecordedAlarm
@@ -145,15 +145,29 @@ def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
     )
 
 
+def alarm_message(
+    message_id: str, transition: RecordedTransition, a: RecordedAlarm, now_us: int
+) -> models.AlarmMessage:
+    """A transition of an alarm for plant links."""
+    return _body(models.AlarmMessage, transition, id=message_id, alarm=alarm(a, now_us))
+
+
 def alarm_statistics(found: AlarmStatistics) -> models.AlarmStatistics:
     """How much the alarms ask of an operator."""
     return _body(models.AlarmStatistics, found)
 
 
-def service(snapshot: Snapshot, now_us: int, report: str | None, insecure: str | None) -> models.Service:
-    """The daemon itself; the address of the report of its commissioning; why it is not protected."""
+def service(
+    snapshot: Snapshot,
+    now_us: int,
+    report: str | None,
+    insecure: str | None,
+    links: Sequence[LinkSnapshot] = (),
+) -> models.Service:
+    """The daemon itself; the address of the report of its commissioning; why it is not protected; its links."""
     reasons = list(reasons_not_ready(snapshot, now_us))
     own = {
+        "links": list(links),
         "version": VERSION,
         "ready": not reasons,
         "reasons": reasons,

@@ -48,7 +48,7 @@ def test_a_daemon_on_all_interfaces_lets_in_those_with_a_token(tmp_path: Path) -
         assert any('did you mean "robot"' in problem for problem in wrong["problems"])
         edit(config, ("[[robbot]]", "[[robot]]"))
         d.process.send_signal(signal.SIGHUP)
-        wait_for(lambda: next((e for e in d.events() if "used after a restart" in e["event"]), None))
+        wait_for(lambda: next((e for e in d.events() if "the configuration is used" in e["event"]), None))
         assert ask("/healthz")[1]["insecure"] is False
         tokens.revoke("anna")
         assert ask("/api/v1/service")[0] == 401

@@ -3,10 +3,14 @@
 import json
 import random
 import signal
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+import httpx
 
 from monitor_core.monitoring import AxisMonitor
 from service.config import load
@@ -128,9 +132,10 @@ def killed(
     """The alarms shown last.  All shown before are still there each time, and of the estimation an interval is lost.
 
     Each daemon waits for an alarm and a checkpoint; or it is killed at any moment, and another one while it starts.
+    Meanwhile an operator acknowledges alarms and comments on them.
     """
     config, chance = demo_config(folder, service=FAST_CHECKPOINTS), random.Random(seed)
-    shown, samples = dict[int, dict[str, Any]](), 0
+    shown, samples, operator = dict[int, dict[str, Any]](), 0, Operator()
     with robot(config, "--fault", "fm=1.6", "--fault-after", str(fault_after_s)):
         for _ in range(kills):
             if while_starting:
@@ -139,17 +144,68 @@ def killed(
             with daemon(config) as d:
                 now, first = alarms(d), d.axis()
                 assert {k: still(shown[k]) for k in shown} == {k: still(now[k]) for k in shown}
+                assert list(overlaps(now.values())) == []
+                operator.check(d)
                 assert first["samples"] >= samples - 3 * INTERVAL_S * RATE_HZ
                 if any(alarm["active"] and alarm["axis"] == first["id"] for alarm in now.values()):
                     assert "alarm" in {p["status"] for p in first["parameters"]}
                 if not while_starting:
                     wait_for(lambda d=d: alarms(d) and d.get("api/v1/service")["checkpoint"])  # type: ignore[misc]
-                time.sleep(chance.uniform(0, 2.5))
-                samples, shown = d.axis()["samples"], alarms(d)
-                d.process.kill()
+                with operator.working(d):
+                    time.sleep(chance.uniform(0, 2.5))
+                    samples, shown = d.axis()["samples"], alarms(d)
+                    d.process.kill()
                 assert d.process.wait() == -signal.SIGKILL
     assert samples > kills * RATE_HZ / 2
+    assert operator.answered
     return shown
+
+
+class Operator:
+    """Acknowledges the alarms of a daemon and comments on them, until it is killed; knows what was answered."""
+
+    def __init__(self) -> None:
+        self.answered: list[tuple[int, str]] = []
+        """Alarm and comment of each write that the daemon has answered"""
+
+    @contextmanager
+    def working(self, d: Daemon) -> Iterator[None]:
+        """It works until the end of the block, in which the daemon is killed."""
+        thread = threading.Thread(target=self._work, args=(d.page + "api/v1/alarms",))
+        thread.start()
+        try:
+            yield
+        finally:
+            thread.join(60)
+            assert not thread.is_alive()
+
+    def check(self, d: Daemon) -> None:
+        """All that was answered is in the journal."""
+        found = {(k, t["comment"]) for k in alarms(d) for t in d.get(f"api/v1/alarms/{k}")["transitions"]}
+        assert set(self.answered) <= found
+
+    def _work(self, url: str) -> None:
+        with suppress(httpx.TransportError), httpx.Client() as client:
+            while True:
+                for alarm in client.get(url).json()["alarms"]:
+                    comment = f"number {len(self.answered)}"
+                    todo = "acknowledge" if alarm["state"] in ("unacknowledged", "returned") else "comment"
+                    done = client.post(f"{url}/{alarm['id']}/{todo}", json={"comment": comment})
+                    if done.status_code == 200:
+                        self.answered.append((alarm["id"], comment))
+                    else:  # it was raised again, or has ended, in the meantime
+                        assert done.status_code == 409, done.text
+                time.sleep(0.02)
+
+
+def overlaps(found: Iterable[dict[str, Any]]) -> Iterator[tuple[int, int]]:
+    """The ids of alarms of one axis, parameter and direction of which one begins before the other has ended."""
+    last: dict[tuple[str, str, str, bool], dict[str, Any]] = {}
+    for alarm in sorted(found, key=lambda a: (a["raised"], a["id"])):
+        name = alarm["axis"], alarm["parameter"], alarm["direction"], alarm["kind"] == "forecast"
+        if (before := last.get(name)) and (before["ended"] is None or before["ended"] > alarm["raised"]):
+            yield before["id"], alarm["id"]
+        last[name] = alarm
 
 
 def still(alarm: dict[str, Any]) -> tuple[Any, ...]:

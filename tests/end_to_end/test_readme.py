@@ -25,6 +25,7 @@ from tests.end_to_end.processes import (
     daemon,
     demo_config,
     edit,
+    robot,
     running,
     wait_for,
 )
@@ -34,7 +35,7 @@ from tests.service.commands.live_robots import configured, moving
 from tests.service.commands.test_commission import table
 from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import blocks
-from tests.service.web.conftest import FM_ALARM, Stage, serving
+from tests.service.web.conftest import FM_ALARM, Stage, serving, stored_history
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXTS = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTS}
@@ -65,16 +66,20 @@ def arguments(command: list[str], folder: Path) -> list[str]:
 
 
 def test_every_command_shown_is_run_here() -> None:
+    """`baseline`, and what it needs over REST, in tests/service/commands/test_baseline.py."""
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
     commands = (
-        "check listen run status alarms token simulate replay play model excite identify calibrate init"
+        "check listen run status alarms history baseline token backup restore simulate replay play model excite"
+        " identify calibrate init"
     )
     assert starts == {"curl", *(f"axiswatch {name}" for name in (*commands.split(), "commission"))}
 
 
-@pytest.mark.parametrize("target", ["run", "test", "bench", "soak", "lint", "format", "docs", "lock"])
+@pytest.mark.parametrize(
+    "target", ["run", "test", "bench", "soak", "lint", "format", "docs", "lock", "image-test"]
+)
 def test_targets_of_make(target: str, need: Callable[[str], str]) -> None:
     done = subprocess.run(
         [need("make"), "-n", target], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
@@ -116,6 +121,37 @@ def test_others_are_let_in(tmp_path: Path) -> None:
     assert made.startswith("axw_")
     assert "operate" in listed
     assert revoked == "anna is revoked\n"
+
+
+def test_a_robot_is_backed_up_while_it_is_monitored_and_goes_on_in_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its messages lie elsewhere; an alarm that is acknowledged is so there, and the estimates go on."""
+    (backup,), (restore,) = shown("axiswatch backup"), shown("axiswatch restore")
+    (tmp_path / "robot").mkdir()
+    config = demo_config(tmp_path / "robot", service="checkpoint_interval_s = 0.5")
+    (tmp_path / "robot" / "demo.dbc").rename(tmp_path / "demo.dbc")
+    edit(config, ('"demo.dbc"', '"../demo.dbc"'))
+    monkeypatch.chdir(config.parent)
+    with daemon(config) as d, robot(config, "--fault", "fm=1.6", "--fault-after", "3"):
+        wait_for(lambda: d.get("api/v1/alarms")["alarms"] and d.get("api/v1/service")["checkpoint"])
+        done = axiswatch("alarms", "ack", "1", "--comment", "seen", "--url", d.page)
+        assert done.exit_code == 0, done.output
+        kept = axiswatch(*backup[1:])
+        assert (kept.exit_code, kept.stderr) == (0, "")
+        before = d.axis()["samples"]
+        wait_for(lambda: d.axis()["samples"] > before)
+        d.process.kill()
+    done = axiswatch(*restore[1:])
+    assert done.exit_code == 0, done.output
+    assert "../demo.dbc is now restored/outside/1-demo.dbc" in done.stderr
+    restored = Path("restored", "robot.toml").absolute()
+    assert axiswatch("check", "--config", restored).exit_code == 0
+    with daemon(restored) as d:
+        (alarm,) = [alarm for alarm in d.get("api/v1/alarms")["alarms"] if alarm["id"] == 1]
+        assert alarm["state"] in ("acknowledged", "normal")
+        assert 0 < d.axis()["samples"] <= before
+        assert d.get("api/v1/service")["messages"] == []
 
 
 def test_an_experiment_is_planned(tmp_path: Path) -> None:
@@ -300,6 +336,19 @@ def answers_to_curl(d: Daemon) -> None:
             assert d.status(command[1].removeprefix("http://127.0.0.1:8080/")) == 200
 
 
+def test_the_history_is_fetched_as_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    journal = Journal(tmp_path / "alarms.sqlite")
+    with stored_history(tmp_path) as history, serving(Stage(journal, history=history)) as url:
+        monkeypatch.setenv("AXISWATCH_URL", url)
+        for command in shown("axiswatch history"):
+            done = axiswatch(*arguments(command, tmp_path))
+            assert done.exit_code == 0, done.output
+    journal.close()
+    assert (
+        (tmp_path / "axis1.csv").read_text(encoding="utf-8").startswith("time,parameter,unit,n,estimate_mean")
+    )
+
+
 def test_an_alarm_is_followed_by_command_line_and_by_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -315,7 +364,7 @@ def test_an_alarm_is_followed_by_command_line_and_by_rest(
             done = axiswatch(*command[1:])
             assert done.exit_code == 0, done.output
         for command in shown("curl"):
-            if "--json" in command:
+            if "--json" in command and "/alarms/" in command[3]:
                 address = command[3].replace("http://127.0.0.1:8080", url)
                 assert httpx.post(address, json=json.loads(command[2])).status_code == 200
     assert [len(journal.transitions(number)) for number in (1, 2)] == [5, 5]

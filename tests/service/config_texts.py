@@ -179,12 +179,32 @@ def found_files() -> dict[str, str]:
     return {"nominal.toml": nominal_text(axis), "thresholds.toml": thresholds_text(axis, 1.5, 7.0)}
 
 
+LINKS = """\
+[[links.webhook]]
+name = "orders"
+url = "https://orders.plant.example/axiswatch?key=1"
+secret_file = "orders.secret"
+[links.mqtt]
+host = "broker.plant.example"
+user = "cell1"
+password_env = "MQTT_PASSWORD"
+prefix = "plant/cell1"
+[links.smtp]
+host = "mail.plant.example"
+user = "cell1"
+password_file = "mail.secret"
+sender = "cell1@plant.example"
+to = ["maintenance@plant.example"]
+"""
+
+
 TEXTS = {
     "base": BASE,
     "conditions": with_conditions(),
     "drawn": HEAD + DRAWN,
     "file": HEAD + FILE,
     "found": found(),
+    "links": TABLES + LINKS,
     "tables": TABLES,
     "watched": watched(),
     "weighed": weighed(),

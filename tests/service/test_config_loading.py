@@ -112,6 +112,26 @@ def test_the_environment_wins(file: Path) -> None:
     assert len(messages(file, {"AXISWATCH_WEB__PORT": "1"})) == 1
 
 
+def test_without_a_table_of_the_service_its_state_lies_beside_the_file(file: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    start = text.index("[service]")
+    file.write_text(text[:start] + text[text.index("\n[", start) :], encoding="utf-8")
+    assert load(file, {}).service.state_dir == file.parent / "state"
+
+
+def test_systemd_says_where_the_state_is_unless_the_configuration_does(file: Path) -> None:
+    environ = {"STATE_DIRECTORY": "/var/lib/axiswatch:/var/lib/other"}
+    assert load(file, environ).service.state_dir == file.parent / "kept"
+    text = file.read_text(encoding="utf-8")
+    assert 'state_dir = "kept"\n' in text
+    file.write_text(text.replace('state_dir = "kept"\n', ""), encoding="utf-8")
+    assert load(file, environ).service.state_dir == Path("/var/lib/axiswatch")
+    assert load(file, {}).service.state_dir == file.parent / "state"
+    assert load(file, environ | {"AXISWATCH_SERVICE__STATE_DIR": "/other"}).service.state_dir == Path(
+        "/other"
+    )
+
+
 @pytest.mark.parametrize(
     ("variable", "value", "words"),
     [

@@ -68,10 +68,16 @@ def _kinds(table: type[Table]) -> set[type[Table]]:
 
 def test_what_the_example_calls_a_default_is_one(everything: Config) -> None:
     defaults = load(CONFIG / "reference.toml", {})
-    stated = [path for path in _told_defaults() if _at(defaults, path) is not None]
+    stated = [p for p in _told_defaults() if p[0] != "links" and _at(defaults, p) is not None]
     assert len(stated) > 20
     for path in stated:
         assert (path, _at(everything, path)) == (path, pytest.approx(_at(defaults, path)))
+    of_links = [path for path in _told_defaults() if path[0] == "links"]
+    assert len(of_links) > 10
+    for path in of_links:  # which a configuration need not have
+        key = path[:-1] if isinstance(path[-1], int) else path  # a list
+        field = type(_at(everything, key[:-1])).model_fields[str(key[-1])]
+        assert (key, _at(everything, key)) == (key, field.default)
 
 
 def test_bounds_and_defaults_are_explained_in_the_schema() -> None:

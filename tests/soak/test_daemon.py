@@ -61,6 +61,6 @@ def test_the_second_process_compiles_what_the_first_then_uses(
 
 
 def test_no_shown_alarm_is_lost(tmp_path: Path, seed: int) -> None:
-    """kill -9 fifty times while alarms are raised, and as often while the daemon starts."""
-    shown = killed(tmp_path, seed, kills=50, fault_after_s=20, while_starting=True)
+    """kill -9 two hundred times during alarms and what is done about them, and as often while the daemon starts."""
+    shown = killed(tmp_path, seed, kills=200, fault_after_s=20, while_starting=True)
     assert any(alarm["parameter"] == "fm" for alarm in shown.values())

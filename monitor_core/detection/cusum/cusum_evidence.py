@@ -113,7 +113,8 @@ class EvidenceBuilder:
         s = self._s
         running, theta, d, P = self._column(noted, c)
         unseen = noted.value[-len(self._names) :, c] == UNSEEN
-        known = ~unseen & (self._held(theta, theta - d) == 0) & (running <= INVALID * s.lam0)
+        holds = running <= INVALID * s.lam0
+        known = ~unseen & (self._held(theta, theta - d) == 0) & holds
         return Reading(
             time_us=int(noted.what[2, c]),
             value=_numbers(self._theta0 + d),
@@ -121,6 +122,7 @@ class EvidenceBuilder:
             known=tuple(map(bool, known)),
             span_s=self._naming * s.interval_s,
             correlation=s.lam**self._naming,
+            holds=holds,
         )
 
     def evidence(self, noted: EvidenceColumns, c: int) -> Evidence:

@@ -228,11 +228,14 @@ def test_every_kind_of_can_log(suffix: str, folder: Path, seed: int) -> None:
     }
 
 
-@pytest.mark.parametrize(("seconds", "every_s"), [(20.0, 0.016), (5.0, 0.2)])
-def test_frames_in_bunches(seconds: float, every_s: float, folder: Path, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seconds", "every_s", "waited_s"), [(20.0, 0.016, 0.0), (5.0, 0.2, 0.0), (5.0, 0.02, 0.15)]
+)
+def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, folder: Path, seed: int) -> None:
     """An adapter passes on the frames of 16 ms at once: the interval is right, the times are not.
 
-    With whole bunches of 200 ms at both ends a record of 5 s is 2 % too short for its frames.
+    With whole bunches of 200 ms at both ends a record of 5 s is 2 % too short for its frames; it is 3 % too short
+    where the first frames had waited for 150 ms.
     """
     rows = table(folder / "rows.csv", seed, seconds)
     head, _, _ = rows.read_text(encoding="utf-8").partition("\n")
@@ -242,12 +245,39 @@ def test_frames_in_bunches(seconds: float, every_s: float, folder: Path, seed: i
     columns[:, 0] += (
         (bunch + 1) * every_s - since + 1e-4 * (np.arange(since.size) - np.searchsorted(bunch, bunch))
     )
+    late = since < waited_s
+    columns[late, 0] = columns[0, 0] + waited_s + 1e-5 * np.arange(np.count_nonzero(late))
     np.savetxt(rows, columns, fmt=["%.6f", "%.10g", "%.10g"], delimiter=",", header=head, comments="")
     config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
     log = can_logs.log_of(rows, config, folder / "healthy.log")
     found = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
     assert [correction.change for correction in found.corrections] == ['time.clock = "cyclic"']
     assert not found.faults
+
+
+@pytest.mark.parametrize(("bits", "every_s"), [(8, 0.004), (16, 0.0051), (8, 0.005)])
+def test_a_counter_whose_cycle_is_another_one(bits: int, every_s: float, folder: Path, seed: int) -> None:
+    """Times by the counter have the configured interval of 5 ms, whatever the true one is.  Each twentieth is lost."""
+    rows = table(folder / "rows.csv", seed, 20.0)
+    head, _, _ = rows.read_text(encoding="utf-8").partition("\n")
+    columns = np.loadtxt(rows, delimiter=",", skiprows=1)
+    columns[:, 0] *= every_s / 0.005
+    np.savetxt(rows, columns, fmt=["%.6f", "%.10g", "%.10g"], delimiter=",", header=head, comments="")
+    messages = can_logs.dbc(folder / "robot.dbc", 1, "rad")
+    text = messages.read_text("utf-8").replace(
+        "24|40@1- (1E-006,0) [-549755|549755]", "24|24@1- (1E-005,0) [-83|83]"
+    )
+    text = text.rstrip() + f'\n SG_ Joint1_Count : 48|{bits}@1+ (1,0) [0|{2**bits - 1}] "" Monitor\n'
+    messages.write_text(text, "utf-8")
+    config = can_logs.configured(folder / "robot.toml", messages)
+    counter = 'time = { counter_message = "Joint1", counter_signal = "Joint1_Count" }\n'
+    config.write_text(config.read_text("utf-8").replace("estimator =", f"{counter}estimator ="), "utf-8")
+    log = can_logs.log_of(rows, config, folder / "all.log")
+    lines, lost = log.read_text("utf-8").splitlines(keepends=True), folder / "healthy.log"
+    lost.write_text("".join(line for k, line in enumerate(lines) if k % 20))
+    found = review(config.read_text("utf-8"), "cell.a1", [str(lost)], folder)
+    wanted = [] if every_s == 0.005 else [f"sample_interval_s = {every_s:g}"]
+    assert [correction.change for correction in found.corrections][:1] == wanted
 
 
 def test_frames_with_each_value_four_times(folder: Path, seed: int) -> None:

@@ -188,6 +188,13 @@ def test_a_wrong_sample_interval_is_told_by_the_counters() -> None:
     assert read.count("untimed") == pytest.approx(400, abs=10)
 
 
+def test_the_frame_that_a_line_begins_with_may_have_been_late() -> None:
+    clock = SampleClock(0.005, 16)
+    for n in range(10_000):
+        clock.read(START_US + 5000 * n + (15_000 if n == 0 else n % 3), n)
+    assert clock.interval_s == pytest.approx(0.005, rel=1e-6)
+
+
 # --- a controller that sends in cycles ----------------------------------------------------------------------
 
 
@@ -297,6 +304,33 @@ def test_a_jitter_to_both_sides_by_a_fifth_of_a_cycle(seed: int) -> None:
     # Over sixty seeds at most 9 and 64.
     assert len(wrong(found, frames, -1300)) < 100
     assert len(rejected(found)) < 160
+
+
+@pytest.mark.parametrize("ppm", [0, 80])
+@pytest.mark.parametrize("lost", [0.0, 0.002])
+@pytest.mark.parametrize("every_us", [8_000, 16_000, 32_000])
+def test_an_adapter_that_passes_frames_on_in_bunches(
+    every_us: int, lost: float, ppm: float, seed: int
+) -> None:
+    """The last frame of a bunch is late by anything up to a cycle, so counting tells the cycles."""
+    rng = random.Random(seed)
+    passed_on = itertools.count(every_us, every_us)
+    at_us, frames, cycle_us = next(passed_on), list[Sent](), CYCLE_US * (1 + ppm * 1e-6)
+    for n in range(12_000):
+        sent_us = START_US + n * cycle_us
+        if rng.random() < lost:
+            continue
+        while START_US + at_us < sent_us:
+            at_us = next(passed_on)
+        before_us = frames[-1].received_us + 100 if frames else 0
+        frames.append(Sent(n, sent_us, max(before_us, START_US + at_us + round(rng.expovariate(1 / 50)))))
+    clock = CyclicClock[int](0.005)
+    found = readings(clock, frames)
+    assert len(rejected(found)) < 20
+    assert clock.reanchored == 0
+    assert clock.interval_s == pytest.approx(cycle_us * 1e-6, rel=40e-6)
+    # Where a frame was lost its bunch may be counted to the cycle before.
+    assert len(wrong(found, frames, 600)) < 20 + 4 * lost * len(frames)
 
 
 def test_a_cycle_that_is_not_the_nominal_one_spoils_no_more_than_itself(seed: int) -> None:

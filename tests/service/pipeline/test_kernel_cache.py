@@ -1,6 +1,9 @@
 """Where the compiled kernel is kept, and that it is compiled in a process of its own, never a hindrance."""
 
+import errno
+import os
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -38,6 +41,28 @@ def test_without_a_place_there_is_one_for_this_run_and_it_is_said(
     choose(environ)
     assert Path(environ[VARIABLE]).is_dir()
     assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err
+
+
+def test_a_shipped_kernel_that_cannot_be_written_to_is_used_from_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As on the read-only root of a container."""
+    shipped = tmp_path / f"kernel-{fingerprint()}"
+    (shipped / "block_0a").mkdir(parents=True)
+    (shipped / "block_0a" / "run.nbi").write_bytes(b"compiled")
+
+    def refuse(**_: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
+    environ = {VARIABLE: str(tmp_path)}
+    folder = choose(environ)
+    assert tmp_path not in folder.parents
+    assert (folder / "block_0a" / "run.nbi").read_bytes() == b"compiled"
+    (folder / "block_0a" / "other.nbi").write_bytes(b"compiled, too")
+    assert [file.name for file in shipped.rglob("*.nbi")] == ["run.nbi"]
+    assert capsys.readouterr().err == ""
+    assert kernel_cache._base(environ) / shipped.name == folder, "as a process that this one starts finds it"
 
 
 FAILED = "the kernel could not be compiled in a process of its own"

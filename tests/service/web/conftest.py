@@ -29,7 +29,13 @@ from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts
-from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, Snapshot
+from service.pipeline.snapshot import (
+    AxisSnapshot,
+    BusSnapshot,
+    Histogram,
+    LinkSnapshot,
+    Snapshot,
+)
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
 from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
@@ -110,17 +116,23 @@ NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N
 INTERVAL_S = 10
 
 
-@pytest.fixture
-def history(tmp_path: Path) -> Iterator[HistoryRecording]:
+@contextmanager
+def stored_history(folder: Path) -> Iterator[HistoryRecording]:
     """A hundred points of all parameters of the first axis until noon; five minutes lack before the last ten."""
     bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
-    recording = HistoryRecording(lambda: HistoryStore(tmp_path / "history.sqlite", bounds), INTERVAL_S)
+    recording = HistoryRecording(lambda: HistoryStore(folder / "history.sqlite", bounds), INTERVAL_S)
     recording.write()
     assert recording.store is not None
     series = [Series("demo.axis1", p.name, p.unit) for p in PARAMETERS]
     recording.store.add([Point(s, t, point_values(k)) for k, t in enumerate(HISTORY_TIMES) for s in series])
     yield recording
     recording.stop()
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Iterator[HistoryRecording]:
+    with stored_history(tmp_path) as recording:
+        yield recording
 
 
 HISTORY_TIMES = [NOON_US // 1_000_000 - 10 * (99 - k) - (300 if k < 90 else 0) for k in range(100)]
@@ -204,6 +216,9 @@ class Stage:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     stopping: bool = False
+    links: tuple[LinkSnapshot, ...] = (
+        LinkSnapshot("orders", "webhook", False, "HTTP status 503", 3, 41, {"age": 2, "refused": 1}),
+    )
 
     def app(self) -> FastAPI:
         return create_app(
@@ -214,7 +229,8 @@ class Stage:
             self.access,
             self.extracts,
             self.history,
-            lambda: self.stopping,
+            lambda: self.links,
+            stopping=lambda: self.stopping,
         )
 
     def client(self) -> TestClient:

@@ -13,7 +13,7 @@ from fastapi import Body, Depends, FastAPI
 from fastapi.responses import StreamingResponse
 from fastapi.testclient import TestClient
 
-from service.commands.run import _rendering
+from service.commands.daemon_logs import _rendering
 from service.store.database import StoreError
 from service.store.tokens import TokenFile
 from service.web import gate
@@ -27,6 +27,8 @@ READ_PATHS = (
     "/api/v1/axes",
     "/api/v1/axes/demo.axis1",
     "/api/v1/axes/demo.axis1/history",
+    "/api/v1/axes/demo.axis1/history.csv",
+    "/api/v1/axes/demo.axis1/history.parquet",
     "/api/v1/axes/demo.axis1/trend",
     "/api/v1/alarms",
     "/api/v1/alarms/1",
@@ -415,7 +417,7 @@ def test_a_traceback_in_the_log_holds_no_local_variable() -> None:
         headers = bearer("axw_secret")
         raise ZeroDivisionError(f"{len(headers)} header")
     except ZeroDivisionError:
-        for processor in _rendering(io.StringIO()):
+        for processor in _rendering("auto", io.StringIO()):
             event = processor(None, "error", event)
     assert "ZeroDivisionError" in event
     assert "1 header" in event

@@ -35,7 +35,7 @@ def scrape(client: TestClient, accept: str = "text/plain") -> str:
 
 def own(stage: Stage) -> str:
     """The metrics without those of the process."""
-    text, _ = Metrics(lambda: stage.snapshot, lambda: stage.now_us).scrape("")
+    text, _ = Metrics(lambda: stage.snapshot, lambda: stage.now_us, lambda: stage.links).scrape("")
     return text.decode().split("# HELP process_")[0]
 
 

@@ -544,7 +544,7 @@ def test_it_speaks_german_and_keeps_the_language(page: Page) -> None:
 
 
 def test_a_repaired_axis_learns_new_nominal_values_after_a_confirmation(page: Page, stage: Stage) -> None:
-    """With the answers of a daemon that has epochs; the page asks for them only where an axis has one."""
+    """With answers of its own: tests/service/web/test_epoch_routes.py has those of the daemon."""
     sent = list[object]()
     now = {"number": 1, "state": "current", "done_s": None, "length_s": None, "words": ""}
     first = {

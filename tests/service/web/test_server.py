@@ -113,6 +113,7 @@ PATHS = {
     "/api/v1/axes/{axis}": "/api/v1/axes/demo.axis1",
     "/api/v1/axes/{axis}/history": "/api/v1/axes/demo.axis1/history",
     "/api/v1/axes/{axis}/trend": "/api/v1/axes/demo.axis1/trend",
+    "/api/v1/axes/{axis}/epochs": "/api/v1/axes/demo.axis1/epochs",
     "/api/v1/alarms": "/api/v1/alarms",
     "/api/v1/alarms/statistics": "/api/v1/alarms/statistics",
     "/api/v1/alarms/{id}": "/api/v1/alarms/1",
@@ -173,6 +174,9 @@ def test_each_action_answers_as_described_also_when_it_is_not_possible(
 def test_all_is_explained(schema: dict[str, Any]) -> None:
     """All paths are covered; numbers tell their unit or what they count."""
     actions = {f"/api/v1/alarms/{{id}}/{action}" for action in ACTIONS}
+    actions |= {
+        f"/api/v1/axes/{{axis}}/{path}" for path in ("baseline", "baseline/cancel", "epochs/{number}/restore")
+    }
     recordings = {"/api/v1/recordings": {"get", "post"}, "/api/v1/recordings/{name}": {"get"}}
     files = {f"/api/v1/axes/{{axis}}/history.{kind}" for kind in ("csv", "parquet")}
     assert set(schema["paths"]) == {*PATHS, *actions, *recordings, *files, "/metrics", "/api/v1/events"}

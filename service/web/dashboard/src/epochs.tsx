@@ -1,57 +1,31 @@
 // The epochs of an axis: since when which nominal values are in force; a new one after a repair, or back to an old one.
 import { useEffect, useRef, useState } from "preact/hooks";
-import { ask, isSilence, type Axis } from "./ask";
+import { ask, isSilence, type Axis, type Body } from "./ask";
 import { moment } from "./format";
 import { numberWithUnit, Time, Words } from "./marks";
 import { t } from "./texts";
 
-export interface Epoch {
-  number: number;
-  state: "learning" | "verifying" | "current" | "closed" | "rolled_back" | "cancelled";
-  source: "configuration" | "files" | "window" | "restored";
-  began: string;
-  in_force: string | null;
-  ended: string | null;
-  who: string;
-  comment: string | null;
-  work_order: string | null;
-  reason: string | null;
-  values: { name: string; unit: string; value: number | null; former: number | null; kept: string | null }[];
-}
-
-interface EpochNow {
-  number: number;
-  state: "learning" | "verifying" | "current";
-  done_s: number | null;
-  length_s: number | null;
-  words: string;
-}
-
-/** Of an axis, where the daemon has epochs. */
-export const epochOf = (axis: Axis): EpochNow | null => (axis as { epoch?: EpochNow }).epoch ?? null;
+export type Epoch = Body<"Epoch">;
 
 /** "learning: 0.5 h of 2 h of operation", or nothing. */
-export const epochWords = (axis: Axis): string => {
-  const now = epochOf(axis);
-  return now === null || now.state === "current" ? "" : now.words;
-};
+export const epochWords = ({ epoch }: Axis): string => (epoch.state === "current" ? "" : epoch.words);
 
 const EVERY_MS = 10_000;
 
-/** The epochs of an axis, newest first; empty where the daemon has none. */
+/** The epochs of an axis, newest first; empty while they are not known. */
 export function useEpochs(axis: Axis | undefined): [Epoch[], () => Promise<void>] {
   const [epochs, set] = useState<Epoch[]>([]);
-  const now = axis ? epochOf(axis) : null;
+  const now = axis?.epoch;
   const id = axis?.id ?? "";
   const load = async (): Promise<void> => {
     try {
-      set((await ask<{ epochs: Epoch[] }>(`/api/v1/axes/${encodeURIComponent(id)}/epochs`)).epochs);
+      set((await ask<Body<"AxisEpochs">>(`/api/v1/axes/${encodeURIComponent(id)}/epochs`)).epochs);
     } catch {
       // The header says that there is no answer.
     }
   };
   useEffect(() => {
-    if (now === null) return undefined;
+    if (id === "") return undefined;
     void load();
     const timer = setInterval(() => void load(), EVERY_MS);
     return () => clearInterval(timer);
@@ -67,8 +41,7 @@ type Wanted = { action: "baseline" } | { action: "cancel" } | { action: "restore
 
 export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[]; refresh: () => Promise<void> }) {
   const [wanted, want] = useState<Wanted | null>(null);
-  const now = epochOf(axis);
-  if (now === null) return null;
+  const now = axis.epoch;
   const { number, state, source, since, who, values } = t.epochs.columns;
   return (
     <section aria-label={t.epochs.title}>
@@ -91,7 +64,7 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
                 <td>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</td>
                 <td><bdi>{[epoch.who, epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi></td>
                 <td>{epoch.values.map((v) => <Value key={v.name} v={v} />)}</td>
-                <td>{epoch.state === "closed" && now.state !== "learning" && (
+                <td>{["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
                   <button type="button" onClick={() => want({ action: "restore", number: epoch.number })}>{t.epochs.restore}</button>
                 )}</td>
               </tr>

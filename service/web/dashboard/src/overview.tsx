@@ -2,7 +2,7 @@
 import { memo } from "preact/compat";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Alarm } from "./ask";
-import { epochOf, epochWords } from "./epochs";
+import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
 import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time, Words } from "./marks";
@@ -154,7 +154,7 @@ const Tile = memo(function Tile({ item, wide, age }: TileProps) {
           {alarms[0] ? <AlarmMark alarm={alarms[0]} /> : <NeedMark need={need} />}
           {wide ? <bdi class="whole name">{axis.id}</bdi>
             : <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>}
-          {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[epochOf(axis)?.state ?? "current"] : words}</span>}
+          {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[axis.epoch.state] : words}</span>}
         </span>
         {wide && <Age {...{ item, age }} />}
         {axis.parameters.map((p) => (wide ? <WideRow key={p.name} p={p} /> : <Bar key={p.name} p={p} />))}

@@ -31,6 +31,7 @@ export function SystemPage() {
       </div>
       <h2>{t.buses}</h2>
       <Buses live={live} />
+      {service.links.length > 0 && <Links links={service.links} />}
       <h2>{t.dropsAxis}</h2>
       <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={live.axes.map(samplesOf)} />
       <h2>{t.clocks}</h2>
@@ -87,6 +88,24 @@ function Buses({ live }: { live: Live }) {
     ];
   });
   return <Table label={t.buses} columns={[t.bus, t.columns.state, t.reader, t.received, t.rate, t.dropped]} rows={rows} />;
+}
+
+function Links({ links }: { links: Body<"Link">[] }) {
+  const { connected, problem, pending, delivered, givenUp } = t.links;
+  const rows = links.map((link): Cells => [
+    <><bdi>{link.name}</bdi> ({link.kind})</>,
+    <span class={link.connected ? "" : "pill warn"}>{link.connected ? connected : problem}</span>,
+    link.problem === null ? "–" : <Words>{link.problem}</Words>,
+    count(link.pending),
+    count(link.delivered),
+    reasons(link.given_up),
+  ]);
+  return (
+    <>
+      <h2>{t.links.title}</h2>
+      <Table label={t.links.title} columns={[t.links.link, t.columns.state, t.links.why, pending, delivered, givenUp]} rows={rows} />
+    </>
+  );
 }
 
 const Name = ({ id }: { id: string }) => <a href={axisLink(id)}><bdi>{id}</bdi></a>;

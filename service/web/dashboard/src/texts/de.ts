@@ -218,6 +218,7 @@ export const de: Texts = {
   scatter: "Streuung",
   interval: "Intervall",
   restarts: "Neustarts",
+  links: { title: "Anlagenverbindungen", link: "Verbindung", connected: "verbunden", problem: "nicht verbunden", why: "Warum nicht", pending: "Wartend", delivered: "Zugestellt", givenUp: "Aufgegeben" },
   recordings: "Aufgezeichnete Rohdaten",
   noRecording: "Keine Aufzeichnung.",
   recordNow: "Die letzten Minuten aufzeichnen",

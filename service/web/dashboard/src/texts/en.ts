@@ -218,6 +218,7 @@ export const en = {
   scatter: "Scatter",
   interval: "Interval",
   restarts: "Restarts",
+  links: { title: "Plant links", link: "Link", connected: "connected", problem: "not connected", why: "Why not", pending: "Waiting", delivered: "Delivered", givenUp: "Given up" },
   recordings: "Recorded frames",
   noRecording: "No recording.",
   recordNow: "Record the last minutes",

@@ -1,0 +1,174 @@
+"""``axiswatch baseline``: new nominal values of one axis of a running daemon after a repair, and the way back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from service.client import AlarmText, Client, EpochJson
+from service.commands.alarms import (
+    DEFAULT_URL,
+    AsJson,
+    Comment,
+    Token,
+    Url,
+    WorkOrder,
+    print_json,
+    short_time,
+)
+from service.commands.exit_codes import EPILOG, explained
+
+Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="The axis, as in `axiswatch status`.")]
+VerifyHours = Annotated[
+    float,
+    typer.Option(
+        "--verify-hours",
+        min=0.0,
+        help="Hours of operation for which the new values are then verified; 0: not at all.",
+    ),
+]
+
+baseline = typer.Typer(
+    help="New nominal values of an axis of a running daemon: start, status, cancel, restore.",
+    epilog=EPILOG,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+
+
+@baseline.command()
+def start(
+    axis: Axis,
+    hours: Annotated[
+        float | None,
+        typer.Option(
+            "--hours",
+            metavar="NUMBER",
+            help="Learn from so many hours of operation, from now on.",
+            show_default=False,
+        ),
+    ] = None,
+    nominal: Annotated[
+        Path | None,
+        typer.Option(
+            "--nominal", metavar="FILE", help="Or use this nominal.toml at once.", show_default=False
+        ),
+    ] = None,
+    thresholds: Annotated[
+        Path | None,
+        typer.Option(
+            "--thresholds", metavar="FILE", help="With it, this thresholds.toml.", show_default=False
+        ),
+    ] = None,
+    verify_hours: VerifyHours = 8.0,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Begin a new epoch of an axis after a repair.
+
+    With `--hours` its nominal values are learned from its own estimates in normal work; its thresholds stay. With
+    `--nominal` (and `--thresholds`) they are those of another commissioning. The other axes are not touched.
+    """
+    if (hours is None) == (nominal is None):
+        raise typer.BadParameter("give one of --hours and --nominal")
+    if thresholds is not None and nominal is None:
+        raise typer.BadParameter("--thresholds belongs to --nominal")
+    plan: dict[str, float | str | None] = {
+        "mode": "files" if hours is None else "window",
+        "hours": hours,
+        "nominal": _text(nominal, "--nominal"),
+        "thresholds": _text(thresholds, "--thresholds"),
+        "verify_hours": verify_hours,
+    }
+    with explained(), Client(url, token) as client:
+        _print(client.baseline(axis, AlarmText(comment, work_order), **plan), as_json)
+
+
+@baseline.command()
+def status(axis: Axis, url: Url = DEFAULT_URL, token: Token = "", as_json: AsJson = False) -> None:
+    """Show the epochs of an axis, the newest first."""
+    with explained(), Client(url, token) as client:
+        found = client.epochs(axis)
+    if as_json:
+        print_json(found)
+        return
+    for epoch in found["epochs"]:
+        _print(epoch)
+
+
+@baseline.command()
+def cancel(
+    axis: Axis,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """End the learning window of an axis: the epoch before stays in force."""
+    with explained(), Client(url, token) as client:
+        _print(client.cancel_baseline(axis, AlarmText(comment, work_order)), as_json)
+
+
+@baseline.command()
+def restore(
+    axis: Axis,
+    number: Annotated[int, typer.Argument(metavar="EPOCH", min=1, help="Number of a former epoch.")],
+    verify_hours: VerifyHours = 8.0,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Let the values of a former epoch be in force again."""
+    with explained(), Client(url, token) as client:
+        _print(client.restore_epoch(axis, number, verify_hours, AlarmText(comment, work_order)), as_json)
+
+
+def _text(path: Path | None, option: str) -> str | None:
+    if path is None:
+        return None
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise typer.BadParameter(f"cannot read {path}: {error}", param_hint=option) from None
+
+
+def _print(e: EpochJson, as_json: bool = False) -> None:
+    if as_json:
+        print_json(e)
+        return
+    head = f"epoch {e['number']}: {e['state'].replace('_', ' ')}"
+    if e["length_s"] is not None:
+        head += f", {(e['done_s'] or 0) / 3600:.3g} of {e['length_s'] / 3600:.3g} h of operation"
+    if e["restored_from"] is not None:
+        head += f", the values of epoch {e['restored_from']}"
+    else:
+        head += f", from {_SOURCES[e['source']]}"
+    order = f", work order {e['work_order']}" if e["work_order"] else ""
+    ended = f", ended {short_time(e['ended'])}" if e["ended"] else ""
+    print(f"{head}; by {e['who']} at {short_time(e['began'])}{order}{ended}")
+    for text in (e["comment"], e["reason"]):
+        if text:
+            print(f"    {text}")
+    for v in e["values"]:
+        sd = "" if v["standard_deviation"] is None else f" +- {v['standard_deviation']:.2g}"
+        former = "" if v["former"] in (None, v["value"]) else f" (before: {v['former']:.6g})"
+        kept = f" ({v['kept']})" if v["kept"] else ""
+        print(f"    {v['name']} = {v['value']:.6g}{sd} {v['unit']}{former}{kept}")
+
+
+_SOURCES = {
+    "configuration": "the configuration",
+    "files": "files",
+    "window": "a learning window",
+    "restored": "a former epoch",
+}

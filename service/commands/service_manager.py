@@ -1,0 +1,132 @@
+"""What systemd is told: ready, how it goes, alive, stopping (sd_notify(3), $NOTIFY_SOCKET); nothing without systemd.
+
+A few short datagrams: less than what a library for them would have to be trusted with.
+"""
+
+import os
+import socket
+import threading
+from collections.abc import Callable, Mapping
+
+import structlog
+
+from monitor_core.wording import listed
+from service.pipeline.snapshot import Snapshot
+
+_WITHOUT_WATCHDOG_S = 5.0
+"""Between two looks at the status"""
+_LOOKS = 4
+"""In the time after which the watchdog bites"""
+_SEND_S = 1.0
+
+log = structlog.get_logger(__name__)
+
+
+class ServiceManager:
+    """Tells systemd how the daemon is, from a thread of its own, between ``ready`` and ``close``.
+
+    The watchdog is fed when all loops have turned since it was fed last.  They turn on a silent bus, too, and on one
+    that is down: a robot that is switched off is no reason to kill the daemon.
+
+    Args:
+        environ: variables that systemd has set: NOTIFY_SOCKET, WATCHDOG_USEC, WATCHDOG_PID.
+        turns: how often each loop has turned, by its name.
+        status: how it goes, in a line.
+    """
+
+    def __init__(
+        self,
+        environ: Mapping[str, str],
+        turns: Callable[[], Mapping[str, int]],
+        status: Callable[[], str],
+    ) -> None:
+        self._address = _address(environ.get("NOTIFY_SOCKET", ""))
+        self._watchdog_s = _watchdog_s(environ)
+        self._turns, self._status = turns, status
+        self._fed_at: Mapping[str, int] = {}
+        self._still: list[str] = []
+        self._shown = ""
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="service-manager", daemon=True)
+
+    def ready(self) -> None:
+        """The service is up; from now on its status is kept up to date, and the watchdog is fed."""
+        if self._address is not None:
+            self._shown = self._status()
+            self._send("READY=1", f"STATUS={self._shown}")
+            self._thread.start()
+
+    def stopping(self) -> None:
+        """The service ends."""
+        self._end()
+        self._send("STOPPING=1", "STATUS=stopping: the last frames are processed and saved")
+
+    def close(self) -> None:
+        """End the thread, if it runs."""
+        self._end()
+
+    def look(self) -> None:
+        """Tell a new status, and feed the watchdog if all loops have turned."""
+        lines = []
+        if (status := self._status()) != self._shown:
+            self._shown = status
+            lines.append(f"STATUS={status}")
+        if self._watchdog_s is not None and self._all_turned():
+            lines.append("WATCHDOG=1")
+        if lines:
+            self._send(*lines)
+
+    def _run(self) -> None:
+        wait_s = _WITHOUT_WATCHDOG_S if self._watchdog_s is None else self._watchdog_s / _LOOKS
+        while not self._ended.wait(wait_s):
+            self.look()
+
+    def _end(self) -> None:
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _all_turned(self) -> bool:
+        turns = self._turns()
+        still = [name for name, count in turns.items() if count == self._fed_at.get(name)]
+        if still and still != self._still:
+            log.error("a thread stands still, so the watchdog is not fed", threads=still)
+        self._still = still
+        if not still:
+            self._fed_at = turns
+        return not still
+
+    def _send(self, *lines: str) -> None:
+        if self._address is None:
+            return
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+                sender.settimeout(_SEND_S)
+                sender.sendto("\n".join(lines).encode(), self._address)
+        except OSError as error:  # monitoring is worth more than what systemd knows of it
+            log.warning("systemd cannot be reached", reason=str(error))
+
+
+def _address(name: str) -> str | None:
+    """The address of a socket by its name: a path, or @ and an abstract one; None: there is none that can be used."""
+    return name.replace("@", "\0", 1) if name.startswith(("/", "@")) else None
+
+
+def _watchdog_s(environ: Mapping[str, str]) -> float | None:
+    """The time within which systemd wants to hear that this process is alive [s]."""
+    wanted = environ.get("WATCHDOG_USEC", "")
+    own = environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
+    return int(wanted) * 1e-6 if own and wanted.isdecimal() and int(wanted) else None
+
+
+def status_line(snapshot: Snapshot) -> str:
+    """How the daemon is, in a line: for `systemctl status`."""
+    active = sum(len(axis.open_alarms) for axis in snapshot.axes)
+    parts = [
+        f"monitoring {len(snapshot.axes)} ax{'is' if len(snapshot.axes) == 1 else 'es'}",
+        f"{active or 'no'} active alarm{'' if active == 1 else 's'}",
+    ]
+    if down := [bus.name for bus in snapshot.buses if not bus.up]:
+        parts.append(f"bus {listed(down)} down")
+    more = [f"{len(snapshot.messages) - 1} more messages"] if len(snapshot.messages) > 1 else []
+    return "; ".join([", ".join(parts), *snapshot.messages[:1], *more]).replace("\n", " ")

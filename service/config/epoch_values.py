@@ -1,0 +1,200 @@
+"""Nominal values and thresholds of an epoch of an axis, as text that can be kept, and the axis with them.
+
+An epoch holds what [robot.axis.model] says of nominal values and thresholds: keys, and the content of the files that it
+names.  All else (what is measured, monitored, bounded, scheduled by the configuration) stays that of the configuration.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from pydantic import ValidationError
+
+from monitor_core.drive import split_name
+from service.config.axis_settings import AxisError, axis_settings, monitored_model, predictor_of
+from service.config.base_table import Table
+from service.config.conditions import needed
+from service.config.drives import drive_of, given_values, plain_drive_of
+from service.config.found_file import FoundFile, FoundFileError, found_in
+from service.config.loading import axis_findings
+from service.config.nominal_file import NominalFile, structure_of
+from service.config.problems import dotted
+from service.config.schema import NamedAxis
+from service.config.thresholds_file import ThresholdsFile, made_with
+
+_OWN = ("nominal", "nominal_file", "thresholds_file")
+_T = TypeVar("_T", bound=Table)
+
+
+class EpochValuesError(ValueError):
+    """Values that do not fit the axis; the text says why, and what would be right."""
+
+
+class NominalValue(NamedTuple):
+    """A nominal value of a monitored parameter, with its standard deviation where a file has one."""
+
+    name: str
+    unit: str
+    value: float
+    standard_deviation: float | None
+
+
+def content_of(axis: NamedAxis) -> str:
+    """The nominal values and thresholds of an axis, as JSON."""
+    model = axis.config.model
+    return _written(
+        nominal=model.nominal, nominal_file=model.nominal_file, thresholds_file=model.thresholds_file
+    )
+
+
+def _written(**content: Mapping[str, float] | FoundFile | None) -> str:
+    tables = {k: v.model_dump(mode="json") if isinstance(v, FoundFile) else v for k, v in content.items()}
+    return json.dumps(tables, ensure_ascii=False, sort_keys=True)
+
+
+def fingerprint_of(axis: NamedAxis) -> str:
+    """A digest of what is configured of nominal values, their predictor, and the file of thresholds."""
+    config, thresholds = axis.config, axis.config.model.thresholds_file
+    seen = {
+        "values": given_values(config),
+        "drive": structure_of(plain_drive_of(config)),
+        "predictor": predictor_of(config)._asdict(),
+        "thresholds": thresholds and thresholds.model_dump(mode="json", exclude={"path", "date"}),
+    }
+    return hashlib.sha256(json.dumps(seen, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def values_of(axis: NamedAxis) -> list[NominalValue]:
+    """The monitored nominal values of an axis."""
+    model, found = monitored_model(axis), axis.config.model.nominal_file
+    theta, sds = model.theta0 * model.unit, {} if found is None else found.standard_deviations
+    return [
+        NominalValue(p.name, p.unit, float(v), sds.get(p.name))
+        for p, v in zip(model.parameters, theta, strict=True)
+    ]
+
+
+def with_epoch(axis: NamedAxis, content: str, number: int) -> NamedAxis:
+    """A configured axis with the nominal values and thresholds of an epoch.
+
+    Raises:
+        EpochValuesError: they do not fit it.
+    """
+    own = json.loads(content)
+    try:
+        files = {
+            "nominal_file": own["nominal_file"] and NominalFile.model_validate(own["nominal_file"]),
+            "thresholds_file": own["thresholds_file"]
+            and ThresholdsFile.model_validate(own["thresholds_file"]),
+        }
+    except ValidationError as error:
+        raise EpochValuesError(f"{axis.id}: epoch {number} was written by another version: {error}") from None
+    return _checked(
+        _with(axis, nominal=own["nominal"], **files)._replace(epoch=number, configured=False), axis
+    )
+
+
+def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:
+    """The content of an epoch with the texts of nominal.toml and thresholds.toml.
+
+    Keys of the configuration that these files replace no longer count.
+
+    Raises:
+        EpochValuesError: they do not fit the axis.
+    """
+    try:
+        found = found_in(NominalFile, nominal, Path("nominal.toml"))
+        tests = None if thresholds is None else found_in(ThresholdsFile, thresholds, Path("thresholds.toml"))
+    except FoundFileError as error:
+        raise EpochValuesError(str(error)) from None
+    _checked(_with(axis, nominal={}, nominal_file=found, thresholds_file=tests), axis)
+    return _written(nominal={}, nominal_file=found, thresholds_file=tests)
+
+
+def recentred(axis: NamedAxis, values: Mapping[str, float]) -> str:
+    """The content of an epoch of an axis with other values of monitored parameters; thresholds stay in their sizes.
+
+    Args:
+        axis: with the values that are in force.
+        values: by the names that are monitored, such as 1/Ja.
+
+    Raises:
+        EpochValuesError: the axis cannot have these values.
+    """
+    before, config = monitored_model(axis).nominal, axis.config
+    given = drive_of(config).complete(given_values(config))
+    for name, value in values.items():
+        base, inverse = split_name(name)
+        # As the difference: what is given may be without the load that the model has for itself.
+        given[base] += (1 / value if inverse else value) - before[base]
+    found, tests = config.model.nominal_file, config.model.thresholds_file
+    moved = found and found.model_copy(update={"values": {**found.values, **given}})
+    nominal = {} if found else given
+    if tests is not None:
+        plain = _with(axis, nominal=nominal, nominal_file=moved, thresholds_file=None)
+        try:
+            model = monitored_model(plain)
+            made = made_with(model, axis_settings(plain, model))
+        except (AxisError, ValueError) as error:
+            raise EpochValuesError(f"{axis.id}: {error}") from None
+        tests = tests.model_copy(update={"nominal": dict(model.nominal), "made_with": made})
+    _checked(_with(axis, nominal=nominal, nominal_file=moved, thresholds_file=tests), axis)
+    return _written(nominal=nominal, nominal_file=moved, thresholds_file=tests)
+
+
+def _with(axis: NamedAxis, **own: Any) -> NamedAxis:
+    """The axis with these nominal values and files, without the keys that they replace."""
+    config = axis.config
+    given = own["nominal_file"] is not None and config.model.nominal_file is None
+    tested = own["thresholds_file"] is not None and config.model.thresholds_file is None
+    estimator, detector = config.estimator, config.detector
+    model = config.model.model_copy(update=own)
+    if given:
+        keys = ("predictor", "torque_noise", "output_noise", "innovation_variance", "initial_p")
+        estimator, model = _without(estimator, keys), _without(model, ("friction_speed_scale",))
+    if tested:
+        detector = _without(detector, ("alpha_1", "alpha_2", "budget_s"))
+    parts = {"model": model, "estimator": estimator, "detector": detector}
+    config = config.model_copy(update=parts)
+    return axis._replace(config=_without(config, ("torque_delay_s",)) if given else config)
+
+
+def _without(table: _T, keys: Collection[str]) -> _T:
+    """The table as if its user had not written these keys."""
+    fields = type(table).model_fields
+    plain = table.model_copy(update={k: fields[k].get_default(call_default_factory=True) for k in keys})
+    plain.model_fields_set.difference_update(keys)
+    return plain
+
+
+def _checked(axis: NamedAxis, configured: NamedAxis) -> NamedAxis:
+    """The axis, which the rules of the configuration allow.
+
+    Raises:
+        EpochValuesError: they do not.
+    """
+    found = [f"{dotted(f.path)}: {f.message}{_also(f.other)}" for f in axis_findings(axis.config)]
+    if not found and needed(axis) != needed(configured):
+        found = [
+            f"they follow {_names(needed(axis))}, but the daemon reads {_names(needed(configured))} for this axis: put"
+            " them into the configuration, and restart the daemon"
+        ]
+    if found:
+        raise EpochValuesError(f"{axis.id}: {'; '.join(found)}")
+    try:
+        axis_settings(axis, monitored_model(axis))
+    except AxisError as error:
+        raise EpochValuesError(str(error)) from None
+    return axis
+
+
+def _also(other: tuple[str | int, ...] | None) -> str:
+    return "" if other is None else f" {dotted(other)}"
+
+
+def _names(sources: Iterable[Any]) -> str:
+    return ", ".join(source.name for source in sources) or "no signal"

@@ -1,0 +1,171 @@
+"""[links]: where else the alarms and states go; each link is optional.
+
+Secrets are never in the configuration: it names a file or a variable of the environment that holds them.
+"""
+
+import re
+from ipaddress import ip_address
+from typing import Annotated, Literal
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, Field
+
+from monitor_core.monitoring import PRIORITIES, Priority
+from service.config.base_table import FilePath, Name, Positive, Real, Table, Text
+
+
+def _written(pattern: str, right: str) -> AfterValidator:
+    """A text of this form; ``right`` says which."""
+
+    def check(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise ValueError(f"must be {right}")
+        return text
+
+    return AfterValidator(check)
+
+
+Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
+Variable = Annotated[
+    str, _written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")
+]
+Topic = Annotated[str, _written(r"[^+#/$\0\s][^+#/\0\s]*(/[^+#/\0\s]+)*", "a topic, such as plant/axiswatch")]
+MailAddress = Annotated[
+    str, _written(r"[^@\s<>,;:\"]+@[^@\s<>,;:\"]+", "an address, such as anna@plant.example")
+]
+
+
+def _https(url: str) -> str:
+    try:
+        parts = urlsplit(url)
+        host, _ = parts.hostname, parts.port
+    except ValueError:
+        host = None
+    if host is None or parts.scheme not in ("http", "https") or parts.username is not None:
+        raise ValueError("must be https://HOST/PATH, without a user or a password")
+    if parts.scheme == "http" and not is_local(host):
+        raise ValueError("must begin with https://; only on this machine http:// is possible")
+    return url
+
+
+def is_local(host: str) -> bool:
+    """Whether a host is a name or an address of this machine alone."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+class AlarmLimits(Table):
+    """Of every link: which alarms it delivers, and for how long it tries."""
+
+    max_age_s: Annotated[Positive, Field(ge=60, le=2_592_000)] = 86400.0
+    """what could not be delivered for this time is given up [s]"""
+    priorities: tuple[Priority, ...] = Field(PRIORITIES, min_length=1)
+    """alarms of these priorities"""
+
+
+class WebhookConfig(AlarmLimits):
+    """[[links.webhook]]: each transition of an alarm is sent to an address, signed."""
+
+    name: Name
+    """name of the link: letters, digits, - and _"""
+    url: Annotated[Text, AfterValidator(_https)]
+    """https://HOST/PATH; of it only the host is shown"""
+    secret_file: FilePath | None = None
+    """file whose text is the key of the signature, at least 16 characters"""
+    secret_env: Variable | None = None
+    """variable of the environment with that key; where it is set, the file is not read"""
+    ca_file: FilePath | None = None
+    """PEM file of the authority that has signed the receiver's certificate; default: the known ones"""
+    timeout_s: Positive = Field(10.0, le=120)
+    """time in which the receiver must answer [s]"""
+
+
+class MqttConfig(AlarmLimits):
+    """[links.mqtt]: states of the axes and alarms to a broker, MQTT 5."""
+
+    host: Text
+    """name or address of the broker"""
+    port: Port = 8883
+    """TCP port of the broker"""
+    tls: bool = Field(True, strict=True)
+    """whether the broker speaks TLS; its certificate is verified"""
+    ca_file: FilePath | None = None
+    """PEM file of the authority that has signed the broker's certificate; default: the known ones"""
+    user: Text | None = None
+    """name by which the daemon logs in"""
+    password_file: FilePath | None = None
+    """file whose text is the password"""
+    password_env: Variable | None = None
+    """variable of the environment with the password; where it is set, the file is not read"""
+    prefix: Topic = "axiswatch"
+    """beginning of all topics; another one for each daemon at the broker"""
+    interval_s: Positive = Field(10.0, ge=1, le=3600)
+    """time between two states of an axis [s]"""
+
+
+class SmtpConfig(AlarmLimits):
+    """[links.smtp]: a message for each new alarm and for its end; many at a time are one message."""
+
+    host: Text
+    """name or address of the mail server"""
+    port: Port = 587
+    """TCP port of the mail server"""
+    security: Literal["starttls", "tls", "none"] = "starttls"
+    """"starttls", "tls" from the first byte, or "none", without a password and only on this machine"""
+    ca_file: FilePath | None = None
+    """PEM file of the authority that has signed the server's certificate; default: the known ones"""
+    user: Text | None = None
+    """name by which the daemon logs in"""
+    password_file: FilePath | None = None
+    """file whose text is the password"""
+    password_env: Variable | None = None
+    """variable of the environment with the password; where it is set, the file is not read"""
+    sender: MailAddress
+    """address of the sender"""
+    to: tuple[MailAddress, ...] = Field(min_length=1, max_length=50)
+    """addresses of those who get the messages"""
+    priorities: tuple[Priority, ...] = Field(("medium", "high"), min_length=1)
+    """alarms of these priorities"""
+    collect_s: Real = Field(30.0, ge=0, le=3600)
+    """a message waits for this time, in which alarms get their names and others join it [s]"""
+    interval_s: Real = Field(300.0, ge=0, le=86400)
+    """shortest time between two messages; what comes meanwhile is in the second [s]"""
+    timeout_s: Positive = Field(30.0, le=120)
+    """time in which the server must answer [s]"""
+
+
+class LinksConfig(Table):
+    """[links]: where else the alarms go."""
+
+    webhook: tuple[WebhookConfig, ...] = ()
+    """receivers of alarms over HTTPS, [[links.webhook]]"""
+    mqtt: MqttConfig | None = None
+    """a broker, [links.mqtt]"""
+    smtp: SmtpConfig | None = None
+    """a mail server, [links.smtp]"""
+
+    @property
+    def any(self) -> bool:
+        """Whether there is any link."""
+        return bool(self.names)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all links."""
+        alone = {"mqtt": self.mqtt, "smtp": self.smtp}
+        return [
+            *(hook.name for hook in self.webhook),
+            *(name for name, link in alone.items() if link is not None),
+        ]
+
+
+SECRET_KEYS = ("password", "secret", "token")
+
+
+def concealed(key: str | int, value: object) -> object:
+    """The value of a key as a message may show it: where a secret is by mistake, it is left out."""
+    if key in SECRET_KEYS:
+        return "..."
+    return re.sub(r"//[^/]*@", "//...@", value) if key == "url" and isinstance(value, str) else value

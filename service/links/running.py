@@ -1,0 +1,140 @@
+"""The links of a configuration, in one thread of their own: a task for each, which waits for no other."""
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import structlog
+
+from service.config.schema_links import AlarmLimits, LinksConfig
+from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, LinkName, Receiver
+from service.pipeline.snapshot import LinkSnapshot, Snapshot
+from service.store.journal import Journal
+from service.store.outbox import OUTBOX_FILE, Outbox
+
+STOP_S = 3.0
+"""Time in which the links must have ended [s]; what they have not delivered is delivered after the next start"""
+
+log = structlog.get_logger(__name__)
+
+
+class Link(Protocol):
+    """A link as the thread runs it."""
+
+    @property
+    def snapshot(self) -> LinkSnapshot:
+        """The newest state."""
+
+    async def run(self) -> None:
+        """Until it is cancelled."""
+
+
+class AlarmLink:
+    """A link that delivers alarms and nothing else."""
+
+    def __init__(self, delivery: Delivery) -> None:
+        self._delivery = delivery
+
+    @property
+    def snapshot(self) -> LinkSnapshot:
+        """The newest state."""
+        return self._delivery.snapshot
+
+    async def run(self) -> None:
+        """Deliver until it is cancelled."""
+        while True:
+            await asyncio.sleep(min(await self._delivery.step(), LOOK_S))
+
+
+class Links:
+    """All links of a configuration; nothing of them is imported where there are none.
+
+    Args:
+        config: which ones.
+        state_dir: folder of the outbox.
+        journal: with what they deliver.
+        snapshot: returns the newest one.
+
+    Raises:
+        LinkSecretError: a secret or a certificate cannot be used.
+        StoreError: the outbox cannot be used.
+    """
+
+    def __init__(
+        self, config: LinksConfig, state_dir: Path, journal: Journal, snapshot: Callable[[], Snapshot]
+    ) -> None:
+        self._journal = journal
+        self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
+        try:
+            self._done = self._outbox.begin(config.names)
+            self.links: tuple[Link, ...] = tuple(self._made(config, snapshot))
+        except BaseException:
+            self._outbox.close()
+            raise
+        self._stop = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop
+        self._started = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._all()), name="links", daemon=True)
+        for message in self._outbox.messages:
+            log.warning("start", message=message)
+
+    def snapshots(self) -> Sequence[LinkSnapshot]:
+        """The newest state of each."""
+        return [link.snapshot for link in self.links]
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, and close the outbox."""
+        if self._thread.ident is not None:
+            self._started.wait()
+            with contextlib.suppress(RuntimeError):  # it has ended
+                self._loop.call_soon_threadsafe(self._stop.set)
+            self._thread.join(STOP_S)
+        self._outbox.close()
+
+    async def _all(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._started.set()
+        tasks = [asyncio.create_task(_run_on(link)) for link in self.links]
+        await self._stop.wait()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _made(self, config: LinksConfig, snapshot: Callable[[], Snapshot]) -> Iterator[Link]:
+        """The links; the library of each is imported only where it is configured."""
+        if config.webhook:
+            from service.links.webhook import webhook
+
+            for hook in config.webhook:
+                yield AlarmLink(self._delivery(LinkName(hook.name, "webhook"), hook, webhook(hook)))
+        if config.mqtt is not None:
+            from service.links.mqtt import Broker, MqttLink
+
+            broker = Broker(config.mqtt.prefix)
+            delivery = self._delivery(LinkName("mqtt", "mqtt"), config.mqtt, broker)
+            yield MqttLink(config.mqtt, broker, delivery, snapshot)
+        if config.smtp is not None:
+            from service.links.mail import Mail, MailText
+
+            mail = Mail(config.smtp, MailText(snapshot))
+            yield AlarmLink(self._delivery(LinkName("smtp", "smtp"), config.smtp, mail))
+
+    def _delivery(self, link: LinkName, limits: AlarmLimits, receiver: Receiver) -> Delivery:
+        return Delivery(link, limits, receiver, self._journal, self._outbox, self._done[link.name])
+
+
+async def _run_on(link: Link) -> None:
+    """Run a link; a fault of the program in it stops neither it nor anything else."""
+    while True:
+        try:
+            await link.run()
+        except Exception:
+            log.exception("a fault in a link; it goes on", link=link.snapshot.name)
+            await asyncio.sleep(FIRST_RETRY_S)

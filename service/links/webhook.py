@@ -1,0 +1,115 @@
+"""Webhook: each transition of an alarm is posted as JSON, with a signature that holds for some minutes only."""
+
+import asyncio
+import hashlib
+import hmac
+import ssl
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from urllib.parse import urlsplit
+
+import httpx
+
+from service.config.schema_links import WebhookConfig
+from service.links.delivery import Message, RefusedError, UnavailableError
+from service.links.link_secrets import key, tls
+from service.texts import now_us
+from service.web import views
+from service.web.app_state import VERSION
+
+TRY_AGAIN = (408, 425, 429)
+"""What a receiver may answer that is busy; every 5xx, too.  The rest of 4xx is no wish to get it again."""
+
+
+def signature(key: bytes, timestamp: int, body: bytes) -> str:
+    """Of a request, as in its header; the timestamp in seconds since 1970 keeps an old one from being sent again."""
+    return "sha256=" + hmac.new(key, b"%d." % timestamp + body, hashlib.sha256).hexdigest()
+
+
+class Webhook:
+    """The receiver at an address.
+
+    Args:
+        url: of the receiver.
+        key: of the signature.
+        context: how its certificate is verified.
+        timeout_s: within which it must answer [s].
+        now_us: wall clock.
+    """
+
+    most = 1
+
+    def __init__(
+        self,
+        url: str,
+        key: bytes,
+        context: ssl.SSLContext,
+        timeout_s: float,
+        now_us: Callable[[], int] = now_us,
+    ) -> None:
+        self._url, self._key, self._context, self._timeout_s = url, key, context, timeout_s
+        self._now_us = now_us
+        self._host = urlsplit(url).netloc
+
+    async def send(self, messages: Sequence[Message]) -> None:
+        """Post one message.
+
+        Raises:
+            UnavailableError: no answer, or one that asks for another try.
+            RefusedError: any other answer than 2xx; redirects are not followed, as they may lead anywhere.
+        """
+        for message in messages:
+            now_us = self._now_us()
+            body = views.alarm_message(message.id, message.transition, message.alarm, now_us)
+            status, wait_s = await self._post(body.model_dump_json().encode(), now_us // 1_000_000)
+            if status in TRY_AGAIN or status >= 500:
+                raise UnavailableError(f"{self._host} answers {_named(status)}", wait_s)
+            if not 200 <= status < 300:
+                raise RefusedError(f"{self._host} answers {_named(status)}")
+
+    async def _post(self, body: bytes, timestamp: int) -> tuple[int, float | None]:
+        """The status of the answer, and the time for which it asks [s]; what else it says is not read."""
+        headers = {
+            "content-type": "application/json",
+            "user-agent": f"axiswatch/{VERSION}",
+            "x-axiswatch-timestamp": str(timestamp),
+            "x-axiswatch-signature": signature(self._key, timestamp, body),
+        }
+        try:
+            # One connection for each: alarms are rare, and a receiver would have closed it long since.
+            async with (
+                asyncio.timeout(self._timeout_s),  # httpx would have it for each step alone
+                httpx.AsyncClient(verify=self._context, trust_env=False, timeout=self._timeout_s) as http,
+                http.stream("POST", self._url, content=body, headers=headers) as answer,
+            ):
+                return answer.status_code, self._retry_after_s(answer.headers.get("retry-after", ""))
+        except TimeoutError:
+            raise UnavailableError(f"{self._host}: no answer within {self._timeout_s:g} s") from None
+        except httpx.TransportError as error:
+            raise UnavailableError(f"{self._host}: {str(error) or type(error).__name__}") from None
+
+    def _retry_after_s(self, text: str) -> float | None:
+        """Retry-After in seconds, or as a date."""
+        if text.isascii() and text.isdigit():
+            return float(text)
+        try:
+            until = parsedate_to_datetime(text)
+        except ValueError:
+            return None
+        now = datetime.fromtimestamp(self._now_us() / 1e6, UTC)
+        return (until.replace(tzinfo=until.tzinfo or UTC) - now).total_seconds()
+
+
+def _named(status: int) -> str:
+    return f"{status} {httpx.codes.get_reason_phrase(status)}".strip()
+
+
+def webhook(config: WebhookConfig) -> Webhook:
+    """The webhook of a configuration.
+
+    Raises:
+        LinkSecretError: its key or its authority cannot be used.
+    """
+    signing = key(config.secret_file, config.secret_env)
+    return Webhook(config.url, signing, tls(config.ca_file), config.timeout_s)

@@ -1,0 +1,416 @@
+"""Re-baseline of single axes while the daemon runs: new nominal values, taken over between two blocks of samples.
+
+What takes time (reading files, cross-checks, making the monitor) is done by the thread that asks.  The worker's thread
+only writes the epoch, in one transaction with the end of the former one and of its alarms, and then exchanges the
+monitor.  A process that is killed between the two finds the new epoch when it starts again.
+"""
+
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from typing import NamedTuple, TypeVar
+
+import structlog
+
+from monitor_core.trend import PARTS, Learned, LearningWindow, WindowError
+from monitor_core.wording import duration
+from service.config import NamedAxis
+from service.config.axis_settings import axis_settings, monitored_model
+from service.config.epoch_values import (
+    EpochValuesError,
+    content_of,
+    fingerprint_of,
+    from_files,
+    recentred,
+    values_of,
+    with_epoch,
+)
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.epoch_progress import Learning
+from service.pipeline.snapshot import AxisSnapshot
+from service.pipeline.worker import Worker
+from service.store.alarm_transitions import SERVICE, Note
+from service.store.database import StoreError
+from service.store.epochs import Configured, Epoch, EpochPlan, Epochs, EpochValue
+
+LOOK_S = 1.0
+"""Time between two looks at the windows that are under way."""
+ANSWER_S = 20.0
+"""Longest wait for the worker: it answers between two blocks, a tenth of a second apart."""
+
+log = structlog.get_logger(__name__)
+T = TypeVar("T")
+
+
+class BaselineError(Exception):
+    """The request cannot be fulfilled as it is; the text says why."""
+
+
+class BaselineConflictError(BaselineError):
+    """It is not possible now; the text says what would be right."""
+
+
+class BaselineUnavailableError(BaselineError):
+    """The worker does not answer: the daemon starts or stops, or hangs."""
+
+
+class UnknownEpochError(LookupError):
+    """The axis has no epoch of that number; ``known`` are those that it has."""
+
+    def __init__(self, axis: str, number: int, known: Sequence[int]) -> None:
+        super().__init__(f"{axis} has no epoch {number}")
+        self.known = known
+
+
+class AtStart(NamedTuple):
+    """Axes with the values of the epochs that are in force, these epochs, and what to tell the operator."""
+
+    axes: tuple[NamedAxis, ...]
+    epochs: Mapping[str, Epoch]
+    messages: tuple[str, ...]
+
+
+def at_start(configured: Sequence[NamedAxis], epochs: Epochs, now_us: int) -> AtStart:
+    """The axes as they are to be monitored: as configured, or with the nominal values of a later epoch.
+
+    Raises:
+        StoreError: the epochs cannot be read or written.
+    """
+    as_configured = {axis.id: _configured(axis) for axis in configured}
+    found = epochs.begin_with(as_configured.values(), now_us)
+    axes, messages = list[NamedAxis](), list[str]()
+    for axis in configured:
+        epoch = found[axis.id]
+        if epoch.source == "configuration":
+            if epoch.number > 1 and epoch.began_us == now_us:
+                messages.append(
+                    f"{axis.id}: the configuration was changed since epoch {epoch.number - 1} began: it is used, as"
+                    f" epoch {epoch.number}; axiswatch baseline restore {axis.id} {epoch.number - 1} takes that back"
+                )
+            axes.append(axis._replace(epoch=epoch.number))
+            continue
+        try:
+            axes.append(with_epoch(axis, epoch.content, epoch.number))
+            messages.append(
+                f"{axis.id}: the nominal values of epoch {epoch.number} are in force, not those of the configuration"
+            )
+        except EpochValuesError as error:
+            found[axis.id] = new = epochs.refused_at_start(as_configured[axis.id], now_us)
+            axes.append(axis._replace(epoch=new.number))
+            messages.append(
+                f"epoch {epoch.number} does not fit the configuration any more, which is used: {error}"
+            )
+    return AtStart(tuple(axes), found, tuple(messages))
+
+
+def _configured(axis: NamedAxis) -> Configured:
+    return Configured(axis.id, content_of(axis), fingerprint_of(axis), _nominal(axis))
+
+
+def _nominal(axis: NamedAxis, before: NamedAxis | None = None) -> tuple[EpochValue, ...]:
+    """The nominal values of an axis, beside those that it had before."""
+    former = {} if before is None else {v.name: v.value for v in values_of(before)}
+    return tuple(
+        EpochValue(v.name, v.unit, v.value, former.get(v.name), v.standard_deviation) for v in values_of(axis)
+    )
+
+
+def resume(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch]) -> None:
+    """Let windows that were under way go on, before their state is restored.
+
+    Raises:
+        StoreError: the epochs cannot be read.
+    """
+    for axis_id, epoch in in_force.items():
+        if epoch.state == "verifying":
+            monitors.epochs[axis_id].verify_s = epoch.verify_s
+    for epoch in epochs.learning():
+        if epoch.axis in monitors.by_id and epoch.learn_s is not None:
+            window = LearningWindow(monitors.by_id[epoch.axis].model, epoch.learn_s)
+            monitors.epochs[epoch.axis].learning = Learning(epoch.number, window)
+
+
+def begun_again(monitors: AxisMonitors) -> Iterable[str]:
+    """Messages about the windows of ``resume`` of which nothing could be restored."""
+    for axis_id, epoch in monitors.epochs.items():
+        if epoch.learning is not None and not epoch.learning.window.done_s:
+            yield f"{axis_id}: the learning window of epoch {epoch.learning.number} begins again"
+
+
+class Baselines:
+    """New epochs of axes, at the request of persons and when windows are over; may be used from any thread.
+
+    Args:
+        configured: axes as configured.
+        in_force: axes as they are monitored.
+        monitors: of the worker; used by its thread only.
+        worker: exchanges monitors.
+        epochs: where they are kept.
+        now_us: wall clock.
+    """
+
+    def __init__(
+        self,
+        configured: Sequence[NamedAxis],
+        in_force: Sequence[NamedAxis],
+        monitors: AxisMonitors,
+        worker: Worker,
+        epochs: Epochs,
+        now_us: Callable[[], int],
+    ) -> None:
+        self._configured = {axis.id: axis for axis in configured}
+        self._in_force = {axis.id: axis for axis in in_force}
+        self._monitors, self._worker, self.epochs, self._now_us = monitors, worker, epochs, now_us
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="baselines", daemon=True)
+
+    def start(self) -> None:
+        """Look after the windows from now on."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """No epoch begins or ends meanwhile."""
+        with self._lock:
+            yield
+
+    def in_force(self, axis_id: str) -> NamedAxis:
+        """An axis with the values that are in force."""
+        return self._in_force[axis_id]
+
+    def configure(self, configured: Sequence[NamedAxis], in_force: Sequence[NamedAxis]) -> None:
+        """The axes are others from now on; while it is ``held``."""
+        self._configured = {axis.id: axis for axis in configured}
+        self._in_force = {axis.id: axis for axis in in_force}
+
+    def learn(self, axis_id: str, length_s: float, verify_s: float, note: Note) -> Epoch:
+        """Begin a learning window.
+
+        Args:
+            axis_id: a configured axis.
+            length_s: its operating time [s].
+            verify_s: operating time for which the new values are then verified [s]; 0: not at all.
+            note: who asks, when and why.
+
+        Raises:
+            BaselineError: it is too short.
+            BaselineConflictError: one runs already.
+            StoreError: the epoch cannot be written.
+        """
+        with self._lock:
+            axis = self._ready(axis_id)
+            model = monitored_model(axis)
+            settings = axis_settings(axis, model)
+            least_s = PARTS * settings.naming_samples * settings.interval_s
+            if length_s < least_s:
+                raise BaselineError(
+                    f"{axis_id}: a learning window of {duration(length_s)} is too short: the memory of its estimates"
+                    f" needs at least {duration(least_s)} of operation"
+                )
+            plan = EpochPlan(
+                axis_id, "window", content_of(axis), self._fingerprint(axis_id), (), length_s, verify_s
+            )
+
+            def begin() -> Epoch:
+                epoch = self.epochs.learn(plan, note)
+                window = LearningWindow(self._monitors.by_id[axis_id].model, length_s)
+                self._monitors.epochs[axis_id].learning = Learning(epoch.number, window)
+                return epoch
+
+            epoch = self.between_blocks(begin)
+            log.info("learning", axis=axis_id, epoch=epoch.number, operation_s=length_s, who=note.who)
+            return epoch
+
+    def use_files(
+        self, axis_id: str, nominal: str, thresholds: str | None, verify_s: float, note: Note
+    ) -> Epoch:
+        """Take over the texts of nominal.toml and thresholds.toml; other arguments as of ``learn``.
+
+        Raises:
+            BaselineError: they do not fit the axis.
+            BaselineConflictError: a learning window runs.
+            StoreError: the epoch cannot be written.
+        """
+        with self._lock:
+            self._ready(axis_id)
+            try:
+                content = from_files(self._configured[axis_id], nominal, thresholds)
+            except EpochValuesError as error:
+                raise BaselineError(str(error)) from None
+            plan = EpochPlan(axis_id, "files", content, self._fingerprint(axis_id), (), None, verify_s)
+            return self._take_over(plan, self.epochs.next_number(axis_id), note)
+
+    def restore(self, axis_id: str, number: int, verify_s: float, note: Note) -> Epoch:
+        """Take over the values of a former epoch, as a new one; other arguments as of ``learn``.
+
+        Raises:
+            UnknownEpochError: there is no such epoch.
+            BaselineError: it does not fit the axis any more.
+            BaselineConflictError: it is in force, or never was; or a learning window runs.
+            StoreError: the epoch cannot be written.
+        """
+        with self._lock:
+            known = {epoch.number: epoch for epoch in self.epochs.of_axis(axis_id)}
+            if number not in known:
+                raise UnknownEpochError(axis_id, number, sorted(known))
+            self._ready(axis_id)
+            former = known[number]
+            if former.in_force:
+                raise BaselineConflictError(f"epoch {number} of {axis_id} is in force")
+            if former.in_force_us is None:
+                raise BaselineConflictError(
+                    f"epoch {number} of {axis_id} never was in force: {former.reason}"
+                )
+            fingerprint = self._fingerprint(axis_id)
+            plan = EpochPlan(axis_id, "restored", former.content, fingerprint, (), None, verify_s, number)
+            return self._take_over(plan, max(known) + 1, note)
+
+    def cancel(self, axis_id: str, note: Note) -> Epoch:
+        """End a learning window without new values.
+
+        Raises:
+            BaselineConflictError: none runs.
+            StoreError: that cannot be written.
+        """
+        with self._lock:
+            return self._cancel(axis_id, note)
+
+    def _cancel(self, axis_id: str, note: Note, refused: str = "") -> Epoch:
+        def end() -> Epoch | None:
+            event, reason = ("refused", refused) if refused else ("cancelled", "it was cancelled")
+            epoch = self.epochs.cancel(axis_id, note, event, reason)  # type: ignore[arg-type]
+            self._monitors.epochs[axis_id].learning = None
+            return epoch
+
+        epoch = self.between_blocks(end)
+        if epoch is None:
+            raise BaselineConflictError(f"no learning window of {axis_id} runs")
+        return epoch
+
+    def look(self) -> None:
+        """Take over what has been learned, and end verifications that are over.
+
+        Raises:
+            StoreError: an epoch cannot be written; it is tried again at the next look.
+        """
+        for axis in self._worker.snapshot.axes:
+            if axis.epoch.complete:
+                with self._lock:
+                    if axis.epoch.state == "learning":
+                        self._finish(axis.id)
+                    elif not any(alarm.kind != "forecast" for alarm in axis.open_alarms):
+                        self._verified(axis)
+
+    def _finish(self, axis_id: str) -> None:
+        learning = self._monitors.epochs[axis_id].learning
+        if learning is None or not learning.window.complete:
+            return  # it was cancelled meanwhile
+        # A window that is complete does not change any more, so that it can be read here.
+        mine = next(e for e in self.epochs.of_axis(axis_id) if e.number == learning.number)
+        note = Note(self._now_us(), SERVICE, mine.comment, mine.work_order)
+        axis = self._in_force[axis_id]
+        model = monitored_model(axis)
+        try:
+            learned = learning.window.learned(
+                axis_settings(axis, model).tests(len(model.scale))[2] * model.scale
+            )
+            names = [name for name in model.monitored if name not in learned.kept]
+            theta = dict(zip(model.monitored, learned.theta * model.unit, strict=True))
+            content = recentred(axis, {name: float(theta[name]) for name in names})
+            plan = EpochPlan(axis_id, "window", content, mine.fingerprint, (), mine.learn_s, mine.verify_s)
+            self._take_over(plan, learning.number, note, learned)
+        except (WindowError, EpochValuesError) as error:
+            log.warning("learning refused", axis=axis_id, epoch=learning.number, reason=str(error))
+            self._cancel(axis_id, note, str(error))
+
+    def _verified(self, axis: AxisSnapshot) -> None:
+        def end() -> None:
+            self.epochs.verified(axis.id, axis.epoch.number, Note(self._now_us(), SERVICE))
+            epoch = self._monitors.epochs[axis.id]
+            if epoch.number == axis.epoch.number:
+                epoch.verify_s = None
+
+        self.between_blocks(end)
+        log.info("verified", axis=axis.id, epoch=axis.epoch.number)
+
+    def _take_over(self, plan: EpochPlan, number: int, note: Note, learned: Learned | None = None) -> Epoch:
+        axis_id = plan.axis
+        try:
+            axis = with_epoch(self._configured[axis_id], plan.content, number)
+        except EpochValuesError as error:
+            raise BaselineError(str(error)) from None
+        before = self._in_force[axis_id]
+        plan = plan._replace(nominal=_with_learned(_nominal(axis, before), learned))
+        made = AxisMonitors([axis])
+        made.compile()
+        made.compile_multimodel()
+        if plan.verify_s:
+            made.epochs[axis_id].verify_s = plan.verify_s
+        axes = [axis if other.id == axis_id else other for other in self._in_force.values()]
+
+        def exchange() -> Epoch:
+            if self._worker.waits_for_journal(axis_id):
+                raise BaselineConflictError(
+                    f"{axis_id}: alarms are not recorded yet; try again when they are"
+                )
+            epoch = self.epochs.take_over(plan, note, self._worker.rules_of(axis_id))
+            self._worker.change(axes, made)
+            return epoch
+
+        epoch = self.between_blocks(exchange)
+        self._in_force[axis_id] = axis
+        log.info("epoch", axis=axis_id, epoch=number, source=plan.source, who=note.who)
+        return epoch
+
+    def _ready(self, axis_id: str) -> NamedAxis:
+        if any(epoch.state == "learning" for epoch in self.epochs.of_axis(axis_id)):
+            raise BaselineConflictError(
+                f"a learning window of {axis_id} runs: wait for its end, or cancel it first"
+            )
+        return self._in_force[axis_id]
+
+    def _fingerprint(self, axis_id: str) -> str:
+        return fingerprint_of(self._configured[axis_id])
+
+    def between_blocks(self, action: Callable[[], T]) -> T:
+        """Have an action done by the worker, and wait for its result.
+
+        Raises:
+            BaselineUnavailableError: it does not answer.
+        """
+        done = self._worker.between_blocks(action)
+        try:
+            return done.result(timeout=ANSWER_S)
+        except CancelledError:
+            pass
+        except TimeoutError:
+            if not done.cancel():  # it has just begun
+                return done.result()
+        raise BaselineUnavailableError("the worker does not answer: the daemon starts or stops; try again")
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK_S):
+            try:
+                self.look()
+            except (StoreError, BaselineError) as error:
+                log.warning("epochs are not up to date; it is tried again", reason=str(error))
+
+
+def _with_learned(nominal: tuple[EpochValue, ...], learned: Learned | None) -> tuple[EpochValue, ...]:
+    """The nominal values with what the window says of them."""
+    if learned is None:
+        return nominal
+    return tuple(
+        v._replace(standard_deviation=None, kept=str(learned.kept[v.name]))
+        if v.name in learned.kept
+        else v._replace(standard_deviation=float(sd))
+        for v, sd in zip(nominal, learned.standard_deviation, strict=True)
+    )

@@ -1,0 +1,345 @@
+"""Epochs of the axes in SQLite: which nominal values and thresholds were in force when, and what happened to them.
+
+Each step is a row in ``epoch_event``, which is written in one transaction with the state that it changes and with the
+end of the alarms of the former epoch.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterable, Mapping
+from typing import Literal, NamedTuple
+
+from monitor_core.monitoring import AlarmRules
+from service.store.alarm_transitions import CONFIGURATION, Note
+from service.store.database import Database
+
+EPOCH_MIGRATION = """
+    CREATE TABLE epoch (
+        axis TEXT NOT NULL,
+        number INTEGER NOT NULL,
+        state TEXT NOT NULL,
+        source TEXT NOT NULL,
+        restored_from INTEGER,
+        began_us INTEGER NOT NULL,
+        in_force_us INTEGER,
+        ended_us INTEGER,
+        who TEXT NOT NULL,
+        comment TEXT NOT NULL,
+        work_order TEXT NOT NULL,
+        reason TEXT NOT NULL,
+        learn_s REAL,
+        verify_s REAL NOT NULL,
+        content TEXT NOT NULL,
+        nominal TEXT NOT NULL,
+        fingerprint TEXT NOT NULL,
+        PRIMARY KEY (axis, number)
+    ) STRICT;
+    CREATE UNIQUE INDEX epoch_in_force ON epoch (axis) WHERE state IN ('verifying', 'current');
+    CREATE UNIQUE INDEX epoch_learning ON epoch (axis) WHERE state = 'learning';
+    CREATE TABLE epoch_event (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        axis TEXT NOT NULL,
+        number INTEGER NOT NULL,
+        at_us INTEGER NOT NULL,
+        event TEXT NOT NULL,
+        who TEXT NOT NULL,
+        comment TEXT NOT NULL,
+        work_order TEXT NOT NULL
+    ) STRICT;
+    CREATE INDEX epoch_event_by_epoch ON epoch_event (axis, number);
+"""
+
+EpochState = Literal["learning", "verifying", "current", "closed", "rolled_back", "cancelled"]
+EpochSource = Literal["configuration", "files", "window", "restored"]
+EpochEventName = Literal["begun", "taken over", "verified", "cancelled", "refused", "replaced", "rolled back"]
+
+
+class EpochValue(NamedTuple):
+    """The nominal value of a monitored parameter in an epoch.
+
+    ``former``: in the epoch before; ``kept``: why a learning window left it as it was.
+    """
+
+    name: str
+    unit: str
+    value: float
+    former: float | None = None
+    standard_deviation: float | None = None
+    kept: str = ""
+
+
+class Epoch(NamedTuple):
+    """An epoch of an axis; times in microseconds since 1970, texts may be empty."""
+
+    axis: str
+    number: int
+    state: EpochState
+    source: EpochSource
+    restored_from: int | None
+    began_us: int
+    in_force_us: int | None
+    ended_us: int | None
+    who: str
+    comment: str
+    work_order: str
+    reason: str
+    """Why it never was in force"""
+    learn_s: float | None
+    """Length of its learning window [s]"""
+    verify_s: float
+    content: str
+    """Nominal values and thresholds; of one that learns: those of the epoch before"""
+    nominal: tuple[EpochValue, ...]
+    """Of the monitored parameters; empty while it learns"""
+    fingerprint: str
+    """Of the configuration when it began"""
+
+    @property
+    def in_force(self) -> bool:
+        """Whether its values are those of the axis now."""
+        return self.state in ("verifying", "current")
+
+
+class EpochEvent(NamedTuple):
+    """What has happened to an epoch."""
+
+    at_us: int
+    event: EpochEventName
+    who: str
+    comment: str
+    work_order: str
+
+
+class EpochPlan(NamedTuple):
+    """A new epoch: where its values come from, and which they are."""
+
+    axis: str
+    source: EpochSource
+    content: str
+    fingerprint: str
+    nominal: tuple[EpochValue, ...] = ()
+    learn_s: float | None = None
+    verify_s: float = 0.0
+    restored_from: int | None = None
+
+
+class Configured(NamedTuple):
+    """An axis as configured: its nominal values and thresholds, and their digest."""
+
+    axis: str
+    content: str
+    fingerprint: str
+    nominal: tuple[EpochValue, ...] = ()
+
+
+EndAlarms = Callable[[sqlite3.Connection, str, Note, Mapping[str, AlarmRules]], None]
+"""Ends the open alarms of an axis."""
+_NO_RULES: Mapping[str, AlarmRules] = {}
+
+
+class Epochs:
+    """The epochs of all axes, in the file of the alarms; may be used from any thread.
+
+    Every method raises StoreError where the file cannot be read or written; then nothing was written.
+    """
+
+    def __init__(self, database: Database, end_alarms: EndAlarms) -> None:
+        self._db, self._end_alarms = database, end_alarms
+
+    def begin_with(self, axes: Iterable[Configured], at_us: int) -> dict[str, Epoch]:
+        """The epochs in force of configured axes, at the start.
+
+        The last deliberate act counts: an epoch stays in force while the configuration is as it was when the epoch
+        began.  A configuration that was changed since begins an epoch of its own.
+        """
+        found = {}
+        with self._db.write() as connection:
+            for axis in axes:
+                now = _in_force(connection, axis.axis)
+                if now is None or now.fingerprint != axis.fingerprint:
+                    now = self._configured(connection, axis, now, at_us)
+                found[axis.axis] = now
+        return found
+
+    def refused_at_start(self, axis: Configured, at_us: int) -> Epoch:
+        """Begin an epoch with the configuration, as the one in force does not fit the axis any more."""
+        with self._db.write() as connection:
+            return self._configured(connection, axis, _in_force(connection, axis.axis), at_us)
+
+    def _configured(
+        self, connection: sqlite3.Connection, axis: Configured, before: Epoch | None, at_us: int
+    ) -> Epoch:
+        note = Note(at_us, CONFIGURATION)
+        if learning := _learning(connection, axis.axis):
+            reason = "the configuration of the axis has changed"
+            _cancel(connection, learning, note, "cancelled", reason)
+        if before is not None:
+            _end(connection, before, "closed", "replaced", note)
+        plan = EpochPlan(axis.axis, "configuration", axis.content, axis.fingerprint, axis.nominal)
+        epoch = _insert(connection, plan, "current", note)
+        _note(connection, epoch, "taken over", note)
+        return epoch
+
+    def of_axis(self, axis: str) -> list[Epoch]:
+        """The epochs of an axis, the newest first."""
+        with self._db.read() as connection:
+            return _select(connection, "WHERE axis = ? ORDER BY number DESC", [axis])
+
+    def learning(self) -> list[Epoch]:
+        """Those whose learning window runs."""
+        with self._db.read() as connection:
+            return _select(connection, "WHERE state = 'learning' ORDER BY axis", [])
+
+    def events(self, axis: str) -> dict[int, list[EpochEvent]]:
+        """What has happened to the epochs of an axis, by their numbers, oldest first."""
+        columns = ", ".join(EpochEvent._fields)
+        query = f"SELECT number, {columns} FROM epoch_event WHERE axis = ? ORDER BY id"
+        found: dict[int, list[EpochEvent]] = {}
+        with self._db.read() as connection:
+            for number, *event in connection.execute(query, [axis]):
+                found.setdefault(number, []).append(EpochEvent(*event))
+        return found
+
+    def learn(self, plan: EpochPlan, note: Note) -> Epoch:
+        """Begin an epoch whose values are to be learned; the former one stays in force."""
+        with self._db.write() as connection:
+            epoch = _insert(connection, plan, "learning", note)
+            _note(connection, epoch, "begun", note)
+            return epoch
+
+    def next_number(self, axis: str) -> int:
+        """Number of the next epoch of an axis."""
+        with self._db.read() as connection:
+            return _next_number(connection, axis)
+
+    def take_over(
+        self,
+        plan: EpochPlan,
+        note: Note,
+        rules: Mapping[str, AlarmRules] = _NO_RULES,
+    ) -> Epoch:
+        """Let an epoch be in force from now on: that which has learned, or else a new one.
+
+        The former epoch ends, and so do its open alarms: ``note`` goes with both.
+        """
+        with self._db.write() as connection:
+            if (before := _in_force(connection, plan.axis)) is not None:
+                back = plan.source == "restored"
+                _end(
+                    connection,
+                    before,
+                    "rolled_back" if back else "closed",
+                    "rolled back" if back else "replaced",
+                    note,
+                )
+            state: EpochState = "verifying" if plan.verify_s else "current"
+            epoch = _learning(connection, plan.axis)
+            if epoch is None or plan.source != "window":
+                epoch = _insert(connection, plan, state, note)
+            values = [
+                state,
+                note.at_us,
+                plan.content,
+                json.dumps(plan.nominal),
+                plan.fingerprint,
+                *_key(epoch),
+            ]
+            connection.execute(
+                "UPDATE epoch SET state = ?, in_force_us = ?, content = ?, nominal = ?, fingerprint = ?"
+                " WHERE axis = ? AND number = ?",
+                values,
+            )
+            _note(connection, epoch, "taken over", note)
+            words = f"epoch {epoch.number} of {plan.axis} has begun"
+            named = note._replace(comment=f"{words}: {note.comment}" if note.comment else words)
+            self._end_alarms(connection, plan.axis, named, rules)
+            return _get(connection, *_key(epoch))
+
+    def cancel(self, axis: str, note: Note, event: EpochEventName, reason: str) -> Epoch | None:
+        """End the learning window of an axis without new values; None: none runs."""
+        with self._db.write() as connection:
+            epoch = _learning(connection, axis)
+            if epoch is None:
+                return None
+            _cancel(connection, epoch, note, event, reason)
+            return _get(connection, *_key(epoch))
+
+    def verified(self, axis: str, number: int, note: Note) -> None:
+        """The epoch was verified, if it is still in force."""
+        with self._db.write() as connection:
+            epoch = _in_force(connection, axis)
+            if epoch is not None and (epoch.number, epoch.state) == (number, "verifying"):
+                connection.execute(
+                    "UPDATE epoch SET state = 'current' WHERE axis = ? AND number = ?", [*_key(epoch)]
+                )
+                _note(connection, epoch, "verified", note)
+
+
+_COLUMNS = ", ".join(Epoch._fields)
+
+
+def _select(connection: sqlite3.Connection, rest: str, values: list[str | int]) -> list[Epoch]:
+    found = (Epoch._make(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM epoch {rest}", values))
+    return [e._replace(nominal=tuple(EpochValue(*v) for v in json.loads(str(e.nominal)))) for e in found]
+
+
+def _get(connection: sqlite3.Connection, axis: str, number: int) -> Epoch:
+    return _select(connection, "WHERE axis = ? AND number = ?", [axis, number])[0]
+
+
+def _key(epoch: Epoch) -> tuple[str, int]:
+    return epoch.axis, epoch.number
+
+
+def _in_force(connection: sqlite3.Connection, axis: str) -> Epoch | None:
+    found = _select(connection, "WHERE axis = ? AND state IN ('verifying', 'current')", [axis])
+    return found[0] if found else None
+
+
+def _learning(connection: sqlite3.Connection, axis: str) -> Epoch | None:
+    found = _select(connection, "WHERE axis = ? AND state = 'learning'", [axis])
+    return found[0] if found else None
+
+
+def _next_number(connection: sqlite3.Connection, axis: str) -> int:
+    query = "SELECT coalesce(max(number), 0) + 1 FROM epoch WHERE axis = ?"
+    return int(connection.execute(query, [axis]).fetchone()[0])
+
+
+def _insert(connection: sqlite3.Connection, plan: EpochPlan, state: EpochState, note: Note) -> Epoch:
+    number = _next_number(connection, plan.axis)
+    in_force_us = None if state == "learning" else note.at_us
+    row = Epoch(
+        plan.axis, number, state, plan.source, plan.restored_from, note.at_us, in_force_us, None,
+        note.who, note.comment, note.work_order, "", plan.learn_s, plan.verify_s,
+        plan.content, plan.nominal, plan.fingerprint,
+    )  # fmt: skip
+    places = ", ".join("?" * len(row))
+    values = row._asdict() | {"nominal": json.dumps(row.nominal)}
+    connection.execute(f"INSERT INTO epoch ({_COLUMNS}) VALUES ({places})", list(values.values()))
+    return row
+
+
+def _end(
+    connection: sqlite3.Connection, epoch: Epoch, state: EpochState, event: EpochEventName, note: Note
+) -> None:
+    update = "UPDATE epoch SET state = ?, ended_us = ? WHERE axis = ? AND number = ?"
+    connection.execute(update, [state, note.at_us, *_key(epoch)])
+    _note(connection, epoch, event, note)
+
+
+def _cancel(
+    connection: sqlite3.Connection, epoch: Epoch, note: Note, event: EpochEventName, reason: str
+) -> None:
+    update = "UPDATE epoch SET reason = ? WHERE axis = ? AND number = ?"
+    connection.execute(update, [reason, *_key(epoch)])
+    _end(connection, epoch, "cancelled", event, note)
+
+
+def _note(connection: sqlite3.Connection, epoch: Epoch, event: EpochEventName, note: Note) -> None:
+    connection.execute(
+        "INSERT INTO epoch_event (axis, number, at_us, event, who, comment, work_order) VALUES (?, ?, ?, ?, ?, ?, ?)",
+        [*_key(epoch), note.at_us, event, note.who, note.comment, note.work_order],
+    )

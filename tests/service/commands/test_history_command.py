@@ -1,0 +1,66 @@
+"""`axiswatch history` against a daemon that stands still, over a real socket."""
+
+import csv
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pyarrow.parquet as pq
+import pytest
+from structlog.testing import capture_logs
+
+from service.store.journal import Journal
+from tests.service.command_line import axiswatch
+from tests.service.web.conftest import Stage, serving, stored_history
+
+
+@pytest.fixture
+def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    journal = Journal(tmp_path / "alarms.sqlite")
+    with (
+        stored_history(tmp_path) as history,
+        capture_logs(),
+        serving(Stage(journal, history=history)) as address,
+    ):
+        monkeypatch.setenv("AXISWATCH_URL", address)
+        yield address
+    journal.close()
+
+
+@pytest.mark.usefixtures("url")
+def test_the_table_is_printed_or_written(tmp_path: Path) -> None:
+    done = axiswatch("history", "demo.axis1", "--parameter", "fm")
+    assert (done.exit_code, len(list(csv.DictReader(io.StringIO(done.stdout))))) == (0, 100)
+    file = tmp_path / "fm.parquet"
+    words = ("--since", "2026-03-01T11:00:00Z", "--until", "2026-03-01T11:59:00Z", "--resolution", "hour")
+    done = axiswatch("history", "demo.axis1", *words, "-o", file)
+    assert (done.exit_code, done.stdout) == (0, f"written: {file}\n")
+    table = pq.read_table(file).to_pydict()
+    assert table["parameter"] == ["kT", "1/Ja", "fm"]
+    assert set(table["time"]) == {"2026-03-01T11:00:00.000000Z"}
+
+
+def test_a_time_may_be_so_long_ago(url: str) -> None:
+    done = axiswatch("history", "demo.axis1", "--parameter", "fm", "--since", "500y")
+    assert done.stdout == httpx.get(f"{url}/api/v1/axes/demo.axis1/history.csv?parameter=fm").text
+    done = axiswatch("history", "demo.axis1", "--until", "500y")
+    assert (done.exit_code, len(done.stdout.splitlines())) == (0, 1)
+
+
+@pytest.mark.usefixtures("url")
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("demo.axis9",), "there is no axis 'demo.axis9'"),
+        (("demo.axis1", "--since", "yesterday"), "'yesterday' is no time: 2026-03-01T12:00:00Z, or 7d"),
+        (("demo.axis1", "--since", "2026-03-01T12:00"), "since"),
+        (("demo.axis1", "--since", "1h", "--until", "2h"), "since must be before until"),
+        (("demo.axis1", "-o", "history.xlsx"), "history.xlsx is neither .csv nor .parquet"),
+        (("demo.axis1", "-o", "nowhere/h.csv"), "nowhere is no folder"),
+    ],
+)
+def test_a_mistake_is_answered_with_what_is_wrong(words: tuple[str, ...], reason: str) -> None:
+    done = axiswatch("history", *words)
+    assert done.exit_code == 2
+    assert reason in " ".join(done.stderr.replace("│", " ").split())

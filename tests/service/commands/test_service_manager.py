@@ -1,0 +1,164 @@
+"""What systemd hears of the daemon, by a socket as systemd's."""
+
+import os
+import re
+import signal
+import socket
+import threading
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+from structlog.testing import capture_logs
+
+from service.commands.daemon import run_daemon
+from service.commands.service_manager import ServiceManager
+from service.config import Config
+from service.pipeline.recording import Recording
+from service.pipeline.worker import COMPILING
+from tests.end_to_end.processes import daemon, demo_config, wait_for
+from tests.service.pipeline.robots import demo
+
+NAME = "notify"
+
+
+class Systemd:
+    """The receiving end, which keeps all that it gets."""
+
+    def __init__(self, address: str) -> None:
+        self.heard = list[str]()
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(address)
+        self._socket.setblocking(False)
+
+    def lines(self) -> list[str]:
+        """All lines until now."""
+        try:
+            while True:
+                self.heard += self._socket.recv(65536).decode().split("\n")
+        except BlockingIOError:
+            return self.heard
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@pytest.fixture
+def systemd(tmp_path: Path) -> Iterator[Systemd]:
+    heard = Systemd(str(tmp_path / NAME))
+    yield heard
+    heard.close()
+
+
+def manager(folder: Path, turns: Mapping[str, int], **variables: str) -> ServiceManager:
+    environ = {"NOTIFY_SOCKET": str(folder / NAME), "WATCHDOG_USEC": "3600000000", **variables}
+    return ServiceManager(environ, lambda: dict(turns), lambda: "all is well")
+
+
+def test_the_watchdog_is_fed_when_reader_and_worker_have_turned_since(
+    tmp_path: Path, systemd: Systemd
+) -> None:
+    turns = {"reader can0": 0, "worker": 0}
+    notifier = manager(tmp_path, turns)
+    notifier.look()
+    assert systemd.lines() == ["STATUS=all is well", "WATCHDOG=1"]
+    for still, moves in (("worker", "reader can0"), ("reader can0", "worker")):
+        systemd.heard.clear()
+        with capture_logs() as logs:
+            for _ in range(3):
+                turns[moves] += 1
+                notifier.look()
+        assert systemd.lines() == []
+        assert [(entry["log_level"], entry["threads"]) for entry in logs] == [("error", [still])]
+        turns[still] += 1
+        notifier.look()
+        assert systemd.lines() == ["WATCHDOG=1"]
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [{"WATCHDOG_USEC": "0"}, {"WATCHDOG_USEC": ""}, {"WATCHDOG_USEC": "x"}, {"WATCHDOG_PID": "1"}],
+    ids=str,
+)
+def test_a_watchdog_that_is_off_or_for_another_process_is_not_fed(
+    variables: dict[str, str], tmp_path: Path, systemd: Systemd
+) -> None:
+    manager(tmp_path, {}, **variables).look()
+    assert systemd.lines() == ["STATUS=all is well"]
+
+
+def test_an_abstract_socket_is_reached() -> None:
+    name = f"axiswatch-test-{os.getpid()}"
+    heard = Systemd(f"\0{name}")
+    ServiceManager({"NOTIFY_SOCKET": f"@{name}"}, dict, lambda: "here").look()
+    assert heard.lines() == ["STATUS=here"]
+    heard.close()
+
+
+@pytest.mark.parametrize("name", ["", "vsock:2:1234", "/no/such/socket"])
+def test_without_a_socket_that_answers_the_daemon_goes_on(name: str) -> None:
+    notifier = ServiceManager({"NOTIFY_SOCKET": name}, dict, lambda: "here")
+    notifier.ready()
+    notifier.stopping()
+    notifier.close()
+
+
+def test_systemd_follows_the_daemon_from_its_start_to_its_end(
+    tmp_path: Path, systemd: Systemd, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a silent bus: a robot that is switched off."""
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / NAME))
+    monkeypatch.setenv("WATCHDOG_USEC", "1000000")
+    with daemon(demo_config(tmp_path)) as d:
+        ready, status = wait_for(lambda: systemd.lines()[:2])
+        assert ready == "READY=1"
+        expected = f"STATUS=monitoring 2 axes, no active alarms(; {re.escape(COMPILING)})?.*"
+        assert re.fullmatch(expected, status)
+        wait_for(lambda: systemd.lines().count("WATCHDOG=1") > 3)
+        d.process.send_signal(signal.SIGTERM)
+        assert d.process.wait(60) == 0
+    assert "STOPPING=1" in systemd.lines()[-2:]
+    assert systemd.lines().count("READY=1") == 1
+
+
+def test_a_worker_that_is_stuck_is_not_kept_alive(
+    tmp_path: Path, systemd: Systemd, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / NAME))
+    monkeypatch.setenv("WATCHDOG_USEC", "1000000")
+    stuck, go_on, looks = threading.Event(), threading.Event(), list[int]()
+    look = ServiceManager.look
+
+    def blocked(_: Recording) -> None:
+        if stuck.is_set():
+            go_on.wait(60)
+
+    def counted(notifier: ServiceManager) -> None:
+        look(notifier)
+        looks.append(systemd.lines().count("WATCHDOG=1"))
+
+    monkeypatch.setattr(Recording, "tick", blocked)
+    monkeypatch.setattr(ServiceManager, "look", counted)
+    stop = threading.Event()
+    running = threading.Thread(
+        target=run_daemon, args=(on_any_port(demo(tmp_path, 1)),), kwargs={"stop": stop}
+    )
+    running.start()
+    try:
+        wait_for(lambda: looks and looks[-1] > 3)
+        stuck.set()
+        first = len(looks)
+        wait_for(lambda: len(looks) > first + 6)
+        fed = looks[first + 2 :]
+        assert fed[0] == fed[-1], "twice at most after it: the look under way, and the turn before it"
+        go_on.set()
+        wait_for(lambda: looks[-1] > fed[-1])
+    finally:
+        go_on.set()
+        stop.set()
+        running.join(60)
+    assert not running.is_alive()
+
+
+def on_any_port(config: Config) -> Config:
+    return config.model_copy(update={"web": config.web.model_copy(update={"port": 0})})

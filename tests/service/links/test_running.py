@@ -1,0 +1,128 @@
+"""All links of a configuration in their thread: one that hangs, fails or is down does not concern the others."""
+
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import httpx
+import pytest
+import structlog
+
+from service.commands.daemon import run_daemon
+from service.config.schema_links import LinksConfig
+from service.links.link_secrets import LinkSecretError
+from service.links.running import Links
+from service.links.webhook import Webhook
+from service.store.journal import Journal
+from tests.end_to_end.processes import wait_for
+from tests.service.links.journals import just_raised, record
+from tests.service.links.test_webhook import Answers, receiving
+from tests.service.pipeline.robots import demo
+from tests.service.web.conftest import whole_snapshot
+
+
+def configured(folder: Path, **ports: int) -> LinksConfig:
+    """A webhook for each port."""
+    (folder / "secret").write_text("0123456789abcdef")
+    hooks = [
+        {
+            "name": name,
+            "url": f"http://127.0.0.1:{port}/",
+            "secret_file": str(folder / "secret"),
+            "timeout_s": 60.0,
+        }
+        for name, port in ports.items()
+    ]
+    return LinksConfig.model_validate({"webhook": hooks})
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[[LinksConfig, Journal, ExitStack], Links]:
+    def begin(config: LinksConfig, journal: Journal, stack: ExitStack) -> Links:
+        links = Links(config, tmp_path, journal, whole_snapshot)
+        stack.callback(links.stop)
+        links.start()
+        return links
+
+    return begin
+
+
+def test_a_receiver_that_hangs_or_is_down_does_not_hold_the_others_up(
+    tmp_path: Path, run: Callable[[LinksConfig, Journal, ExitStack], Links]
+) -> None:
+    answers = Answers()
+    with ExitStack() as stack:
+        journal = Journal(tmp_path / "alarms.sqlite")
+        stack.callback(journal.close)
+        silent = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        port = stack.enter_context(receiving(answers))
+        ports = {"hangs": silent.getsockname()[1], "down": 9, "works": port}
+        links = run(configured(tmp_path, **ports), journal, stack)
+        record(journal, just_raised())
+        wait_for(lambda: answers.requests and not links.snapshots()[1].connected, 30)
+        record(journal, just_raised(), axis="demo.axis2")
+        wait_for(lambda: len(answers.requests) == 2, 30)
+        hangs, down, works = links.snapshots()
+        assert (works.delivered, works.pending, works.connected) == (2, 0, True)
+        assert (hangs.delivered, down.delivered) == (0, 0)
+        assert down.problem.startswith("127.0.0.1:9: ")
+    assert "links" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_a_fault_of_the_program_in_a_link_does_not_end_it(
+    tmp_path: Path,
+    run: Callable[[LinksConfig, Journal, ExitStack], Links],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    send, broken = Webhook.send, [ZeroDivisionError("a fault")]
+
+    async def once_broken(self: Webhook, messages: object) -> None:
+        if broken:
+            raise broken.pop()
+        await send(self, messages)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Webhook, "send", once_broken)
+    monkeypatch.setattr("service.links.running.FIRST_RETRY_S", 0.01)
+    answers = Answers()
+    with ExitStack() as stack, structlog.testing.capture_logs() as logs:
+        journal = Journal(tmp_path / "alarms.sqlite")
+        stack.callback(journal.close)
+        port = stack.enter_context(receiving(answers))
+        run(configured(tmp_path, orders=port), journal, stack)
+        record(journal, just_raised())
+        wait_for(lambda: answers.requests, 30)
+    assert [entry["event"] for entry in logs][:1] == ["a fault in a link; it goes on"]
+
+
+def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
+    config = demo(tmp_path, 1)
+    web = config.web.model_copy(update={"port": 0})
+    served, stop, pages, answers = threading.Event(), threading.Event(), list[str](), Answers()
+
+    def ready(page: str) -> None:
+        pages.append(page)
+        served.set()
+
+    with receiving(answers) as port:
+        links = configured(tmp_path, orders=port)
+        linked = config.model_copy(update={"web": web, "links": links})
+        daemon = threading.Thread(target=run_daemon, args=(linked,), kwargs={"ready": ready, "stop": stop})
+        daemon.start()
+        try:
+            assert served.wait(60)
+            shown = httpx.get(f"{pages[0]}api/v1/service").json()["links"]
+            metrics = httpx.get(f"{pages[0]}metrics").text
+        finally:
+            stop.set()
+            daemon.join(60)
+    assert [(link["name"], link["kind"], link["connected"]) for link in shown] == [
+        ("orders", "webhook", True)
+    ]
+    assert 'axiswatch_link_connected{link="orders"} 1.0' in metrics
+    assert "links" not in {thread.name for thread in threading.enumerate()}
+    (tmp_path / "secret").unlink()
+    with pytest.raises(LinkSecretError, match="secret: cannot read the secret: No such file"):
+        run_daemon(linked)
+    Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer

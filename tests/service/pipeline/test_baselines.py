@@ -1,0 +1,244 @@
+"""A repaired axis gets new nominal values while the daemon runs: real monitors, journal and checkpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.monitoring import AlarmEvent, AlarmState, Status
+from service.can.frames import Frame
+from service.config import Config
+from service.pipeline.baselines import (
+    BaselineConflictError,
+    BaselineError,
+    UnknownEpochError,
+)
+from service.store.alarm_transitions import SERVICE, Note
+from tests.end_to_end.processes import wait_for
+from tests.service.found_files import nominal_text, thresholds_text
+from tests.service.pipeline.robots import START_US, changed, demo
+from tests.service.pipeline.running_core import AXIS, OTHER, TRUTH, RunningCore, changed_axis
+
+WINDOW_S = 36.0
+REPAIR = Note(START_US, "anna", "gearbox changed", "WO-1718")
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
+    return changed_axis(tmp_path_factory.mktemp("frames"), 70.0, seed)
+
+
+Start = Callable[..., RunningCore]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Starts the daemon in the same folder; the one before has to be closed."""
+    started = list[RunningCore]()
+
+    def begin(config: Config | None = None, folder: str = "state") -> RunningCore:
+        (tmp_path / folder).mkdir(exist_ok=True)
+        started.append(RunningCore(tmp_path / folder, config or demo(tmp_path, 2)))
+        return started[-1]
+
+    yield begin
+    for daemon in started:
+        daemon.close()
+
+
+def seconds(frames: Sequence[Frame], begin: float, end: float) -> list[Frame]:
+    return [f for f in frames if begin <= (f.t_us - START_US) / 1e6 < end]
+
+
+def states(daemon: RunningCore, axis_id: str) -> bytes:
+    arrays = daemon.core.monitors.by_id[axis_id].to_arrays()
+    return b"".join(arrays[name].tobytes() for name in sorted(arrays))
+
+
+def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
+    start: Start, frames: list[Frame]
+) -> None:
+    d = start()
+    d.feed(seconds(frames, 0, 12))
+    (alarm,) = (a for a in d.journal.query(AXIS)[0] if a.parameter == "fm")
+    d.journal.act(alarm.id, AlarmEvent.ACKNOWLEDGE, REPAIR)
+
+    assert d.baselines.learn(AXIS, WINDOW_S, 5.0, REPAIR).state == "learning"
+    d.feed(seconds(frames, 12, 40))
+    learning = d.axis().epoch
+    assert (learning.number, learning.state, learning.length_s) == (1, "learning", WINDOW_S)
+    assert 15 < (learning.done_s or 0) < 28
+    assert learning.words.startswith("learning: ")
+    assert d.axis().status.parameters[2].status is Status.ALARM  # no gap: tested with the former values
+    d.baselines.look()
+    assert d.axis().epoch.state == "learning"
+
+    d.feed(seconds(frames, 40, 58))
+    d.baselines.look()
+    new, old = d.epochs()
+    assert (old.state, new.state, new.source, new.who) == ("closed", "verifying", "window", "anna")
+    assert (new.comment, new.work_order) == ("gearbox changed", "WO-1718")
+    learned = {value.name: value for value in new.nominal}
+    fm = learned["fm"]
+    assert fm.standard_deviation is not None
+    assert abs(fm.value - TRUTH) < 4 * fm.standard_deviation < 0.2 * 0.06
+    assert (fm.former, fm.kept) == (0.06, "")
+    wait_for(lambda: d.axis().epoch.number == 2)
+    assert d.axis().status.parameters[2].nominal == fm.value
+    after = d.journal.get(alarm.id)
+    assert after is not None
+    assert (after.state, after.ended_us) == (AlarmState.NORMAL, d.now_us)
+    last = d.journal.transitions(alarm.id)[-1]
+    assert (last.event, last.who, last.work_order) == (AlarmEvent.CLEAR, SERVICE, "WO-1718")
+    assert last.comment == "epoch 2 of demo.axis1 has begun: gearbox changed"
+
+    d.feed(seconds(frames, 58, 70))
+    assert d.axis().open_alarms == ()
+    d.baselines.look()
+    assert d.epochs()[0].state == "current"
+    assert [e.event for e in d.journal.epochs.events(AXIS)[2]] == ["begun", "taken over", "verified"]
+    wait_for(lambda: d.axis().epoch.state == "current")
+
+    with pytest.raises(BaselineConflictError, match="is in force"):
+        d.baselines.restore(AXIS, 2, 0.0, REPAIR)
+    back = d.baselines.restore(AXIS, 1, 0.0, REPAIR)
+    assert (back.number, back.state, back.source, back.restored_from) == (3, "current", "restored", 1)
+    assert [e.state for e in d.epochs()] == ["current", "rolled_back", "closed"]
+    wait_for(lambda: d.axis().epoch.number == 3)
+    assert d.axis().status.parameters[2].nominal == 0.06
+    with pytest.raises(UnknownEpochError):
+        d.baselines.restore(AXIS, 9, 0.0, REPAIR)
+
+
+def test_the_other_axis_is_the_same_bits_with_and_without(start: Start, frames: list[Frame]) -> None:
+    plain, d = start(folder="plain"), start()
+    config = d.config.axes[0].config
+    text = nominal_text(config, {"values": {"fm": TRUTH}})
+    for daemon in (plain, d):
+        daemon.feed(seconds(frames, 0, 6))
+    d.baselines.use_files(AXIS, text, None, 8.0, REPAIR)
+    for daemon in (plain, d):
+        daemon.feed(seconds(frames, 6, 15))
+        daemon.worker.stop()
+    assert d.axis().epoch.number == 2
+    assert states(d, OTHER) == states(plain, OTHER)
+    assert states(d, AXIS) != states(plain, AXIS)
+    assert d.axis(OTHER).status == plain.axis(OTHER).status
+
+
+def test_files_that_do_not_fit_change_nothing(start: Start, frames: list[Frame]) -> None:
+    d = start()
+    d.feed(seconds(frames, 0, 1))
+    config = d.config.axes[0].config
+    good = nominal_text(config)
+    other_drive = good.replace('"structure" = "', '"structure" = "0')
+    cases = {
+        "is no TOML": "format = ",
+        "identify it again": other_drive,
+        "sample_interval_s": good.replace('"interval_s" = 0.005', '"interval_s" = 0.004'),
+        "thresholds.toml was made with": good,
+    }
+    for text, nominal in cases.items():
+        thresholds = thresholds_text(config, forgetting=0.5) if text.startswith("thresholds") else None
+        with pytest.raises(BaselineError, match=text):
+            d.baselines.use_files(AXIS, nominal, thresholds, 8.0, REPAIR)
+    with pytest.raises(BaselineError, match="too short: the memory of its estimates needs at least 36 s"):
+        d.baselines.learn(AXIS, 35.0, 8.0, REPAIR)
+    assert [(e.number, e.state, e.source) for e in d.epochs()] == [(1, "current", "configuration")]
+    with pytest.raises(BaselineConflictError, match="no learning window"):
+        d.baselines.cancel(AXIS, REPAIR)
+
+
+def test_a_window_that_is_refused_or_cancelled_leaves_the_epoch_in_force(
+    start: Start, frames: list[Frame]
+) -> None:
+    d = start()
+    d.baselines.learn(OTHER, WINDOW_S, 8.0, REPAIR)
+    with pytest.raises(BaselineConflictError, match="runs"):
+        d.baselines.learn(OTHER, WINDOW_S, 8.0, REPAIR)
+    assert d.baselines.cancel(OTHER, REPAIR).reason == "it was cancelled"
+
+    d.baselines.learn(AXIS, WINDOW_S, 8.0, REPAIR)
+    wait_for(lambda: d.axis().epoch.state == "learning")
+    learning = d.core.monitors.epochs[AXIS].learning
+    assert learning is not None
+    learning.window.from_arrays(
+        {"sums": np.zeros((3, 12, 3)), "rho": np.zeros(3), "counts": np.array([WINDOW_S, 2, 12, 0])}
+    )
+    d.feed(seconds(frames, 0, 1))
+    d.baselines.look()
+    refused, first = d.epochs()
+    assert (refused.state, first.state) == ("cancelled", "current")
+    assert refused.reason == "no parameter was observed for long enough: kT, 1/Ja, fm"
+    with pytest.raises(BaselineConflictError, match="never was in force: no parameter was observed"):
+        d.baselines.restore(AXIS, 2, 0.0, REPAIR)
+
+
+def test_a_window_goes_on_after_a_restart_and_so_does_the_epoch(start: Start, frames: list[Frame]) -> None:
+    first = start()
+    first.baselines.learn(AXIS, WINDOW_S, 8.0, REPAIR)
+    first.feed(seconds(frames, 0, 25))
+    done_s = first.axis().epoch.done_s
+    first.close()
+    second = start()
+    assert second.messages == ()
+    assert (second.axis().epoch.state, second.axis().epoch.done_s) == ("learning", done_s)
+    second.feed(seconds(frames, 25, 62))
+    second.baselines.look()
+    value = second.epochs()[0].nominal[2].value
+    assert abs(value - TRUTH) < 0.1 * TRUTH
+    second.close()
+
+    third = start()
+    assert third.messages == (
+        "demo.axis1: the nominal values of epoch 2 are in force, not those of the configuration",
+    )
+    shown = third.axis()
+    assert (shown.epoch.number, shown.epoch.state) == (2, "verifying")
+    assert shown.status.parameters[2].nominal == value
+    third.close()
+
+
+def test_a_configuration_that_was_changed_by_hand_counts(
+    start: Start, tmp_path: Path, frames: list[Frame]
+) -> None:
+    first = start()
+    first.feed(seconds(frames, 0, 1))
+    first.baselines.use_files(AXIS, nominal_text(first.config.axes[0].config), None, 8.0, REPAIR)
+    first.close()
+    config = demo(tmp_path, 2)
+    nominal = {**config.axes[0].config.model.nominal, "fm": 0.07}
+    second = start(changed(config, "axis1", model={"nominal": nominal}))
+    assert "demo.axis1: the configuration was changed since epoch 2 began" in second.messages[0]
+    assert (second.axis().epoch.number, second.axis().status.parameters[2].nominal) == (3, 0.07)
+    assert [e.source for e in second.epochs()] == ["configuration", "files", "configuration"]
+
+
+def test_a_checkpoint_of_another_epoch_is_not_restored_and_that_is_reported(
+    start: Start, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process ends between the transaction and the exchange of the monitor."""
+    first = start()
+    first.feed(seconds(frames, 0, 5))
+    first.worker.between_blocks(first.checkpointer.save).result(30)
+
+    def ended(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(first.worker, "change", ended)
+    with pytest.raises(KeyboardInterrupt):
+        first.baselines.use_files(AXIS, nominal_text(first.config.axes[0].config), None, 8.0, REPAIR)
+    first.worker.stop()  # without a last checkpoint: its thread is gone
+    assert first.failed.is_set()
+    first.journal.close()
+    first.checkpoints.close()
+    second = start()
+    assert (second.axis().epoch.number, second.axis().epoch.state) == (2, "verifying")
+    assert second.messages[-1] == (
+        "demo.axis1: its checkpoint is not used and was quarantined: it belongs to the configuration, not to epoch 2"
+        " (restarted: the estimates, the evidence of the multi-model detector and the long-term history)"
+    )
+    assert second.axis(OTHER).status.samples > 0

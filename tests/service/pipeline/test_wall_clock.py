@@ -1,0 +1,98 @@
+"""The clock of the machine is set while an alarm lasts: that is recorded, and its duration is right."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from structlog.testing import capture_logs
+
+from service.can.frames import Frame, FrameBlock
+from service.pipeline.alarm_recording import Alarms, quantities
+from service.pipeline.wall_clock import WallClock
+from service.simulation.robot import Fault
+from tests.service.pipeline.robots import START_US, Waiting, blocks, demo
+from tests.service.pipeline.test_worker import Bench
+
+HOUR_US = 3_600_000_000
+FAULTS = [Fault("demo.axis1", {"fm": 2.0}, 6.0), Fault("demo.axis1", {"fm": 0.5}, 14.0)]
+"""And it is as before"""
+LENGTH_S, STEP_S = 36.0, 9.0
+
+
+class Clocks:
+    """Two clocks, one of which can be set."""
+
+    def __init__(self) -> None:
+        self.steady_s, self.set_by_us = 0.0, 0
+
+    def wall_us(self) -> int:
+        return START_US + round(self.steady_s * 1e6) + self.set_by_us
+
+    def steady(self) -> float:
+        return self.steady_s
+
+
+def test_each_step_is_recorded_and_slow_corrections_are_none() -> None:
+    clocks = Clocks()
+    clock = WallClock(clocks.wall_us, clocks.steady)
+    with capture_logs() as logs:
+        for step_us in (0, -3 * HOUR_US, 900_000, HOUR_US, -900_000):
+            clocks.set_by_us += step_us
+            clocks.steady_s += 0.1
+            assert clock() == clocks.wall_us()
+        clocks.steady_s += 100 * 86400  # nobody asks for long
+        clock()
+    assert [(entry["event"], entry["by_s"]) for entry in logs] == [
+        ("the clock was set", -3 * 3600),
+        ("the clock was set", 3600),
+    ]
+    assert clock.set_by_us == -2 * HOUR_US
+    assert clock.message is not None
+    assert "was set forward by an hour; 2025-" in clock.message
+
+
+class Stepping(Waiting):
+    """The frames come as time goes on, with the times of the wall clock, which is set once."""
+
+    def __init__(self, frames: Sequence[Frame], step_us: int, clocks: Clocks) -> None:
+        super().__init__(frames)
+        self._step_us, self._clocks = step_us, clocks
+
+    def go_on(self) -> None:
+        """Let a second go by."""
+        self._clocks.steady_s += 1.0
+        if self._clocks.steady_s > STEP_S:
+            self._clocks.set_by_us = self._step_us
+
+    def take(self, most: int = 4096) -> FrameBlock:
+        end_us = START_US + round(self._clocks.steady_s * 1e6)
+        count = sum(frame.t_us < end_us for frame in self.frames[:most])
+        shifted = [f._replace(t_us=f.t_us + self._clocks.set_by_us) for f in self.frames[:count]]
+        self.frames[:count] = shifted
+        return super().take(count)
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
+    config = demo(tmp_path_factory.mktemp("frames"), 1)
+    return [frame for block in blocks(config, LENGTH_S, seed, FAULTS) for frame in block.frames()]
+
+
+@pytest.mark.parametrize("step_us", [-3 * HOUR_US, 3 * HOUR_US], ids=["back", "forward"])
+def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame], step_us: int) -> None:
+    clocks = Clocks()
+    reader = Stepping(frames, step_us, clocks)
+    bench = Bench(tmp_path, demo(tmp_path, 1), reader)
+    wall = WallClock(clocks.wall_us, clocks.steady)
+    bench.worker._alarms = Alarms(bench.journal, quantities(bench.core.monitors.by_id), wall=wall)
+    bench.worker._now_us = wall
+    bench.compile()
+    while reader.frames:
+        reader.go_on()
+        bench.worker._tick()
+    (alarm,) = bench.journal.query("demo.axis1")[0]
+    assert alarm.ended_us is not None
+    assert alarm.raised_us < alarm.updated_us <= alarm.ended_us
+    assert 14.0 < (alarm.ended_us - START_US) * 1e-6 < LENGTH_S
+    assert wall.message in bench.worker.snapshot.messages
+    bench.close()
