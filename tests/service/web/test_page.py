@@ -197,7 +197,9 @@ def test_the_range_of_time_is_changed_by_presets_keys_and_mouse(page: Page) -> N
     expect(tools).to_contain_text("2026-03-01 10:59:59 – 2026-03-01 11:29:59")
     page.keyboard.press("Home")
     expect(tools).to_contain_text("– 2026-03-01 11:59:59")
-    place = page.get_by_role("img", name="kT: estimate").locator(".u-over").bounding_box()
+    plot = page.get_by_role("img", name="fm: estimate").locator(".u-over")
+    plot.scroll_into_view_if_needed()
+    place = plot.bounding_box()
     assert place is not None
     middle = place["y"] + place["height"] / 2
     page.mouse.move(place["x"] + 0.25 * place["width"], middle)
@@ -544,7 +546,7 @@ def test_it_speaks_german_and_keeps_the_language(page: Page) -> None:
 
 
 def test_a_repaired_axis_learns_new_nominal_values_after_a_confirmation(page: Page, stage: Stage) -> None:
-    """With answers of its own: tests/service/web/test_epoch_routes.py has those of the daemon."""
+    """With answers of its own: the tests of the API have those of the daemon."""
     sent = list[object]()
     now = {"number": 1, "state": "current", "done_s": None, "length_s": None, "words": ""}
     first = {
