@@ -304,7 +304,7 @@ class Journal:
         since_us: int | None = None,
         until_us: int | None = None,
         limit: int = 100,
-        offset: int = 0,
+        after: tuple[int, int] | None = None,
         state: AlarmFilter | None = None,
         now_us: int = 0,
     ) -> tuple[list[RecordedAlarm], int]:
@@ -317,7 +317,7 @@ class Journal:
             since_us: raised at this time or later.
             until_us: raised before this time.
             limit: at most this number.
-            offset: number of alarms to skip.
+            after: only those behind the alarm that was raised at this time and has this id.
             state: in this state, or stale or chattering.
             now_us: the time now, for the stale ones.
         """
@@ -335,8 +335,8 @@ class Journal:
         values = list(given.values())
         with self._db.read() as connection:
             total = connection.execute(f"SELECT count(*) FROM alarm {where}", values).fetchone()[0]
-            order = "ORDER BY raised_us DESC, id DESC LIMIT ? OFFSET ?"
-            alarms = _select(connection, f"{where} {order}", [*values, limit, offset])
+            rest = f"{where or 'WHERE TRUE'} AND (raised_us, id) < (?, ?) ORDER BY raised_us DESC, id DESC LIMIT ?"
+            alarms = _select(connection, rest, [*values, *(after or _BEFORE_ALL), limit])
         return alarms, int(total)
 
     def close(self) -> None:
@@ -345,6 +345,7 @@ class Journal:
 
 
 _Value = str | int | float | None
+_BEFORE_ALL = (2**63 - 1, 2**63 - 1)
 
 
 def _end_open(connection: sqlite3.Connection, axis: str, note: Note, rules: Mapping[str, AlarmRules]) -> None:

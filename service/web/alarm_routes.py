@@ -5,6 +5,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query
 from pydantic import AwareDatetime, BeforeValidator
+from starlette.exceptions import HTTPException
 
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_statistics import STALE_S
@@ -20,7 +21,9 @@ _NOT_FOUND = described(404, "It does not exist")
 _NO_JOURNAL = described(503, "The alarm journal cannot be read or written")
 _CONFLICT = described(409, "Not possible in the present state of the alarm, e.g. acknowledged twice")
 _NO_SHELF = described(400, "The end of the shelf is not in the future, or more than seven days in it")
+_NO_CURSOR = described(400, "No page has given this cursor")
 _LARGEST_ID = 2**63 - 1
+_CURSOR = re.compile(r"(-?[0-9]{1,18})(?:\.([0-9]{1,18}))?")
 _WEEK_US = 7 * 86_400_000_000
 
 _DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
@@ -90,24 +93,27 @@ def router(state: AppState) -> APIRouter:
     """The routes below /api/v1/alarms."""
     api = APIRouter(prefix="/alarms")
 
-    @api.get("", summary="Alarms", responses=_NO_JOURNAL)
+    @api.get("", summary="Alarms", responses=_NO_JOURNAL | _NO_CURSOR)
     def alarms(
         filters: Annotated[AlarmFilters, Depends()],
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 100,
-        offset: Annotated[int, Query(ge=0, le=_LARGEST_ID, description="number to skip")] = 0,
+        cursor: Annotated[
+            str | None, Query(description="the page after the one that has given this as next")
+        ] = None,
     ) -> models.Alarms:
         """Alarms raised at or after since and before until: those not yet recorded, then the others, latest first."""
         now_us, f = state.now_us(), filters
+        skipped, after = (0, None) if cursor is None else _place(cursor)
         waiting = [a for a in reversed(state.snapshot().alarms.unrecorded) if f.match(a, now_us)]
-        first = waiting[offset : offset + limit]
+        first = waiting[skipped : skipped + limit] if after is None else []
         recorded, total = state.journal.query(
             f.axis,
             f.parameter,
             f.active,
             f.since_us,
             f.until_us,
-            limit - len(first),
-            max(0, offset - len(waiting)),
+            limit - len(first) + 1,  # is there another page?
+            after,
             f.state,
             now_us,
         )
@@ -115,9 +121,13 @@ def router(state: AppState) -> APIRouter:
         files = [] if folder is None else folder.files()  # looked at once
         found = [
             views.alarm(a, now_us, None if folder is None else folder.holding(a.since_us, files))
-            for a in (*first, *recorded)
+            for a in (*first, *recorded)[:limit]
         ]
-        return models.Alarms(total=total + len(waiting), limit=limit, offset=offset, alarms=found)
+        following, left = None, after is None and skipped + len(first) < len(waiting)
+        if left or len(first) + len(recorded) > limit:
+            last = recorded[-2:-1]
+            following = f"{last[0].raised_us}.{last[0].id}" if last else f"{skipped + len(first)}"
+        return models.Alarms(total=total + len(waiting), limit=limit, next=following, alarms=found)
 
     @api.get("/statistics", summary="Alarm statistics", responses=_NO_JOURNAL)
     def statistics(since: Moment = None, until: Moment = None) -> models.AlarmStatistics:
@@ -139,6 +149,18 @@ def router(state: AppState) -> APIRouter:
 
     api.include_router(_actions(state))
     return api
+
+
+def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
+    """Where a page begins: how many of the alarms that are not yet recorded come before, or the recorded one before.
+
+    Raises:
+        HTTPException: it is no cursor.
+    """
+    found = _CURSOR.fullmatch(cursor)
+    if found is None:
+        raise HTTPException(400, "this is no cursor: it must be the `next` of a page")
+    return (0, (int(found[1]), int(found[2]))) if found[2] else (max(0, int(found[1])), None)
 
 
 def _actions(state: AppState) -> APIRouter:

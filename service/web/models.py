@@ -540,7 +540,7 @@ class Alarms(Body):
 
     total: int = Field(description="alarms that match the filters")
     limit: int
-    offset: int
+    next: str | None = Field(description="cursor of the next page; null: this is the last one")
     alarms: list[Alarm]
 
 

@@ -23,6 +23,7 @@ from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
+from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
 from service.store.journal import Journal, RecordedAlarm
 from tests.end_to_end.processes import wait_for
@@ -114,6 +115,19 @@ def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
     bench.worker.stop()
     assert "fm" in seen | {e.parameter for e in bench.worker.snapshot.axes[0].open_alarms}
     assert bench.worker.error is None
+
+
+def test_each_axis_gives_points_of_the_history_while_it_is_tested(bench: Bench) -> None:
+    bench.run()
+    bench.history.write()
+    assert bench.history.store is not None
+    for axis in bench.worker.snapshot.axes:
+        answer = ask(bench.history.store, Question(axis.id, 1.0))
+        assert {c.series.parameter for c in answer.courses} == {p.name for p in axis.status.parameters}
+        assert axis.status.time_us is not None
+        last = axis.status.time_us // 1_000_000
+        times = answer.t.tolist()
+        assert times == list(range(times[0], last + 1)), "from when P(0) is known on"
 
 
 def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[Frame]) -> None:

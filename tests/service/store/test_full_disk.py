@@ -1,7 +1,7 @@
 """A full disk: a small one that is really mounted, which needs root; without it these tests are skipped."""
 
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from service.pipeline.alarm_recording import RETRY_S, Alarms, AxisAlarm, Quantit
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoints
 from service.store.database import StoreError
+from service.store.history_store import Bounds, HistoryStore
 from service.store.journal import Journal
 
 AXIS = "demo.axis1"
@@ -61,9 +62,9 @@ def comment_until_full(journal: Journal) -> None:
         journal.act(1, AlarmEvent.COMMENT, Note(40, "anna", "x" * 2000))
 
 
-@pytest.mark.parametrize("store", [Journal, Checkpoints])
+@pytest.mark.parametrize("store", [Journal, Checkpoints, lambda path: HistoryStore(path, Bounds({}, 1e9))])
 def test_a_disk_that_is_full_at_the_start_is_an_error_that_names_the_file(
-    store: type[Journal] | type[Checkpoints], disk: SmallDisk
+    store: Callable[[Path], Journal | Checkpoints | HistoryStore], disk: SmallDisk
 ) -> None:
     disk.fill()
     path = disk.folder / "state.sqlite"

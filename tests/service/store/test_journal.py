@@ -164,7 +164,8 @@ def test_query_filters_and_pages(journal: Journal) -> None:
         e = replace(episode(raised_us=k * 1_000_000 + 1), ended_us=k * 1_000_000 + 2 if k < 9 else None)
         raised(journal, e, axis=f"demo.axis{k % 2}")
     assert journal.query(limit=0)[1] == 10
-    page, total = journal.query(limit=3, offset=2)
+    before = journal.query(limit=2)[0][-1]
+    page, total = journal.query(limit=3, after=(before.raised_us, before.id))
     assert total == 10
     assert [a.raised_us // 1_000_000 for a in page] == [7, 6, 5]
     assert [a.raised_us for a in journal.query(active=True)[0]] == [9_000_001]

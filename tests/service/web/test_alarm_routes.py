@@ -35,6 +35,39 @@ def get(client: TestClient, path: str) -> Any:
     return answer.json()
 
 
+def pages(client: TestClient, limit: int, filters: str = "") -> list[list[Any]]:
+    """The alarms of all pages."""
+    body = get(client, f"?limit={limit}{filters}")
+    found = [body["alarms"]]
+    while body["next"] is not None:
+        body = get(client, f"?limit={limit}&cursor={body['next']}{filters}")
+        found.append(body["alarms"])
+    return found
+
+
+@pytest.mark.parametrize("limit", [1, 2, 3, 7, 8])
+def test_pages_hold_each_alarm_once_though_others_are_raised_meanwhile(
+    stage: Stage, client: TestClient, fm_alarm: Alarm, limit: int
+) -> None:
+    """Two of them were raised at the same time."""
+    times = [fm_alarm.raised_us + (k // 2) * 1_000_000 for k in range(7)]
+    numbers = [
+        stage.record(f"demo.axis{k}", "1", 0.06, replace(fm_alarm, raised_us=t)) for k, t in enumerate(times)
+    ]
+    assert [a["id"] for page in pages(client, limit) for a in page] == numbers[::-1]
+    first = get(client, "?limit=3")
+    stage.record("demo.axis9", "1", 0.06, replace(fm_alarm, raised_us=NOON_US))
+    second = get(client, f"?limit=9&cursor={first['next']}")
+    assert [a["id"] for a in (*first["alarms"], *second["alarms"])] == numbers[::-1]
+    assert (second["total"], second["next"]) == (8, None)
+
+
+def test_a_cursor_that_is_none_is_refused(client: TestClient) -> None:
+    for cursor in ("", "x", "1.", "1.2.3", "1" * 40):
+        answer = client.get(f"/api/v1/alarms?cursor={cursor}")
+        assert (answer.status_code, answer.json()["status"]) == (400, 400)
+
+
 def test_an_alarm_is_acknowledged_shelved_and_comes_back_by_itself(
     stage: Stage, client: TestClient, number: int
 ) -> None:
@@ -126,8 +159,13 @@ def test_an_alarm_that_the_disk_refuses_is_first_in_the_list_and_makes_not_ready
     assert body["total"] == 3
     found = [(a["id"], a["recorded"], a["parameter"], a["priority"]) for a in body["alarms"]]
     assert found == [(None, False, "Ja", "high"), (None, False, "kT", "high"), (number, True, "fm", "medium")]
-    pages = [get(client, f"?limit=2&offset={k}")["alarms"] for k in range(4)]
-    assert [[a["parameter"] for a in page] for page in pages] == [["Ja", "kT"], ["kT", "fm"], ["fm"], []]
+    for limit, expected in {
+        1: [["Ja"], ["kT"], ["fm"]],
+        2: [["Ja", "kT"], ["fm"]],
+        3: [["Ja", "kT", "fm"]],
+    }.items():
+        assert [[a["parameter"] for a in page] for page in pages(client, limit)] == expected
+    assert [len(page) for page in pages(client, 1, "&axis=demo.axis2")] == [1, 1]
     for query, total in {
         "axis=demo.axis1": 1, "parameter=kT": 1, "state=unacknowledged": 3, "state=shelved": 0, "active=false": 0,
         "state=stale": 0, "state=chattering": 0, "since=2026-03-01T12:00:00Z": 0, "until=2026-03-01T12:00:00Z": 3,
