@@ -21,14 +21,16 @@ COPY requirements-runtime.lock ./
 # A mirror of PyPI: tools/build-image.sh --secret id=pip.conf,src=FILE, which leaves no trace in the image.
 RUN --mount=type=secret,id=pip.conf,target=/etc/pip.conf \
     /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --require-hashes -r requirements-runtime.lock
-COPY pyproject.toml README.md ./
+COPY pyproject.toml README.md hatch_build.py ./
+COPY docs/openapi.json docs/
 COPY monitor_core monitor_core
 COPY service service
 COPY config config
 # numba knows a compiled kernel by its source's modification time, and image layers keep whole seconds only:
 # round first, then compile.  Without the libraries' own tests, the installer, and pyarrow's ways to other machines the
-# image is 150 MB smaller.
-RUN /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --no-deps . \
+# image is 150 MB smaller.  The dashboard is that of service/web/static where it is built, else npm must be reached.
+RUN --mount=type=secret,id=pip.conf,target=/etc/pip.conf \
+    /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --no-deps . \
  && /opt/axiswatch/bin/pip uninstall --yes setuptools pip \
  && find /opt/axiswatch -type d -name tests -prune -exec rm -r {} + \
  && cd /opt/axiswatch/lib/python3*/site-packages/pyarrow && rm -rf include *_flight* *_s3* && cd /src \

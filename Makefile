@@ -6,6 +6,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 ARGS   ?=
+PAGE   := service/web/static/index.html
 
 # One thread for each process: on small matrices threaded BLAS only costs, and timings scatter.
 export OPENBLAS_NUM_THREADS := 1
@@ -15,22 +16,22 @@ export NUMBA_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test bench soak lint format docs lock image image-test clean
+.PHONY: help run test bench soak lint format docs screenshots lock image image-test clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-run: $(READY) ## start the demo: a simulated robot on an embedded bus, dashboard in the browser
+run: $(READY) $(PAGE) ## start the demo: a simulated robot on an embedded bus, dashboard in the browser
 	@$(BIN)/axiswatch demo $(ARGS)
 
-test: $(READY) ## everything that CI checks: lint, tests, tests on real SocketCAN devices
+test: $(READY) $(PAGE) ## everything that CI checks: lint, tests, tests on real SocketCAN devices
 	@tools/install-test-packages.sh
 	@tools/run-tests.sh $(ARGS)
 
-bench: $(READY) ## measure: kernel, compile time, daemon, commissioning, the paper's figures (half an hour)
+bench: $(READY) $(PAGE) ## measure: kernel, compile time, daemon, commissioning, the paper's figures (half an hour)
 	@$(BIN)/python -m pytest -m bench tests/bench $(ARGS)
 
-soak: $(READY) ## the long runs with a fresh seed (some hours; ARGS="-k mismatch" chooses)
+soak: $(READY) $(PAGE) ## the long runs with a fresh seed (some hours; ARGS="-k mismatch" chooses)
 	@AXISWATCH_SOAK=1 AXISWATCH_SEED=$${AXISWATCH_SEED:-$$($(PYTHON) -c 'import secrets; print(secrets.randbits(32))')} \
 	  $(BIN)/python -m pytest -m "soak and not vcan" tests/soak $(ARGS)
 
@@ -47,6 +48,9 @@ docs: $(READY) ## write the generated part of docs/ (API schema, figures), if do
 	@if [ -f docs/build.py ]; then $(BIN)/python -m docs.build $(ARGS); \
 	else echo "docs/build.py is not there: nothing is generated"; fi
 
+screenshots: $(READY) $(PAGE) ## take the pictures of the dashboard in docs/pictures, of the demo (some minutes)
+	@$(BIN)/python -m docs.screenshots
+
 lock: $(READY) ## pin again: newest versions that pyproject.toml admits, for every Python and platform
 	@tools/lock.sh $(ARGS)
 
@@ -57,7 +61,7 @@ image-test: ## build the image with buildah and try it: size, demo on a read-onl
 	@tools/test-image.sh $(ARGS)
 
 clean: ## remove the environment, caches and builds
-	rm -rf $(VENV) .cache .hypothesis .benchmarks .ruff_cache dist build
+	rm -rf $(VENV) service/web/static service/web/dashboard/node_modules .cache .hypothesis .benchmarks .ruff_cache dist build
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The environment follows the lock; hashes are checked. Editable: the sources here are what runs.
@@ -70,6 +74,12 @@ $(READY): pyproject.toml requirements.lock
 	@echo "setting up $(VENV) from requirements.lock"
 	@$(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	@[ -e $(PAGE) ] || echo "building the dashboard: some ten seconds"
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@$(BIN)/python -m compileall -q monitor_core service # else three processes of the first start do it at once
 	@touch $@
+
+# The editable install above has built the dashboard; when its sources change, it is built again.
+$(PAGE): $(shell git ls-files service/web/dashboard 2>/dev/null) hatch_build.py docs/openapi.json | $(READY)
+	@echo "building the dashboard: some ten seconds"
+	@$(BIN)/python hatch_build.py

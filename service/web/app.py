@@ -74,7 +74,7 @@ def create_app(
     app.include_router(_pages())
     if reports is not None:
         app.include_router(report_router(reports))
-    app.mount("/static", StaticFiles(directory=STATIC))
+    app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))
     app.add_middleware(Gate, access=access)
     _describe_webhook(app)
     _answer_errors(app)
@@ -134,14 +134,22 @@ def _pages() -> APIRouter:
     pages = APIRouter(include_in_schema=False)
 
     @pages.get("/")
-    def index() -> FileResponse:
-        return FileResponse(STATIC / "index.html")
+    def index() -> Response:
+        return _page("index.html")
 
     @pages.get("/docs")
-    def docs() -> FileResponse:
-        return FileResponse(STATIC / "docs.html")
+    def docs() -> Response:
+        return _page("docs.html")
 
     return pages
+
+
+def _page(name: str) -> Response:
+    """A page of the dashboard; sources that nobody has built have none."""
+    path = STATIC / name
+    if path.is_file():
+        return FileResponse(path)
+    return answer(503, "the dashboard is not built; in the top folder of the sources: python hatch_build.py")
 
 
 def _describe_webhook(app: FastAPI) -> None:

@@ -113,7 +113,7 @@ def test_with_tokens_data_needs_one(path: str, asked: TestClient, tokens: TokenF
     assert asked.get(path, headers={"Authorization": f"bearer  {secret}"}).status_code != 401
 
 
-@pytest.mark.parametrize("path", ["/healthz", "/", "/docs", "/static/page.js", "/static/token.js"])
+@pytest.mark.parametrize("path", ["/healthz", "/", "/docs", "/static/page.js", "/static/docs.js"])
 def test_the_files_of_the_page_and_the_sign_of_life_need_none(
     path: str, asked: TestClient, tokens: TokenFile
 ) -> None:

@@ -1,0 +1,145 @@
+// The alarms: those that are active, or another part of the journal.
+import { useCallback, useEffect, useState } from "preact/hooks";
+import { AlarmButtons } from "./alarm_actions";
+import { ask, download, hasToken, type Alarm, type Body } from "./ask";
+import { moment, percent, span, unit, withMargin } from "./format";
+import { useLive } from "./live";
+import { alarmLink, AlarmMark, arrow, axisLink, Time, Words } from "./marks";
+import { isHidden } from "./need";
+import { Z95 } from "./series";
+import { t } from "./texts";
+
+const QUERIES = { active: "active=true", unacknowledged: "state=unacknowledged", shelved: "state=shelved", ended: "active=false", all: "" };
+type Filter = keyof typeof QUERIES;
+const LIMIT = 100;
+const EVERY = 5; // answers of the daemon
+
+export function AlarmList() {
+  const [filter, setFilter] = useState<Filter>("active");
+  const [found, refresh] = useAlarms(`${QUERIES[filter]}&limit=${LIMIT}`);
+  return (
+    <>
+      <h1>{t.alarms}</h1>
+      <div class="tools">
+        <div class="choice" role="group" aria-label={t.filter}>
+          {(Object.keys(QUERIES) as Filter[]).map((name) => (
+            <button key={name} type="button" aria-pressed={filter === name} onClick={() => setFilter(name)}>
+              {t.alarmFilter[name]}
+            </button>
+          ))}
+        </div>
+      </div>
+      {found === null ? <p class="quiet">{t.waiting}</p> : <AlarmTable alarms={found.alarms} refresh={refresh} axis />}
+      {found !== null && found.total > found.alarms.length && <p class="quiet">{t.more(found.total - found.alarms.length)}</p>}
+      {found?.total === 0 && <p class="quiet">{filter === "all" ? t.noAlarm : t.noAlarmHere}</p>}
+    </>
+  );
+}
+
+/** The alarms of a query, asked for again when the active ones change, and from time to time. */
+export function useAlarms(query: string): [Body<"Alarms"> | null, () => Promise<void>] {
+  const { active, answered } = useLive();
+  const [found, set] = useState<Body<"Alarms"> | null>(null);
+  const key = JSON.stringify(active.map((alarm) => [alarm.id, alarm.state, alarm.parameter, alarm.updated, alarm.work_order]));
+  const beat = Math.floor((answered ?? 0) / (EVERY * 1000));
+  const refresh = useCallback(async () => {
+    try {
+      set(await ask<Body<"Alarms">>(`/api/v1/alarms?${query}`));
+    } catch {
+      // The header says that there is no answer, or that a token is needed.
+    }
+  }, [query]);
+  useEffect(() => set(null), [query]);
+  useEffect(() => void refresh(), [refresh, key, beat]);
+  return [found, refresh];
+}
+
+/** A table of alarms; `axis`: with the column of the axes. */
+export function AlarmTable({ alarms, refresh, axis = false }: { alarms: Alarm[]; refresh: () => Promise<void>; axis?: boolean }) {
+  if (alarms.length === 0) return null;
+  const { action, axis: ofAxis, ...others } = t.columns;
+  const { state, ...rest } = others;
+  const columns = [state, ...(axis ? [ofAxis] : []), ...Object.values(rest), action];
+  return (
+    <div class="panel">
+      <table class="alarms" role="table" aria-label={t.alarms}>
+        <thead role="rowgroup"><tr role="row">{columns.map((name) => <th key={name} role="columnheader" scope="col">{name}</th>)}</tr></thead>
+        <tbody role="rowgroup">{alarms.map((alarm) => <Row key={alarm.id ?? alarm.raised} {...{ alarm, refresh, axis }} />)}</tbody>
+      </table>
+    </div>
+  );
+}
+
+function Row({ alarm, refresh, axis }: { alarm: Alarm; refresh: () => Promise<void>; axis: boolean }) {
+  return (
+    <tr role="row" class={`${alarm.active ? "active" : "ended"} prio-${alarm.priority}`}>
+      <td role="cell" data-label={t.columns.state}><State alarm={alarm} /></td>
+      {axis && <td role="cell" data-label={t.columns.axis}><a href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a></td>}
+      <td role="cell" data-label={t.columns.parameter}>
+        <a href={alarmLink(alarm.id)}><b><bdi>{alarm.parameter}</bdi></b> {arrow(alarm.direction)} {t.direction[alarm.direction]}</a>
+        <Names alarm={alarm} />
+        <small><Words>{alarm.words}</Words></small>
+      </td>
+      <td role="cell" data-label={t.columns.size}>{sizeText(alarm)}</td>
+      <td role="cell" data-label={t.columns.onset}><Time at={alarm.onset} /><OnsetRange alarm={alarm} /></td>
+      <td role="cell" data-label={t.columns.raised}><Time at={alarm.raised} /></td>
+      <td role="cell" data-label={t.columns.ended}>{alarm.ended === null ? "–" : <Time at={alarm.ended} />}</td>
+      <td role="cell" data-label={t.columns.action}><AlarmButtons alarm={alarm} done={refresh} /></td>
+    </tr>
+  );
+}
+
+/** Whether it is active, what a person has done about it, its priority, and whether the journal has it. */
+export function State({ alarm }: { alarm: Alarm }) {
+  const urgent = alarm.active && !isHidden(alarm) ? " urgent" : "";
+  const until = alarm.shelved_until === null ? "" : ` ${t.until(moment(alarm.shelved_until))}`;
+  const state = alarm.state === "normal" ? [] : [(t.alarmState[alarm.state] ?? alarm.state) + until];
+  return (
+    <>
+      <span class="nowrap"><AlarmMark alarm={alarm} /> <span class={`pill${urgent}`}>{alarm.active ? t.active : t.endedPill}</span></span>
+      {!alarm.recorded && <> <span class="pill warn">{t.notRecorded}</span></>}
+      <small>{[...state, t.priority[alarm.priority]].join(", ")}</small>
+      {alarm.recording !== null && <small><Frames name={alarm.recording} /></small>}
+      {alarm.work_order !== null && <small><bdi>{t.workOrder(alarm.work_order)}</bdi></small>}
+    </>
+  );
+}
+
+/** The raw frames around an alarm, to download; a link sends no token, so with one the page fetches them. */
+export function Frames({ name, full = false }: { name: string; full?: boolean }) {
+  const path = `/api/v1/recordings/${encodeURIComponent(name)}`;
+  const fetched = (event: MouseEvent): void => {
+    if (!hasToken()) return;
+    event.preventDefault();
+    void download(path, name);
+  };
+  return <a href={path} download={name} onClick={fetched}>{full ? name : t.frames}</a>;
+}
+
+/** That it has no name yet, or what it was called before it had this one. */
+function Names({ alarm }: { alarm: Alarm }) {
+  if (alarm.stage === "changed") return alarm.active ? <span class="quiet"> {t.notNamed}</span> : null;
+  const before = [...new Set(alarm.past.map((name) => name.parameter))].filter((name) => name !== alarm.parameter);
+  return before.length === 0 ? null : <span class="quiet"> {t.atFirst(before.join(", "))}</span>;
+}
+
+/** The ends of the interval in which the onset lies, as far as they are known. */
+function onsetRange(alarm: Alarm): string {
+  if (alarm.onset_low === null && alarm.onset_high === null) return "";
+  const [low, high] = [alarm.onset_low, alarm.onset_high].map((end) => (end === null ? t.unknown : moment(end)));
+  return t.onsetRange(low ?? "", high ?? "");
+}
+
+export function OnsetRange({ alarm, full = false }: { alarm: Alarm; full?: boolean }) {
+  const away = (end: string): string => span(Math.abs(Date.parse(end) - Date.parse(alarm.onset)) / 1000);
+  const ends = [alarm.onset_low && `−${away(alarm.onset_low)}`, alarm.onset_high && `+${away(alarm.onset_high)}`].filter(Boolean);
+  if (ends.length === 0) return null;
+  return <small title={onsetRange(alarm)}>{full ? t.onsetWithin(ends.join(" ")) : <span class="nowrap">{ends.join(" ")}</span>}</small>;
+}
+
+/** Size with its 95 % interval, also as a share of nominal. */
+export function sizeText(alarm: Alarm): string {
+  if (alarm.size === null) return alarm.active ? t.notKnown : "–";
+  const share = alarm.nominal ? ` (${percent(alarm.size / Math.abs(alarm.nominal))})` : "";
+  return `${withMargin(alarm.size, Z95 * (alarm.size_sd ?? 0), true)} ${unit(alarm.unit)}${share}`;
+}

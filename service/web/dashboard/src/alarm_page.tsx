@@ -1,0 +1,126 @@
+// One alarm for the person who goes to the axis: what was found, how sure, since when, what to do. Printed, it is one sheet.
+import { useCallback, useEffect, useState } from "preact/hooks";
+import { AlarmButtons } from "./alarm_actions";
+import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
+import { ask, type AlarmRecord } from "./ask";
+import { moment, percent, zone } from "./format";
+import { useLive } from "./live";
+import { arrow, axisLink, numberWithUnit, Time, Words } from "./marks";
+import { t } from "./texts";
+
+export function AlarmPage({ id }: { id: string }) {
+  const live = useLive();
+  const [alarm, set] = useState<AlarmRecord | null>(null);
+  const [problem, setProblem] = useState("");
+  const refresh = useCallback(async () => {
+    try {
+      set(await ask<AlarmRecord>(`/api/v1/alarms/${encodeURIComponent(id)}`));
+      setProblem("");
+    } catch (error) {
+      setProblem((error as Error).message);
+    }
+  }, [id]);
+  const beat = Math.floor((live.answered ?? 0) / 5000);
+  const key = JSON.stringify(live.active.find((one) => String(one.id) === id) ?? null);
+  useEffect(() => void refresh(), [refresh, beat, key]);
+  if (alarm === null) return <p class="quiet">{problem || t.waiting}</p>;
+  const axis = live.axes.find((one) => one.id === alarm.axis);
+  const meaning = axis?.parameters.find((p) => p.name === alarm.parameter)?.meaning ?? "";
+  const report = live.service?.report;
+  return (
+    <article class={`alarm-page prio-${alarm.priority}`} aria-label={t.alarmTitle(alarm.id ?? 0)}>
+      <div class="title">
+        <h1>{t.alarmTitle(alarm.id ?? 0)}: <a href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a></h1>
+        <span class="no-print"><AlarmButtons alarm={alarm} done={refresh} /> <button type="button" onClick={() => print()}>{t.print}</button></span>
+      </div>
+      <p class="sentence"><Words>{alarm.words}</Words></p>
+      {alarm.reaches.map((reach) => <p key={reach.name} class="sentence"><Words>{reach.words}</Words></p>)}
+      <div class="columns">
+        <section>
+          <h2>{t.found}</h2>
+          <dl>
+            <dt>{t.state}</dt><dd><State alarm={alarm} /></dd>
+            <dt>{t.columns.parameter}</dt><dd><bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</dd>
+            <dt>{t.columns.size}</dt><dd>{sizeText(alarm)}</dd>
+            <dt>{t.nominal}</dt><dd>{numberWithUnit(alarm.nominal, alarm.unit)}</dd>
+            <dt>{t.columns.onset}</dt><dd><Time at={alarm.onset} /><OnsetRange alarm={alarm} full /></dd>
+            <dt>{t.columns.raised}</dt><dd><Time at={alarm.raised} /></dd>
+            <dt>{t.columns.ended}</dt><dd>{alarm.ended === null ? "–" : <Time at={alarm.ended} />}</dd>
+            <dt>{t.kindLabel}</dt><dd>{t.kind[alarm.kind]}</dd>
+            <dt>{t.crossings}</dt><dd>{t.times(alarm.crossings)}</dd>
+          </dl>
+        </section>
+        <section>
+          <h2>{t.howSure}</h2>
+          {alarm.stage === "changed" && <p>{t.stageChanged}</p>}
+          {alarm.doubt && <p>{t.doubt[alarm.doubt]}</p>}
+          {alarm.causes.length > 0 && <Causes alarm={alarm} />}
+          {alarm.inside_calibration !== null && <p>{alarm.inside_calibration ? t.inside : t.outside}</p>}
+          <h2>{t.whatToDo}</h2>
+          <ol>{advice(alarm, meaning).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
+          {(alarm.recording !== null || report) && <h2 class="no-print">{t.files}</h2>}
+          <ul class="no-print">
+            {alarm.recording !== null && <li><Frames name={alarm.recording} full /></li>}
+            {report && <li><a href={report}>{t.pages.report}</a></li>}
+          </ul>
+        </section>
+      </div>
+      <section>
+        <h2>{t.history}</h2>
+        <Transitions alarm={alarm} />
+      </section>
+      <p class="print-only quiet">axiswatch {live.service?.version}. {t.printed(moment(Date.now()))}. {t.zone(zone())}</p>
+    </article>
+  );
+}
+
+function Causes({ alarm }: { alarm: AlarmRecord }) {
+  return (
+    <table role="table" aria-label={t.causes}>
+      <thead><tr><th scope="col">{t.causes}</th><th scope="col">{t.probability}</th></tr></thead>
+      <tbody>
+        {alarm.causes.map((cause) => (
+          <tr key={cause.parameter}>
+            <td><bdi>{cause.parameter}</bdi>{cause.alike.length > 0 && <small><bdi>{t.alike(cause.alike.join(", "))}</bdi></small>}</td>
+            <td>{percent(cause.probability, false)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+/** What the state and the causes of an alarm ask for. */
+function advice(alarm: AlarmRecord, meaning: string): string[] {
+  const words: string[] = [];
+  if (["unacknowledged", "returned", "latched"].includes(alarm.state)) words.push(t.advice.acknowledge);
+  if (alarm.kind === "forecast") return [...words, t.advice.forecast, t.advice.order];
+  if (!alarm.active) return [...words, t.advice.gone];
+  if (alarm.stage === "changed") return [...words, t.advice.wait];
+  if (["model", "sign", "still"].includes(alarm.doubt)) return [...words, t.advice.sensor, t.advice.order];
+  words.push(t.advice.inspect(meaning ? `${alarm.parameter} (${meaning})` : alarm.parameter));
+  const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
+  if (alike.length > 0) words.push(t.advice.inspectAlike(alike.join(", ")));
+  return [...words, t.advice.order];
+}
+
+function Transitions({ alarm }: { alarm: AlarmRecord }) {
+  const { when, what, who, note } = t.transitions;
+  return (
+    <div class="panel">
+      <table role="table" aria-label={t.history}>
+        <thead><tr>{[when, what, who, note].map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
+        <tbody>
+          {alarm.transitions.map((step) => (
+            <tr key={step.at + step.event}>
+              <td><Time at={step.at} /></td>
+              <td>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</td>
+              <td><bdi>{step.who}</bdi></td>
+              <td><bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi></td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}

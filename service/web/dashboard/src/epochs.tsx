@@ -1,0 +1,134 @@
+// The epochs of an axis: since when which nominal values are in force; a new one after a repair, or back to an old one.
+import { useEffect, useRef, useState } from "preact/hooks";
+import { ask, isSilence, type Axis, type Body } from "./ask";
+import { moment } from "./format";
+import { numberWithUnit, Time, Words } from "./marks";
+import { t } from "./texts";
+
+export type Epoch = Body<"Epoch">;
+
+/** "learning: 0.5 h of 2 h of operation", or nothing. */
+export const epochWords = ({ epoch }: Axis): string => (epoch.state === "current" ? "" : epoch.words);
+
+const EVERY_MS = 10_000;
+
+/** The epochs of an axis, newest first; empty while they are not known. */
+export function useEpochs(axis: Axis | undefined): [Epoch[], () => Promise<void>] {
+  const [epochs, set] = useState<Epoch[]>([]);
+  const now = axis?.epoch;
+  const id = axis?.id ?? "";
+  const load = async (): Promise<void> => {
+    try {
+      set((await ask<Body<"AxisEpochs">>(`/api/v1/axes/${encodeURIComponent(id)}/epochs`)).epochs);
+    } catch {
+      // The header says that there is no answer.
+    }
+  };
+  useEffect(() => {
+    if (id === "") return undefined;
+    void load();
+    const timer = setInterval(() => void load(), EVERY_MS);
+    return () => clearInterval(timer);
+  }, [id, now?.number, now?.state]);
+  return [epochs, load];
+}
+
+/** When the nominal values changed [s since 1970]: the first epoch changed none. */
+export const changesOf = (epochs: Epoch[]): number[] =>
+  epochs.filter((epoch) => epoch.in_force !== null && epoch.number > 1).map((epoch) => Date.parse(epoch.in_force ?? "") / 1000);
+
+type Wanted = { action: "baseline" } | { action: "cancel" } | { action: "restore"; number: number };
+
+export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[]; refresh: () => Promise<void> }) {
+  const [wanted, want] = useState<Wanted | null>(null);
+  const now = axis.epoch;
+  const { number, state, source, since, who, values } = t.epochs.columns;
+  return (
+    <section aria-label={t.epochs.title}>
+      <h2>{t.epochs.title}</h2>
+      <p>
+        {now.state === "learning"
+          ? <button type="button" onClick={() => want({ action: "cancel" })}>{t.epochs.cancel}</button>
+          : <button type="button" onClick={() => want({ action: "baseline" })}>{t.epochs.baseline}</button>}
+        {" "}<Words>{epochWords(axis)}</Words>
+      </p>
+      <div class="panel">
+        <table role="table" aria-label={t.epochs.title}>
+          <thead><tr>{[number, state, source, since, who, values, ""].map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
+          <tbody>
+            {epochs.map((epoch) => (
+              <tr key={epoch.number}>
+                <td>{epoch.number}</td>
+                <td>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words>{epoch.reason}</Words></small>}</td>
+                <td>{t.epochs.source[epoch.source]}</td>
+                <td>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</td>
+                <td><bdi>{[epoch.who, epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi></td>
+                <td>{epoch.values.map((v) => <Value key={v.name} v={v} />)}</td>
+                <td>{["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
+                  <button type="button" onClick={() => want({ action: "restore", number: epoch.number })}>{t.epochs.restore}</button>
+                )}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+      {wanted && <EpochForm {...{ axis, wanted, refresh }} close={() => want(null)} />}
+    </section>
+  );
+}
+
+function Value({ v }: { v: Epoch["values"][number] }) {
+  const before = v.former === null ? "" : ` (${t.epochs.before} ${numberWithUnit(v.former, v.unit)})`;
+  return <div><bdi>{v.name}</bdi> = {numberWithUnit(v.value, v.unit)}{before}{v.kept !== null && <small><Words>{v.kept}</Words></small>}</div>;
+}
+
+interface FormProps {
+  axis: Axis;
+  wanted: Wanted;
+  close: () => void;
+  refresh: () => Promise<void>;
+}
+
+function EpochForm({ axis, wanted, close, refresh }: FormProps) {
+  const dialog = useRef<HTMLDialogElement>(null);
+  const [problem, setProblem] = useState("");
+  useEffect(() => dialog.current?.showModal(), []);
+  const { action } = wanted;
+  const label = t.epochs[action];
+  const send = async (event: SubmitEvent): Promise<void> => {
+    event.preventDefault();
+    const given = new FormData(event.currentTarget as HTMLFormElement);
+    const body: Record<string, unknown> = { comment: given.get("comment"), work_order: given.get("order") };
+    if (action === "baseline") Object.assign(body, { mode: "window", hours: Number(given.get("hours")) });
+    if (action !== "cancel") body.verify_hours = Number(given.get("verify"));
+    const path = action === "baseline" ? "baseline" : action === "cancel" ? "baseline/cancel" : `epochs/${wanted.number}/restore`;
+    try {
+      await ask(`/api/v1/axes/${encodeURIComponent(axis.id)}/${path}`, body);
+    } catch (error) {
+      return setProblem(isSilence(error) ? t.noAnswer : (error as Error).message);
+    }
+    close();
+    return refresh();
+  };
+  const hours = (name: string, words: string, value: number) => (
+    <label>{words}<input name={name} type="number" min="0.1" step="any" defaultValue={String(value)} required /></label>
+  );
+  return (
+    <dialog ref={dialog} aria-labelledby="epoch-dialog-title" onClose={close}>
+      <form onSubmit={send}>
+        <h2 id="epoch-dialog-title">{label}: <bdi>{axis.id}</bdi>{action === "restore" && ` (${wanted.number})`}</h2>
+        <p>{t.epochs.meaning[action]}</p>
+        {action === "baseline" && hours("hours", t.epochs.hours, 2)}
+        {action !== "cancel" && hours("verify", t.epochs.verify, 8)}
+        <label>{t.comment}<textarea name="comment" rows={2} maxLength={2000} required={action !== "cancel"} /></label>
+        <label>{t.workOrderLabel}<input name="order" maxLength={100} autocomplete="off" /></label>
+        {action !== "cancel" && <label class="confirm"><input type="checkbox" required /> {t.epochs.confirm[action]}</label>}
+        {problem && <p class="banner bad" role="alert">{problem}</p>}
+        <div class="choices">
+          <button type="button" onClick={close}>{t.actions.cancel}</button>
+          <button type="submit">{label}</button>
+        </div>
+      </form>
+    </dialog>
+  );
+}

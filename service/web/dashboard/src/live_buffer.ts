@@ -1,0 +1,44 @@
+// The last minutes of the axes as this page has seen them: the live end of the plots.
+import type { Axis, Parameter } from "./ask";
+
+const LENGTH_S = 120; // the history of the daemon is up to a minute late
+
+export interface LivePoint {
+  /** Time of the last sample [s since 1970]. */
+  time: number;
+  parameters: LiveParameter[];
+}
+
+/** What is plotted of a parameter: the rest of three hundred axes would fill the memory. */
+export type LiveParameter = Pick<
+  Parameter, "name" | "estimate" | "standard_deviation" | "nominal" | "cusum" | "threshold" | "observation"
+>;
+
+const plotted = ({ name, estimate, standard_deviation, nominal, cusum, threshold, observation }: Parameter): LiveParameter =>
+  ({ name, estimate, standard_deviation, nominal, cusum, threshold, observation });
+
+class LiveBuffer {
+  private readonly points = new Map<string, LivePoint[]>();
+
+  /** Keeps an axis, if it has a sample that is newer than the last one kept. */
+  add(axis: Axis): void {
+    if (axis.last_sample === null) return;
+    const time = Date.parse(axis.last_sample) / 1000;
+    const kept = this.points.get(axis.id) ?? [];
+    const last = kept.at(-1);
+    // Twice a second at most, and never backwards: a clock that was set back begins anew.
+    if (last && time > last.time && time < last.time + 0.5) return;
+    if (last && time < last.time) kept.length = 0;
+    if (last && time === last.time) return;
+    kept.push({ time, parameters: axis.parameters.map(plotted) });
+    while ((kept[0]?.time ?? Infinity) < time - LENGTH_S) kept.shift();
+    this.points.set(axis.id, kept);
+  }
+
+  /** The points of an axis after a time [s since 1970]. */
+  after(id: string, time: number): LivePoint[] {
+    return (this.points.get(id) ?? []).filter((point) => point.time > time);
+  }
+}
+
+export const liveBuffer = new LiveBuffer();

@@ -1,0 +1,193 @@
+// All axes on one screen, the one that needs most first.
+import { memo } from "preact/compat";
+import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
+import type { Alarm } from "./ask";
+import { epochWords } from "./epochs";
+import { span } from "./format";
+import { useLive, ageOf } from "./live";
+import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time, Words } from "./marks";
+import { isHidden, itemsOf, matches, NEEDS, ordered, type Item, type Need } from "./need";
+import { t } from "./texts";
+import { GAP, layoutOf } from "./tile_layout";
+
+const LINES = 3; // alarms above the tiles
+const MARGIN = 8; // below the tiles [px]
+
+export function Overview() {
+  const live = useLive();
+  const [search, setSearch] = useState("");
+  const [shown, setShown] = useState<Need | "all">("all");
+  const [order, setOrder] = useState<"need" | "name">("need");
+  const items = useMemo(() => itemsOf(live.axes, live.active), [live.axes, live.active]);
+  const found = useMemo(() => items.filter((item) => matches(item, search)), [items, search]);
+  const chosen = ordered(found.filter((item) => shown === "all" || item.need === shown), order);
+  const numbers = (need: Need | "all"): number => found.filter((item) => need === "all" || item.need === need).length;
+  const field = useRef<HTMLInputElement>(null);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent): void => {
+      if (event.key !== "/" || event.target instanceof HTMLInputElement || event.target instanceof HTMLTextAreaElement) return;
+      event.preventDefault();
+      field.current?.focus();
+    };
+    addEventListener("keydown", onKey);
+    return () => removeEventListener("keydown", onKey);
+  }, []);
+  return (
+    <>
+      <h1 class="unseen">{t.pages.overview}</h1>
+      <AlarmLines alarms={live.active.filter((alarm) => !isHidden(alarm))} />
+      <div class="tools">
+        <input ref={field} type="search" placeholder={`${t.search}  /`} aria-label={t.search} value={search}
+          onInput={(event) => setSearch(event.currentTarget.value)} />
+        <div class="choice" role="group" aria-label={t.filter}>
+          {(["all", ...NEEDS] as const).map((need) => (
+            <button key={need} type="button" aria-pressed={shown === need} onClick={() => setShown(need)}>
+              {t.needs[need]} <b>{numbers(need)}</b>
+            </button>
+          ))}
+        </div>
+        <label class="order">{t.sort}
+          <select value={order} onChange={(event) => setOrder(event.currentTarget.value as "need" | "name")}>
+            <option value="need">{t.sortNeed}</option>
+            <option value="name">{t.sortName}</option>
+          </select>
+        </label>
+      </div>
+      {chosen.length > 0 ? <Tiles items={chosen} /> : (
+        <p class="quiet">{live.answered === null ? t.waiting : live.axes.length === 0 ? t.noAxis : t.noMatch}</p>
+      )}
+      <Legend />
+    </>
+  );
+}
+
+function AlarmLines({ alarms }: { alarms: Alarm[] }) {
+  if (alarms.length === 0) return null;
+  return (
+    <ul class="alarm-lines" aria-label={t.activeAlarms(alarms.length)}>
+      {alarms.slice(0, LINES).map((alarm) => (
+        <li key={`${alarm.axis} ${alarm.raised} ${alarm.parameter}`}>
+          <AlarmMark alarm={alarm} />
+          <a class="axis-name" href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a>
+          <a class="sentence" href={alarmLink(alarm.id)}><Words>{alarm.words}</Words></a>
+          <span class="quiet nowrap">{t.since} <Time at={alarm.onset} /></span>
+        </li>
+      ))}
+      {alarms.length > LINES && <li><a href="#/alarms">{t.more(alarms.length - LINES)}</a></li>}
+    </ul>
+  );
+}
+
+/** The size of the place for the tiles: the window below its upper edge. */
+function usePlace(): [preact.RefObject<HTMLUListElement | null>, { width: number; height: number }] {
+  const place = useRef<HTMLUListElement>(null);
+  const [size, setSize] = useState({ width: 0, height: 0 });
+  useLayoutEffect(() => {
+    const measure = (): void => {
+      const node = place.current;
+      if (!node) return;
+      const height = Math.max(120, innerHeight - (node.getBoundingClientRect().top + scrollY) - MARGIN);
+      setSize((was) => (was.width === node.clientWidth && was.height === height ? was : { width: node.clientWidth, height }));
+    };
+    measure();
+    const observer = new ResizeObserver(measure);
+    observer.observe(document.body);
+    addEventListener("resize", measure);
+    return () => {
+      observer.disconnect();
+      removeEventListener("resize", measure);
+    };
+  }, []);
+  return [place, size];
+}
+
+const STEPS: Record<string, (columns: number) => number> = {
+  ArrowRight: () => 1, ArrowLeft: () => -1, ArrowDown: (columns) => columns, ArrowUp: (columns) => -columns,
+};
+
+function Tiles({ items }: { items: Item[] }) {
+  const live = useLive();
+  const [place, size] = usePlace();
+  const parameters = Math.max(1, ...items.map((item) => item.axis.parameters.length));
+  const layout = layoutOf(items.length, parameters, size.width, size.height);
+  const move = (event: KeyboardEvent): void => {
+    const links = [...(place.current?.querySelectorAll<HTMLElement>("a.tile") ?? [])];
+    const at = links.indexOf(document.activeElement as HTMLElement);
+    const step = STEPS[event.key];
+    if (at < 0 || !step) return;
+    event.preventDefault();
+    links[at + step(layout.columns)]?.focus();
+  };
+  return (
+    <ul ref={place} class={layout.wide ? "tiles wide" : "tiles"} aria-label={t.axes} onKeyDown={move}
+      style={{ "gap": `${GAP}px`, "grid-template-columns": `repeat(${layout.columns}, minmax(0, 1fr))`, "--bar": `${layout.bar}px` }}>
+      {items.map((item) => (
+        <Tile key={item.axis.id} item={item} wide={layout.wide} age={layout.wide ? ageText(ageOf(item.axis, live)) : ""} />
+      ))}
+    </ul>
+  );
+}
+
+const ageText = (age: number | null): string => (age === null ? t.noSample : t.lastSample(span(age)));
+
+/** A wide tile says since when there is an alarm, or what is being learnt, or how old the last sample is. */
+function Age({ item: { axis, alarms }, age }: { item: Item; age: string }) {
+  if (alarms[0]) return <span class="age">{t.since} <Time at={alarms[0].onset} /></span>;
+  return <span class="age"><Words>{epochWords(axis) || age}</Words></span>;
+}
+
+interface TileProps {
+  item: Item;
+  wide: boolean;
+  age: string;
+}
+
+const Tile = memo(function Tile({ item, wide, age }: TileProps) {
+  const { axis, need, alarms } = item;
+  const words = needText(item) || epochWords(axis) || t.needs.normal;
+  // A wide one says all this in its own text.
+  const label = wide ? undefined : [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
+  return (
+    <li>
+      <a class={`tile ${need} prio-${alarms[0]?.priority ?? "none"}`} href={axisLink(axis.id)} aria-label={label} title={axis.id}>
+        <span class="head">
+          {alarms[0] ? <AlarmMark alarm={alarms[0]} /> : <NeedMark need={need} />}
+          {wide ? <bdi class="whole name">{axis.id}</bdi>
+            : <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>}
+          {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[axis.epoch.state] : words}</span>}
+        </span>
+        {wide && <Age {...{ item, age }} />}
+        {axis.parameters.map((p) => (wide ? <WideRow key={p.name} p={p} /> : <Bar key={p.name} p={p} />))}
+      </a>
+    </li>
+  );
+}, sameTile);
+
+/** An axis that has not changed is not drawn again. */
+function sameTile(a: TileProps, b: TileProps): boolean {
+  return a.wide === b.wide && a.age === b.age && a.item.axis === b.item.axis && a.item.need === b.item.need
+    && a.item.alarms.length === b.item.alarms.length && a.item.alarms.every((alarm, i) => alarm === b.item.alarms[i]);
+}
+
+function WideRow({ p }: { p: Item["axis"]["parameters"][number] }) {
+  return (
+    <span class={`row ${kindOf(p)}`}>
+      <bdi class="parameter">{p.name}</bdi>
+      <span class="value">{estimateText(p)}</span>
+      <span class="share">{p.status === "waiting" ? "–" : deviationText(p)}</span>
+      <Bar p={p} />
+      <span class="state">{stateOf(p)}</span>
+    </span>
+  );
+}
+
+function Legend() {
+  return (
+    <p class="legend quiet">
+      <span><i class="key tick" /> {t.legend.tick}</span>
+      <span><i class="key zone" /> {t.legend.zone}; {t.legend.scale}</span>
+      <span>{t.legend.dashed}</span>
+      <span>{t.legend.marks}</span>
+    </p>
+  );
+}

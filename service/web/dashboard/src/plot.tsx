@@ -1,0 +1,168 @@
+// A plot over time: lines with a band, alarms as marks. All plots of a page have one time range, which each can change.
+import { useEffect, useRef } from "preact/hooks";
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+import { ticks as tickTexts } from "./format";
+import type { Mark } from "./series";
+import { language } from "./texts";
+
+export type Range = [number, number];
+
+export interface Line {
+  /** A colour of the style sheet. */
+  colour: string;
+  dash?: number[];
+  width?: number;
+}
+
+export interface PlotProps {
+  label: string;
+  height: number;
+  time: number[];
+  columns: (number | null)[][];
+  lines: Line[];
+  /** Numbers of two columns between which a band is drawn. */
+  band?: [number, number];
+  marks?: Mark[];
+  /** Times of changes of the nominal values, drawn as lines. */
+  changes?: number[];
+  range: Range;
+  /** The range of the values. */
+  scale: Range;
+  onRange: (range: Range) => void;
+}
+
+/** A colour of the style sheet, as it is in this place: alarms have the colour of their priority. */
+const colourOf = (node: Element, name: string): string => getComputedStyle(node).getPropertyValue(`--${name}`).trim();
+const dark = matchMedia("(prefers-color-scheme: dark)");
+
+export function Plot(props: PlotProps) {
+  const place = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | null>(null);
+  const latest = useRef(props);
+  latest.current = props;
+  const shape = JSON.stringify([props.lines, props.band, props.height, language()]);
+  useEffect(() => {
+    const node = place.current;
+    if (!node) return undefined;
+    const make = (): void => {
+      plot.current?.destroy();
+      plot.current = new uPlot(optionsOf(latest, node), dataOf(latest.current), node);
+    };
+    make();
+    const observer = new ResizeObserver(() => plot.current?.setSize({ width: node.clientWidth, height: latest.current.height }));
+    observer.observe(node);
+    dark.addEventListener("change", make);
+    return () => {
+      observer.disconnect();
+      dark.removeEventListener("change", make);
+      plot.current?.destroy();
+      plot.current = null;
+    };
+  }, [shape]);
+  useEffect(() => {
+    const made = plot.current;
+    made?.batch(() => {
+      made.setData(dataOf(props), false);
+      made.setScale("x", { min: props.range[0], max: props.range[1] });
+      made.setScale("y", { min: props.scale[0], max: props.scale[1] });
+    });
+  });
+  return <div ref={place} class="plot" role="img" aria-label={props.label} />;
+}
+
+const dataOf = (props: PlotProps): uPlot.AlignedData => [props.time, ...props.columns] as uPlot.AlignedData;
+
+function optionsOf(latest: { current: PlotProps }, node: HTMLElement): uPlot.Options {
+  const { height, lines, band } = latest.current;
+  const colour = (name: string): string => colourOf(node, name);
+  const axis = { stroke: colour("quiet"), grid: { stroke: colour("line"), width: 1 }, ticks: { stroke: colour("line") } };
+  return {
+    width: node.clientWidth,
+    height,
+    legend: { show: false },
+    cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, y: false, points: { size: 6 } },
+    scales: { x: { time: true, auto: false }, y: { auto: false } },
+    axes: [
+      { ...axis, size: 28, values: timeTexts },
+      { ...axis, size: 74, values: (_, ticks) => tickTexts(ticks) },
+    ],
+    series: [{}, ...lines.map(({ colour: name, dash, width: w = 1.5 }) => ({
+      stroke: name === "none" ? "transparent" : colour(name), width: w, ...(dash ? { dash } : {}), points: { show: alone }, spanGaps: false,
+    }))],
+    ...(band ? { bands: [{ series: [band[1] + 1, band[0] + 1] as [number, number], fill: colour("band") }] } : {}),
+    hooks: {
+      drawClear: [(u) => drawMarks(u, latest.current.marks ?? []), (u) => drawChanges(u, latest.current.changes ?? [])],
+      setSelect: [(u) => {
+        const { left, width: w } = u.select;
+        if (w < 4) return;
+        latest.current.onRange([u.posToVal(left, "x"), u.posToVal(left + w, "x")]);
+        u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+      }],
+    },
+  };
+}
+
+/** A point between two gaps has no line: it is drawn as a point. */
+function alone(u: uPlot, series: number, from: number, to: number): boolean {
+  return to - from < 3 || (u.data[series] ?? []).filter((x) => x !== null).length < 3;
+}
+
+const two = (n: number): string => String(n).padStart(2, "0");
+
+/** Times below the axis: the clock, with the date where it changes; dates alone for long ranges. */
+function timeTexts(_: uPlot, ticks: number[]): string[] {
+  const step = (ticks[1] ?? 0) - (ticks[0] ?? 0);
+  let day = "";
+  return ticks.map((tick) => {
+    const d = new Date(tick * 1000);
+    const date = language() === "de" ? `${two(d.getDate())}.${two(d.getMonth() + 1)}.` : `${two(d.getMonth() + 1)}-${two(d.getDate())}`;
+    if (step >= 86400 * 28) return `${d.getFullYear()}-${two(d.getMonth() + 1)}`;
+    if (step >= 86400) return date;
+    const clock = `${two(d.getHours())}:${two(d.getMinutes())}${step < 60 ? `:${two(d.getSeconds())}` : ""}`;
+    const changed = day !== "" && day !== date;
+    day = date;
+    return changed ? `${date} ${clock}` : clock;
+  });
+}
+
+/** Alarms behind the lines: a tinted span from onset to end, with a bar and an arrow at its top. */
+function drawMarks(u: uPlot, marks: Mark[]): void {
+  const { ctx, bbox } = u;
+  const ratio = devicePixelRatio;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  for (const { from, to, label } of marks) {
+    const left = Math.max(bbox.left, u.valToPos(from, "x", true));
+    const right = to === null ? bbox.left + bbox.width : u.valToPos(to, "x", true);
+    ctx.globalAlpha = 0.6;
+    ctx.fillStyle = colourOf(u.root, "alarm-back");
+    ctx.fillRect(left, bbox.top, Math.max(2 * ratio, right - left), bbox.height);
+    ctx.globalAlpha = 1;
+    ctx.fillStyle = colourOf(u.root, "alarm");
+    ctx.fillRect(left, bbox.top, Math.max(2 * ratio, right - left), 3 * ratio);
+    ctx.fillRect(left, bbox.top, 1.5 * ratio, bbox.height);
+    ctx.font = `${12 * ratio}px sans-serif`;
+    ctx.textAlign = "left";
+    ctx.fillText(label, left + 4 * ratio, bbox.top + 16 * ratio);
+  }
+  ctx.restore();
+}
+
+function drawChanges(u: uPlot, changes: number[]): void {
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.strokeStyle = colourOf(u.root, "quiet");
+  ctx.lineWidth = devicePixelRatio;
+  for (const at of changes) {
+    const x = u.valToPos(at, "x", true);
+    if (x < bbox.left || x > bbox.left + bbox.width) continue;
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+  }
+  ctx.restore();
+}

@@ -1,0 +1,180 @@
+// The daemon itself: buses, what was dropped and why, clocks, recordings, versions.
+import { useEffect, useRef, useState } from "preact/hooks";
+import { Frames } from "./alarm_list";
+import { ask, isSilence, type Axis, type Body } from "./ask";
+import { count, number, span } from "./format";
+import { useLive, type Live } from "./live";
+import { axisLink, Time, Words } from "./marks";
+import { t } from "./texts";
+
+const EVERY_MS = 10_000;
+
+export function SystemPage() {
+  const live = useLive();
+  const { service } = live;
+  if (service === null) return <p class="quiet">{t.waiting}</p>;
+  return (
+    <>
+      <h1>{t.system}</h1>
+      <div class="columns">
+        <section class="panel">
+          <h2>{t.theDaemon}</h2>
+          <dl>
+            <dt>{t.version}</dt><dd>{service.version}</dd>
+            <dt>{t.started}</dt><dd><Time at={service.started} /></dd>
+            <dt>{t.running}</dt><dd>{span((Date.parse(service.taken) - Date.parse(service.started)) / 1000)}</dd>
+            <dt>{t.checkpoint}</dt><dd>{service.checkpoint === null ? t.none : <Time at={service.checkpoint} />}</dd>
+            <dt>{t.answerTime}</dt><dd>{live.took === null ? "–" : `${live.took} ms`}</dd>
+          </dl>
+        </section>
+        <Load />
+      </div>
+      <h2>{t.buses}</h2>
+      <Buses live={live} />
+      {service.links.length > 0 && <Links links={service.links} />}
+      <h2>{t.dropsAxis}</h2>
+      <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={live.axes.map(samplesOf)} />
+      <h2>{t.clocks}</h2>
+      <Table label={t.clocks} columns={[t.columns.axis, t.clock, t.interval, t.scatter, t.restarts]} rows={live.axes.map(clockOf)} />
+      <Recordings />
+    </>
+  );
+}
+
+type Cells = preact.ComponentChildren[];
+
+function Table({ label, columns, rows }: { label: string; columns: string[]; rows: Cells[] }) {
+  return (
+    <div class="panel">
+      <table role="table" aria-label={label}>
+        <thead><tr>{columns.map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
+        <tbody>{rows.map((cells, i) => <tr key={i}>{cells.map((cell, k) => <td key={k}>{cell}</td>)}</tr>)}</tbody>
+      </table>
+    </div>
+  );
+}
+
+/** Counts that are not zero: "gated 1200, gap 2". */
+const reasons = (counts: Record<string, number>): Cells => {
+  const found = Object.entries(counts).filter(([, n]) => n > 0);
+  return [found.length === 0 ? "–" : found.map(([reason, n]) => <span key={reason} class="reason">{reason} {count(n)}</span>)];
+};
+
+function Buses({ live }: { live: Live }) {
+  // Frames a second, between two answers.
+  const before = useRef<{ taken: number; frames: Map<string, number> } | null>(null);
+  const rates = useRef(new Map<string, number>());
+  const { service } = live;
+  if (service === null) return null;
+  const taken = Date.parse(service.taken) / 1000;
+  const last = before.current;
+  if (last === null || taken > last.taken) {
+    if (last !== null) {
+      for (const { name, frames } of service.buses) {
+        rates.current.set(name, (frames - (last.frames.get(name) ?? frames)) / (taken - last.taken));
+      }
+    }
+    before.current = { taken, frames: new Map(service.buses.map(({ name, frames }) => [name, frames])) };
+  }
+  const rows = service.buses.map((bus): Cells => {
+    const rate = rates.current.get(bus.name);
+    return [
+      <bdi>{bus.name}</bdi>,
+      <span class={bus.up ? "" : "pill warn"}><Words>{bus.state}</Words></span>,
+      <Words>{bus.reader}</Words>,
+      count(bus.frames),
+      rate === undefined ? "–" : count(Math.round(rate)),
+      reasons(bus.dropped),
+    ];
+  });
+  return <Table label={t.buses} columns={[t.bus, t.columns.state, t.reader, t.received, t.rate, t.dropped]} rows={rows} />;
+}
+
+function Links({ links }: { links: Body<"Link">[] }) {
+  const { connected, problem, pending, delivered, givenUp } = t.links;
+  const rows = links.map((link): Cells => [
+    <><bdi>{link.name}</bdi> ({link.kind})</>,
+    <span class={link.connected ? "" : "pill warn"}>{link.connected ? connected : problem}</span>,
+    link.problem === null ? "–" : <Words>{link.problem}</Words>,
+    count(link.pending),
+    count(link.delivered),
+    reasons(link.given_up),
+  ]);
+  return (
+    <>
+      <h2>{t.links.title}</h2>
+      <Table label={t.links.title} columns={[t.links.link, t.columns.state, t.links.why, pending, delivered, givenUp]} rows={rows} />
+    </>
+  );
+}
+
+const Name = ({ id }: { id: string }) => <a href={axisLink(id)}><bdi>{id}</bdi></a>;
+
+function samplesOf(axis: Axis): Cells {
+  const { used = 0, seeding = 0, ...others } = axis.counters;
+  return [<Name id={axis.id} />, count(axis.samples), count(used + seeding), reasons(others), reasons(axis.dropped)];
+}
+
+function clockOf(axis: Axis): Cells {
+  const { clock, interval_s, scatter_s } = axis.stamps;
+  const ms = (s: number | null): string => (s === null ? "–" : `${number(s * 1000)} ms`);
+  return [<Name id={axis.id} />, t.clockKind[clock] ?? clock, ms(interval_s), ms(scatter_s), reasons(axis.clock)];
+}
+
+function usePolled<T>(path: string): [T | null, () => Promise<void>] {
+  const [found, set] = useState<T | null>(null);
+  const load = async (): Promise<void> => {
+    try {
+      set(await ask<T>(path));
+    } catch {
+      // The header says that there is no answer.
+    }
+  };
+  useEffect(() => {
+    void load();
+    const timer = setInterval(() => void load(), EVERY_MS);
+    return () => clearInterval(timer);
+  }, [path]);
+  return [found, load];
+}
+
+function Load() {
+  const [found] = usePolled<Body<"AlarmStatistics">>("/api/v1/alarms/statistics");
+  return (
+    <section class="panel">
+      <h2>{t.load}</h2>
+      {found === null ? <p class="quiet">{t.waiting}</p> : (
+        <dl>
+          <dt>{t.raisedWeek}</dt><dd>{count(found.raised)}</dd>
+          <dt>{t.perTenMinutes}</dt><dd>{number(found.mean_per_ten_minutes)}</dd>
+          <dt>{t.worstTenMinutes}</dt><dd>{count(found.most_in_ten_minutes)}{found.most_at !== null && <small><Time at={found.most_at} /></small>}</dd>
+        </dl>
+      )}
+    </section>
+  );
+}
+
+function Recordings() {
+  const [found, load] = usePolled<Body<"Recordings">>("/api/v1/recordings");
+  const [problem, setProblem] = useState("");
+  const record = async (): Promise<void> => {
+    try {
+      await ask("/api/v1/recordings", {});
+      setProblem("");
+      await load();
+    } catch (error) {
+      setProblem(isSilence(error) ? t.noAnswer : (error as Error).message);
+    }
+  };
+  const rows = [...(found?.recordings ?? [])].reverse().map(({ name, size_bytes }): Cells => [
+    <Frames name={name} full />, `${number(size_bytes / 1e6)} MB`,
+  ]);
+  return (
+    <section>
+      <h2>{t.recordings}</h2>
+      <p><button type="button" onClick={() => void record()}>{t.recordNow}</button></p>
+      {problem && <p class="banner bad" role="alert"><Words>{problem}</Words></p>}
+      {rows.length === 0 ? <p class="quiet">{t.noRecording}</p> : <Table label={t.recordings} columns={[t.file, t.fileSize]} rows={rows} />}
+    </section>
+  );
+}

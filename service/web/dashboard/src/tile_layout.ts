@@ -1,0 +1,38 @@
+// How large the tiles of the overview are, so that all axes fit on one screen where that is possible.
+
+export interface Layout {
+  columns: number;
+  /** Names of parameters with their numbers, or bars alone. */
+  wide: boolean;
+  /** Height of a bar [px]. */
+  bar: number;
+}
+
+export const GAP = 4;
+const WIDE = 250;
+const LARGEST = 430;
+const SMALLEST = 78;
+const FEW = 24;
+const PHONE = 700;
+
+const heightOf = (wide: boolean, parameters: number): number => (wide ? 74 + 36 * parameters : 27 + 9 * parameters);
+
+/** For so many axes, with so many parameters each at most, in a place of this size [px]. */
+export function layoutOf(axes: number, parameters: number, width: number, height: number): Layout {
+  // On a phone the page scrolls anyway: a few axes show all their numbers.
+  if (axes <= FEW && width < PHONE) return { columns: Math.max(1, Math.floor(width / WIDE)), wide: true, bar: 14 };
+  const most = Math.max(1, Math.floor((width + GAP) / (SMALLEST + GAP)));
+  for (let columns = Math.max(1, Math.ceil(width / LARGEST)); columns <= most; columns += 1) {
+    const tile = (width + GAP) / columns - GAP;
+    const wide = tile >= WIDE;
+    const rows = Math.ceil(axes / columns);
+    const room = (height + GAP) / rows - GAP;
+    if (heightOf(wide, parameters) <= room) {
+      const bar = wide ? 14 : Math.min(16, Math.floor((room - 27) / parameters) - 3);
+      return { columns, wide, bar: Math.max(6, bar) };
+    }
+  }
+  // They do not fit: the page scrolls, a few with all numbers, many as small tiles.
+  if (axes <= FEW) return { columns: Math.max(1, Math.floor(width / (WIDE + 40))), wide: true, bar: 14 };
+  return { columns: most, wide: false, bar: 6 };
+}

@@ -1,0 +1,229 @@
+// The data layer of the dashboard: what is plotted, the order of the axes, how numbers and times are written.
+import { beforeEach, describe, expect, test } from "vitest";
+import type { Alarm, Axis, Body } from "../src/ask";
+import { EventParser } from "../src/events";
+import * as format from "../src/format";
+import { liveBuffer } from "../src/live_buffer";
+import { itemsOf, matches, ordered } from "../src/need";
+import { columnsOf, marksOf, rangeOf, type History } from "../src/series";
+import { choose } from "../src/texts";
+import { GAP, layoutOf } from "../src/tile_layout";
+import { moved, scaled } from "../src/time_range";
+import { trendColumns } from "../src/trend_columns";
+
+const T0 = Date.parse("2026-03-01T12:00:00Z") / 1000;
+const iso = (s: number): string => new Date((T0 + s) * 1000).toISOString();
+
+function parameter(changes: object = {}) {
+  return {
+    name: "fm", meaning: "friction", unit: "1", nominal: 1, estimate: 1.1, standard_deviation: 0.1, threshold: 4,
+    cusum: { up: 2, down: 0 }, status: "tracking", observation: "observed", tested: true, ...changes,
+  };
+}
+
+function axisOf(id: string, changes: object = {}): Axis {
+  return { id, bus: "can0", last_sample: iso(0), last_sample_age_s: 0.1, parameters: [parameter()], ...changes } as unknown as Axis;
+}
+
+function alarmOf(axis: string, changes: object = {}): Alarm {
+  return {
+    id: 1, axis, parameter: "fm", direction: "up", priority: "medium", state: "unacknowledged", active: true,
+    onset: iso(0), ended: null, ...changes,
+  } as unknown as Alarm;
+}
+
+type Numbers = (number | null)[];
+
+function historyOf(n: number[], estimate: Numbers, others: Record<string, Numbers> = {}): History {
+  const column = (mean: Numbers) => ({ unit: "1", mean, min: mean, max: mean });
+  const of = (name: string, value: number) => column(others[name] ?? n.map((k) => (k === 0 ? null : value)));
+  const parameters = [{
+    name: "fm", unit: "1", nominal: 1, n, estimate: column(estimate), deviation: of("deviation", 0.5),
+    standard_deviation: of("standard_deviation", 0.1), cusum_up: of("cusum_up", 2), cusum_down: of("cusum_down", 0),
+    threshold: of("threshold", 4), observability: of("observability", 1),
+  }];
+  return { axis: "a", resolution: "raw", step_s: 10, next: null, time: n.map((_, i) => iso(10 * i)), parameters };
+}
+
+describe("columns of a plot", () => {
+  test("have the 95 % band, the nominal value of that time, the statistics relative to the threshold", () => {
+    const c = columnsOf("fm", historyOf([1], [1.5]), []);
+    expect(c).toMatchObject({ time: [T0], estimate: [1.5], nominal: [1], up: [0.5], down: [0], excitation: [1] });
+    expect(c.low[0]).toBeCloseTo(1.5 - 0.196);
+    expect(c.high[0]).toBeCloseTo(1.5 + 0.196);
+  });
+
+  test("are broken at a gap, whatever a row without points holds", () => {
+    const c = columnsOf("fm", historyOf([1, 0, 1], [1, 7, 2]), []);
+    expect(c.estimate).toEqual([1, null, 2]);
+    expect(c.up).toEqual([0.5, null, 0.5]);
+  });
+
+  test("have no value where there is no number", () => {
+    const c = columnsOf("fm", historyOf([1, 1, 1], [NaN, Infinity, null], { threshold: [0, -1, null] }), []);
+    expect(c.estimate).toEqual([null, null, null]);
+    expect(c.low).toEqual([null, null, null]);
+    expect(c.up).toEqual([null, null, null]);
+  });
+
+  test("go on with what the page has seen, after a gap where nothing was seen, and never twice", () => {
+    const live = [0, 5, 100].map((s) => ({ time: T0 + s, parameters: axisOf("a").parameters }));
+    const c = columnsOf("fm", historyOf([1], [1]), live);
+    expect(c.time.map((s) => s - T0)).toEqual([0, 5, 52.5, 100]);
+    expect(c.estimate).toEqual([1, 1.1, null, 1.1]);
+  });
+
+  test("are empty without a history, or with another parameter", () => {
+    expect(columnsOf("fm", null, []).time).toEqual([]);
+    expect(columnsOf("kT", historyOf([1], [1]), []).time).toEqual([]);
+  });
+});
+
+test("the page keeps the last two minutes of an axis, a point each half second, in order", () => {
+  for (const s of [0, 0.2, 1, 1, 50, 130]) liveBuffer.add(axisOf("kept", { last_sample: iso(s) }));
+  const times = (after: number): number[] => liveBuffer.after("kept", T0 + after).map(({ time }) => time - T0);
+  expect(times(0)).toEqual([50, 130]);
+  expect(times(50)).toEqual([130]);
+  liveBuffer.add(axisOf("kept", { last_sample: iso(60) })); // the clock was set back
+  expect(times(0)).toEqual([60]);
+});
+
+describe("the range of a plot", () => {
+  test("holds all values with a margin", () => expect(rangeOf([[1, 2], [null, 0]])).toEqual([-0.12, 2.12]));
+  test("has a constant value in its middle", () => {
+    const [low, high] = rangeOf([[5, 5, 5]]);
+    expect((low + high) / 2).toBeCloseTo(5);
+    expect(high).toBeGreaterThan(low);
+  });
+  test("is never empty", () => {
+    for (const values of [[], [null], [NaN], [Infinity, -Infinity], [0], [1e300], [1e-300]]) {
+      const [low, high] = rangeOf([values]);
+      expect(Number.isFinite(low) && Number.isFinite(high) && high > low, String(values)).toBe(true);
+    }
+  });
+  test("holds what must be seen", () => expect(rangeOf([[1]], [0, 2])).toEqual([-0.12, 2.12]));
+});
+
+describe("marks of alarms", () => {
+  const alarms = [
+    alarmOf("a", { ended: iso(10) }), alarmOf("a", { onset: iso(50) }), alarmOf("a", { parameter: "kT" }),
+    alarmOf("a", { parameter: "torque sign", onset: iso(60) }),
+  ];
+  test("reach from onset to end; a sensor fault concerns all parameters", () => {
+    const marks = marksOf(alarms, "fm", ["fm", "kT"], T0 - 10, T0 + 100);
+    expect(marks.map(({ from, to }) => [from - T0, to && to - T0])).toEqual([[0, 10], [50, null], [60, null]]);
+  });
+  test("are those of the range", () => expect(marksOf(alarms, "fm", ["fm", "kT"], T0 + 20, T0 + 30)).toEqual([]));
+});
+
+describe("need", () => {
+  const axes = [
+    axisOf("r.10"), axisOf("r.9"), axisOf("silent", { last_sample_age_s: 60 }),
+    axisOf("untested", { parameters: [parameter({ tested: false })] }), axisOf("known"), axisOf("low"), axisOf("high"),
+    axisOf("near", { parameters: [parameter({ cusum: { up: 0, down: 3.9 } })] }), axisOf("hidden"),
+  ];
+  const alarms = [
+    alarmOf("low", { priority: "low" }), alarmOf("high", { priority: "high" }), alarmOf("hidden", { state: "shelved" }),
+    alarmOf("known", { state: "acknowledged", priority: "high" }),
+  ];
+  const names = (order: "need" | "name"): string[] => ordered(itemsOf(axes, alarms), order).map(({ axis }) => axis.id);
+
+  test("sorts the most urgent first, the others by evidence and name", () => {
+    expect(names("need")).toEqual(["high", "low", "known", "silent", "untested", "near", "hidden", "r.9", "r.10"]);
+  });
+  test("sorts by name with numbers as numbers", () => {
+    expect(names("name").slice(-4)).toEqual(["r.9", "r.10", "silent", "untested"]);
+  });
+  test("is searched by all words", () => {
+    const item = itemsOf([axisOf("cell.Axis3")], [])[0]!;
+    expect(["", "axis3", "FRICTION cell", "can0"].map((words) => matches(item, words))).toEqual([true, true, true, true]);
+    expect(matches(item, "axis3 torque")).toBe(false);
+  });
+});
+
+describe("tiles", () => {
+  test("of 300 axes fit on a wall screen", () => {
+    const { columns, bar, wide } = layoutOf(300, 3, 1888, 850);
+    expect(wide).toBe(false);
+    expect(Math.ceil(300 / columns) * (27 + 3 * (3 + bar) + GAP)).toBeLessThanOrEqual(850 + GAP);
+  });
+  test("of a few show numbers, on a phone, too", () => {
+    expect(layoutOf(6, 3, 1888, 850).wide).toBe(true);
+    expect(layoutOf(6, 3, 340, 400)).toMatchObject({ columns: 1, wide: true });
+  });
+  test("that do not fit are as many as there is room for in a row", () => expect(layoutOf(2000, 3, 1888, 850).columns).toBe(23));
+});
+
+describe("the range of time", () => {
+  test("moves, and follows the newest time when it reaches it", () => {
+    expect(moved({ length: 100, end: null }, -0.25, 1000)).toEqual({ length: 100, end: 975 });
+    expect(moved({ length: 100, end: 975 }, 0.25, 1000)).toEqual({ length: 100, end: null });
+  });
+  test("grows about its middle, or from its end while it follows", () => {
+    expect(scaled({ length: 100, end: 500 }, 2, 1000)).toEqual({ length: 200, end: 550 });
+    expect(scaled({ length: 100, end: null }, 0.5, 1000)).toEqual({ length: 50, end: null });
+  });
+});
+
+describe("a trend", () => {
+  const limit = { name: "fm", limit: 2, state: "ahead", low: iso(10 * 86400), high: iso(15 * 86400) };
+  const drift = { time: iso(10 * 86400), since: iso(0), level: 1.5, level_sd: 0.03, slope_per_day: 0.1, slope_per_day_sd: 0.01 };
+  const p = { name: "fm", nominal: 1, drift, limits: [limit], time: [iso(0), iso(10 * 86400)], mean: [0.5, 1.5] };
+  const c = trendColumns(p as unknown as Body<"LongTermHistory">);
+  test("goes on to the limit, its band grows from the last entry on", () => {
+    expect((c.time.at(-1)! - T0) / 86400).toBeCloseTo(15);
+    expect(c.trend.at(-1)).toBeCloseTo(2);
+    expect(c.high.at(-1)).toBeCloseTo(2 + 2 * Math.hypot(0.03, 0.05));
+    expect(c.low.slice(0, 2)).toEqual([null, 1.44]);
+    expect(c.mean.slice(0, 3)).toEqual([0.5, 1.5, null]);
+  });
+  test("has a bar where the limit is reached", () => expect(c.limits[0]!.slice(0, 3)).toEqual([null, 2, 2]));
+});
+
+test("events come in pieces; comments are none", () => {
+  const parser = new EventParser();
+  expect(parser.add("event: axes\ndata: {\"a\"")).toEqual([]);
+  expect(parser.add(":1}\n\n: keep-alive\n\nid: 7\nevent: alarm\r\ndata: x\ndata: y\n")).toEqual([{ event: "axes", data: '{"a":1}' }]);
+  expect(parser.add("\n")).toEqual([{ event: "alarm", data: "x\ny" }]);
+});
+
+describe("numbers and times", () => {
+  beforeEach(() => {
+    globalThis.document = { documentElement: {} } as unknown as Document;
+    choose("en");
+  });
+  test.each([
+    [format.number(0.06), "0.06000"],
+    [format.number(95.717), "95.72"],
+    [format.number(0), "0.000"],
+    [format.number(-123456), "−1.235·10⁵"],
+    [format.number(0.0000123), "1.230·10⁻⁵"],
+    [format.number(null), "–"],
+    [format.withMargin(0.07832, 0.00256), "0.0783 ± 0.0026"],
+    [format.withMargin(-0.203, 0.018, true), "−0.203 ± 0.018"],
+    [format.withMargin(12345, 2000), "12345 ± 2000"],
+    [format.withMargin(5.9e-6, 3e-7, true), "(+5.90 ± 0.30)·10⁻⁶"],
+    [format.withMargin(0, 0.002), "0.0000 ± 0.0020"],
+    [format.withMargin(0.5, null, true), "+0.5000"],
+    [format.withMargin(NaN, 1), "–"],
+    [format.percent(0.305), "+30.5 %"],
+    [format.percent(-0.00001), "0.0 %"],
+    [format.percent(-0.2), "−20.0 %"],
+    [format.percent(1.57), "+157 %"],
+    [format.count(1234567), "1\u202f234\u202f567"],
+    [format.unit("kg m^2"), "kg\u202fm²"],
+    [format.unit("1"), ""],
+    [format.span(0.44), "0.4 s"],
+    [format.span(75), "75 s"],
+    [format.span(3600 * 5), "5 h"],
+    [format.ticks([145.25, 145.5, 145.75]).join(" "), "145.25 145.50 145.75"],
+    [format.ticks([0.95, 1, 1.05]).join(" "), "0.95 1.00 1.05"],
+    [format.ticks([0, 2e-5, 4e-5]).join(" "), "0·10⁻⁵ 2·10⁻⁵ 4·10⁻⁵"],
+  ])("%s", (written, expected) => expect(written).toBe(expected));
+  test("have a comma in German, and its dates", () => {
+    choose("de");
+    expect(format.withMargin(0.07832, 0.00256)).toBe("0,0783 ± 0,0026");
+    expect(format.percent(-0.00001)).toBe("0,0 %");
+    expect(format.date(new Date(2026, 2, 1))).toBe("01.03.2026");
+  });
+});
