@@ -1,44 +1,29 @@
 """``axiswatch alarms``: the alarms of a running daemon, and what a person does about them."""
 
-import json
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from monitor_core.wording import seconds_in
 from service.client import AlarmJson, AlarmRecordJson, AlarmText, Client
+from service.commands.daemon_options import (
+    DEFAULT_URL,
+    AsJson,
+    Comment,
+    Token,
+    Url,
+    WorkOrder,
+    print_json,
+    short_time,
+)
 from service.commands.exit_codes import EPILOG, explained
 
-Url = Annotated[
-    str,
-    typer.Option("--url", envvar="AXISWATCH_URL", metavar="URL", help="Address of the daemon."),
-]
-Token = Annotated[
-    str,
-    typer.Option(
-        "--token",
-        envvar="AXISWATCH_TOKEN",
-        metavar="TOKEN",
-        help="Token of the daemon; better in the environment, as other users can see the words of a command.",
-        show_default=False,
-    ),
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the answer of the API as JSON.")]
 AlarmIds = Annotated[list[int], typer.Argument(metavar="ID...", help="Numbers of the alarms.")]
-Comment = Annotated[
-    str, typer.Option("--comment", metavar="TEXT", help="For the journal.", show_default=False)
-]
-WorkOrder = Annotated[
-    str,
-    typer.Option("--work-order", metavar="NUMBER", help="In the plant's system.", show_default=False),
-]
 AlarmStateName = Literal[
     "active", "unacknowledged", "acknowledged", "returned", "latched", "shelved", "suppressed",
     "out-of-service", "normal", "stale", "chattering",
 ]  # fmt: skip
-
-DEFAULT_URL = "http://127.0.0.1:8080"
 
 alarms = typer.Typer(
     help="Alarms of a running daemon: list, show, acknowledge, shelve, comment.",
@@ -196,11 +181,6 @@ def _each(
                 print(_line(found))
 
 
-def print_json(found: Any) -> None:
-    """Print an answer of the API."""
-    print(json.dumps(found, indent=1, ensure_ascii=False))
-
-
 def _line(a: AlarmJson) -> str:
     """An alarm in two lines: what is done about it, and what it says."""
     number = "not yet recorded" if a["id"] is None else f"{a['id']}"
@@ -209,8 +189,3 @@ def _line(a: AlarmJson) -> str:
     order = f", work order {a['work_order']}" if a["work_order"] else ""
     head = f"{number}  {a['axis']} {a['parameter']} {a['direction']}: {state}, {a['priority']} priority"
     return f"{head}, raised {short_time(a['raised'])}{ended}{order}\n    {a['words']}"
-
-
-def short_time(iso: str | None) -> str:
-    """A time of the API for people; empty: there is none."""
-    return "" if iso is None else f"{iso[:10]} {iso[11:19]} UTC"

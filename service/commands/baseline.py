@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from service.client import AlarmText, Client, EpochJson
-from service.commands.alarms import (
+from service.commands.daemon_options import (
     DEFAULT_URL,
     AsJson,
     Comment,

@@ -9,7 +9,7 @@ import typer
 
 from monitor_core.wording import seconds_in
 from service.client import Client
-from service.commands.alarms import DEFAULT_URL, Token, Url
+from service.commands.daemon_options import DEFAULT_URL, Token, Url
 from service.commands.exit_codes import explained
 from service.commands.output_files import STDOUT, check_writable
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from service.client import Client
-from service.commands.alarms import DEFAULT_URL, Token, Url
+from service.commands.daemon_options import DEFAULT_URL, Token, Url
 from service.commands.exit_codes import explained
 from service.commands.output_files import check_writable
 

@@ -5,7 +5,7 @@ import json
 import typer
 
 from service.client import Client
-from service.commands.alarms import DEFAULT_URL, AsJson, Token, Url
+from service.commands.daemon_options import DEFAULT_URL, AsJson, Token, Url
 from service.commands.exit_codes import OK, UNAVAILABLE, explained
 
 
