@@ -14,7 +14,9 @@ Columns = Mapping[str, Sequence[Any]]
 def write_csv(file: IO[bytes], schema: Mapping[str, type], parts: Iterable[Columns]) -> None:
     """Write a table; the kinds of its columns are str, int and float."""
     known = _schema(schema)
-    with pc.CSVWriter(file, known, write_options=pc.WriteOptions(quoting_style="needed")) as writer:
+    options = pc.WriteOptions(include_header=False, quoting_style="needed")  # it would quote all names
+    file.write((",".join(schema) + "\n").encode())
+    with pc.CSVWriter(file, known, write_options=options) as writer:
         for part in parts:
             writer.write_batch(_batch(known, part))
 

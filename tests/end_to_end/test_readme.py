@@ -375,7 +375,7 @@ def test_an_alarm_is_followed_by_command_line_and_by_rest(
 
 
 def test_the_library_example_names_the_fault(capsys: pytest.CaptureFixture[str]) -> None:
-    (program,) = code("python")
+    (program,) = (block for block in code("python") if "import monitor_core as mc" in block)
     exec(compile(program, "README.md", "exec"), {})
     parameter, direction, _, size, *_ = capsys.readouterr().out.split()
     assert (parameter, direction) == ("kT", "up")

@@ -1,6 +1,7 @@
 """Commands inside this process, as their users call them."""
 
 import json
+import logging
 from typing import Any
 
 from typer.testing import CliRunner, Result
@@ -11,7 +12,10 @@ from service.commands.main import app
 
 def axiswatch(*words: object) -> Result:
     """Whatever comes of it; never a traceback."""
+    logs = logging.getLogger()
+    before = logs.handlers[:], logs.level
     result = CliRunner().invoke(app, [*map(str, words)], env={"COLUMNS": "200"})
+    logs.handlers[:], logs.level = before  # those of the daemon write to a stream that is closed now
     assert result.exception is None or isinstance(result.exception, SystemExit), result.output
     assert "Traceback" not in result.output
     return result

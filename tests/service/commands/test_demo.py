@@ -44,9 +44,11 @@ class Daemon:
         reports: Path | None = None,
         complete: Callable[[], None] = lambda: None,
         insecure: bool = False,
+        reloadable: Callable[[Any], None] = lambda _reload: None,
     ) -> None:
         assert record is None
         assert not insecure
+        assert callable(reloadable)
         complete()
         self.config, self.reports = config, reports
         ready("http://127.0.0.1:1/")
