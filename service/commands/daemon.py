@@ -12,8 +12,9 @@ import structlog
 
 from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
-from service.commands.exit_codes import DaemonFailedError, stopped_by_signals
+from service.commands.exit_codes import DaemonFailedError
 from service.commands.service_manager import ServiceManager, status_line
+from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities

@@ -1,11 +1,8 @@
-"""Exit codes and error messages: one message, never a traceback for a user's mistake; and the end by a signal."""
+"""Exit codes and error messages: one message, never a traceback for a user's mistake."""
 
-import signal
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
 
 import typer
 
@@ -81,28 +78,3 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
         ((DaemonFailedError,), FAULT),
     ]
     return next((code for kinds, code in codes if isinstance(error, kinds)), None)
-
-
-@contextmanager
-def stopped_by_signals(stop: threading.Event | None = None) -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set, which is a regular end: exit code 0; the second one ends the process.
-
-    Handlers are as before afterwards.  In another thread than the main one signals are left alone.
-    """
-    stop = stop or threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    numbers = (signal.SIGINT, signal.SIGTERM)
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        stop.set()
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
-
-    before = {number: signal.signal(number, on_signal) for number in numbers}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -10,9 +10,10 @@ import typer
 from rich.console import Console
 
 from monitor_core.arrays import Floats
-from service.commands.exit_codes import explained, stopped_by_signals
+from service.commands.exit_codes import explained
 from service.commands.options import BusOption, Force, bus_named
 from service.commands.output_files import check_writable, write_all
+from service.commands.signal_handling import stopped_by_signals
 
 if TYPE_CHECKING:
     from service.can.frames import FrameBlock

@@ -17,8 +17,9 @@ from rich.table import Table
 
 from service.can.bus_reader import CanReader
 from service.can.frames import FrameBlock
-from service.commands.exit_codes import explained, stopped_by_signals
+from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Seconds, configuration
+from service.commands.signal_handling import stopped_by_signals
 from service.config import Config, needed
 from service.ingest.bus_samples import Ingest, Values
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks

@@ -14,9 +14,9 @@ from monitor_core.wording import duration
 from service.can.frame_recorder import span_s
 from service.can.user_errors import RecordError
 from service.commands.bus_recording import Heard, record_buses
-from service.commands.exit_codes import stopped_by_signals
 from service.commands.live_look import Look, look_at
 from service.commands.progress import steps_bar
+from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 
 RECORDS = "records"

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from service.commands.exit_codes import explained, stopped_by_signals
+from service.commands.exit_codes import explained
 from service.commands.options import LOG_KINDS, ConfigPath, configuration
 from service.commands.progress import progress_bar
 from service.commands.sending import SendYes, confirm_sending
+from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 
 RecordPath = Annotated[

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import structlog
@@ -16,6 +14,7 @@ import typer
 from service.commands.daemon_logs import LogFormat, configure_logs
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Port, configuration
+from service.commands.signal_handling import obeyed
 from service.config import Config, ConfigErrors, load
 from service.store.database import StoreError
 
@@ -69,7 +68,7 @@ def run(
 
     configure_logs(log_format)
     hangup = _Hangup(config, port)
-    with explained(), hangup.listening():
+    with explained(), obeyed([signal.SIGHUP], hangup.look):
         run_daemon(
             with_port(read, port), record, reports=config.parent, insecure=insecure, reloadable=hangup.use
         )
@@ -92,19 +91,6 @@ class _Hangup:
     def use(self, reload: Callable[[Config], Reloaded]) -> None:
         """The daemon runs: ``reload`` takes a configuration over."""
         self.reload = reload
-
-    @contextmanager
-    def listening(self) -> Iterator[None]:
-        """Obey SIGHUP in this block."""
-
-        def on_hangup(_number: int, _frame: FrameType | None) -> None:
-            threading.Thread(target=self.look, name="configuration", daemon=True).start()
-
-        before = signal.signal(signal.SIGHUP, on_hangup)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGHUP, before)
 
     def look(self) -> None:
         """Read the configuration and take it over; what is wrong with it is logged, and changes nothing."""
