@@ -84,18 +84,20 @@ class HistoryRecording:
     # --- the worker's side --------------------------------------------------------------------------------
 
     def take(self, axis_id: str, status: AxisStatus, paused: bool) -> None:
-        """Keep the status of an axis if a point is due: the first in each interval of the samples' time.
+        """Keep the status of an axis if a point is due: the first in each interval of the samples' time that has any.
 
         Parameters without an estimate of now have none: no sample, learning, invalid, or the axis is ``paused``.
         """
-        if status.time_us is None:
+        if status.time_us is None or paused:
             return
         slot = math.floor(status.time_us / (self.interval_s * 1e6))
         if self._slots.get(axis_id) == slot:
             return
-        self._slots[axis_id] = slot
         t = math.floor(slot * self.interval_s)
-        found = [] if paused else [_point(axis_id, t, p) for p in status.parameters if _is_known(p)]
+        found = [_point(axis_id, t, p) for p in status.parameters if _is_known(p)]
+        if not found:  # the estimates may begin within this interval
+            return
+        self._slots[axis_id] = slot
         with self._lock:
             self._waiting.extend(found)
             self._drop_oldest()

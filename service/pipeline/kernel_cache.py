@@ -1,11 +1,14 @@
-"""Cache of the compiled kernel: a separate folder for each version of the kernel's sources.
+"""Cache of the compiled kernel: a separate folder for each version and place of the kernel's sources.
 
 Numba compares only the file of the called function, not the files of those it calls in turn.  After an upgrade that
-changed one of these it would run the old code.  Hence the hash of the sources in the name of the folder.
+changed one of these it would run the old code.  Hence the hash of the sources in the name of the folder.  Numba also
+finds what it compiled by the path of the source and by its own version: were these not in the name, what marks a
+kernel as compiled would count for a second installation too, which would then compile while it monitors.
 """
 
 import atexit
 import hashlib
+import importlib.metadata
 import os
 import shutil
 import sys
@@ -38,10 +41,10 @@ def choose(environ: MutableMapping[str, str]) -> Path:
 
 
 def fingerprint() -> str:
-    """Hash of the kernel's sources."""
-    digest = hashlib.sha256()
+    """Hash of what the compiled kernel depends on: its sources, where they are, and numba's version."""
+    digest = hashlib.sha256(importlib.metadata.version("numba").encode())
     for source in sorted(source for folder in COMPILED for source in folder.glob("*.py")):
-        digest.update(source.name.encode() + b"\0" + source.read_bytes())
+        digest.update(b"\0" + os.fsencode(source) + b"\0" + source.read_bytes())
     return digest.hexdigest()[:12]
 
 

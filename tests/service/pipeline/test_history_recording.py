@@ -91,6 +91,18 @@ def test_the_first_status_of_each_interval_is_a_point(bench: Bench) -> None:
     assert bench.times() == [-10, 0, 10, 20, 50]
 
 
+@pytest.mark.parametrize("paused", [True, False])
+def test_an_interval_that_begins_without_estimates_has_the_first_that_follow(
+    bench: Bench, paused: bool
+) -> None:
+    """A short run would else have none at all."""
+    none = at(1) if paused else replace(_STATUS, time_us=at(1).time_us)
+    bench.take(none, paused)
+    bench.take(at(3))
+    bench.write()
+    assert bench.times() == [0]
+
+
 def test_a_point_has_all_quantities(bench: Bench) -> None:
     bench.take(at(0, nominal=2.0, estimate=2.5, standard_deviation=0.25, g_up=3.0, g_down=4.0, h=5.0))
     bench.write()

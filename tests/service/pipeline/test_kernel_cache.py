@@ -1,6 +1,7 @@
 """Where the compiled kernel is kept, and that it is compiled in a process of its own, never a hindrance."""
 
 import errno
+import importlib.metadata
 import os
 import sys
 import tempfile
@@ -30,6 +31,25 @@ def test_other_sources_have_another_folder(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "a.py").write_text("x = 1\n")
     before = fingerprint()
     (tmp_path / "a.py").write_text("x = 2\n")
+    assert fingerprint() != before
+
+
+def test_the_same_sources_in_another_place_have_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba compiles them again, so that marks of what is compiled must not count for both."""
+    found = set()
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "a.py").write_text("x = 1\n")
+        monkeypatch.setattr(kernel_cache, "COMPILED", (tmp_path / name,))
+        found.add(fingerprint())
+    assert len(found) == 2
+
+
+def test_another_numba_has_another_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = fingerprint()
+    monkeypatch.setattr(importlib.metadata, "version", lambda _: "0.1")
     assert fingerprint() != before
 
 
