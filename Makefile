@@ -33,7 +33,7 @@ bench: $(READY) $(PAGE) ## measure: kernel, compile time, daemon, commissioning,
 
 soak: $(READY) $(PAGE) ## the long runs with a fresh seed (some hours; ARGS="-k mismatch" chooses)
 	@AXISWATCH_SOAK=1 AXISWATCH_SEED=$${AXISWATCH_SEED:-$$($(PYTHON) -c 'import secrets; print(secrets.randbits(32))')} \
-	  $(BIN)/python -m pytest -m "soak and not vcan" tests/soak $(ARGS)
+	  $(BIN)/python -m pytest -m "soak and not vcan" tests $(ARGS)
 
 lint: $(READY) ## ruff and mypy
 	@$(BIN)/ruff check .

@@ -18,7 +18,7 @@ from service.store.history_store import HistoryStore, Point, Series
 
 POINTS_AT_ONCE = 6
 """Of each parameter in a transaction: each writes a page of the file for each parameter and resolution."""
-LONGEST_WAIT_S = 60.0
+LONGEST_WAIT_S = 600.0
 """Until points are written."""
 RETRY_S = 10.0
 MOST_WAITING = 200_000

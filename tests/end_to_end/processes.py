@@ -11,7 +11,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -154,12 +154,23 @@ class Daemon:
 
 @contextmanager
 def daemon(config: Path, *arguments: str | Path) -> Iterator[Daemon]:
-    """A running daemon; its log is ``daemon.log`` beside the configuration."""
+    """A running daemon; its log is ``daemon.log`` beside the configuration.
+
+    Where the test fails, what the daemon shows then is printed.
+    """
     log = config.parent / "daemon.log"
     log.touch()
     skip = len(log.read_text(encoding="utf-8").splitlines())
     with running("run", "--config", config, "--port", "0", *arguments, log=log) as process:
-        yield Daemon(process, log, skip)
+        d = Daemon(process, log, skip)
+        try:
+            yield d
+        except BaseException:
+            with suppress(OSError):
+                for path in ("readyz", "api/v1/service", "api/v1/axes", "api/v1/alarms"):
+                    print(f"{path}: {d.answer(path)[1]}")
+            print(*log.read_text(encoding="utf-8").splitlines()[-30:], sep="\n")
+            raise
 
 
 def wait_for(look: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T:

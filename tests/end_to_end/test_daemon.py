@@ -54,7 +54,7 @@ DETECTORS = ("cusum", "multimodel")
 def test_estimates_alarm_and_metrics_come_out_and_a_replay_of_the_record_gives_the_same_bits(
     tmp_path: Path,
 ) -> None:
-    config = demo_config(tmp_path)
+    config = demo_config(tmp_path, service="history_interval_s = 1")
     first, second = config.read_text(encoding="utf-8").rsplit("[robot.axis.detector]\n", 1)
     own = f'[robot.axis.detector]\nalarm_source = "{DETECTORS[1]}"\n'
     config.write_text(first + own + second, encoding="utf-8")

@@ -104,7 +104,7 @@ def found(file: Path, text: str) -> list[Problem]:
     return problems or []
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(mutations)
 def test_a_deleted_key_is_missed_where_its_table_is(file: Path, mutation: Mutation) -> None:
     problems = found(file, mutation.with_row())
@@ -123,7 +123,7 @@ def test_a_misspelled_key_is_named(file: Path, mutation: Mutation, letters: str,
         assert (mutation.row + 1, wrong) in [(p.line, p.key.split(".")[-1].strip('"')) for p in problems]
 
 
-@settings(deadline=None, max_examples=400)
+@settings(deadline=None, max_examples=120)
 @given(mutations, st.sampled_from(VALUES))
 def test_a_value_of_another_type_is_named(file: Path, mutation: Mutation, value: str) -> None:
     problems = found(file, mutation.with_row(f"{mutation.entry['key']} = {value}"))

@@ -18,6 +18,7 @@ from service.config.drive_sources import (
     model_of_drawing,
 )
 from tests.service.pipeline.robots import changed, demo
+from tests.shares import soaked
 
 DRAWINGS = {
     "one-mass": library.one_mass,
@@ -57,7 +58,7 @@ COMPONENTS: dict[str, dict[str, object]] = {
 }
 
 
-@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("output", soaked(["speed", "angle"], "angle"))
 @pytest.mark.parametrize("name", LIBRARY)
 def test_the_files_of_the_library_are_the_drives_drawn_in_python(name: str, output: Output) -> None:
     drawn = eliminate(DRAWINGS[name]().flat(), output)

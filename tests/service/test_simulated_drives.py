@@ -11,6 +11,7 @@ from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import SPEED_RMS, ControlledAxis
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
+from tests.shares import soaked
 
 FAULT_S = 15.0
 
@@ -72,7 +73,7 @@ def moved_by(folder: Path, name: str, *monitor: str, torque_noise: float = 1e-9)
     return changed(demo(folder, 1), model=model, estimator={"torque_noise": torque_noise, "initial_p": {}})
 
 
-@pytest.mark.parametrize("name", [*LIBRARY, *DRAWINGS])
+@pytest.mark.parametrize("name", soaked([*LIBRARY, *DRAWINGS], "three-mass-weight", "large"))
 def test_every_drive_moves_as_fast(name: str, tmp_path: Path, seed: int) -> None:
     axis = moved_by(tmp_path, name).axes[0]
     robot = ControlledAxis(axis, np.random.default_rng(seed))
@@ -85,11 +86,14 @@ def test_every_drive_moves_as_fast(name: str, tmp_path: Path, seed: int) -> None
 
 @pytest.mark.parametrize(
     ("name", "monitor"),
-    [
-        ("five-mass", ("kT", "1/J4", "fm")),
-        ("one mass", ("f", "1/Jm")),
-        ("weight on a gear", ("f", "1/(Jm + Jl*r^2)")),
-    ],
+    soaked(
+        [
+            ("five-mass", ("kT", "1/J4", "fm")),
+            ("one mass", ("f", "1/Jm")),
+            (weight := ("weight on a gear", ("f", "1/(Jm + Jl*r^2)"))),
+        ],
+        weight,
+    ),
 )
 def test_a_fault_of_any_drive_is_named_and_nothing_else(
     name: str, monitor: tuple[str, ...], tmp_path: Path, seed: int

@@ -23,6 +23,7 @@ from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, S
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config
 from tests.service.pipeline.robots import changed, demo
+from tests.shares import soaked
 
 SPEED_ONLY = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
 OUTPUT_ERROR = {"predictor": "output-error", "output_noise": 0.2, "torque_noise": None}
@@ -37,7 +38,7 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 """Changes of the estimator and of the axis"""
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", soaked(KINDS, "late torque", "output error"))
 def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
     estimator, changes = KINDS[kind]
     (simulated,) = changed(demo(tmp_path, 1), estimator={"initial_p": {}, **estimator}, **changes).axes

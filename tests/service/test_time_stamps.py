@@ -69,6 +69,7 @@ def spread(u: Floats, y: Floats, which: Sequence[Times], times: Sequence[Times])
     return float(np.sqrt(np.mean(fm**2)))
 
 
+@pytest.mark.soak
 def test_with_the_clock_fitted_jitter_costs_next_to_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     u = np.stack([multisine(rng, SAMPLES, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(AXES)], axis=1)

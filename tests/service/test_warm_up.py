@@ -91,6 +91,7 @@ def test_records_that_end_before_the_axis_is_warm_are_called_too_short(made: Mad
     assert (TOO_SHORT in " ".join(made.output.split())) == (3 * found["thermal"]["time_constant_s"] > DAY_S)
 
 
+@pytest.mark.soak
 def test_an_axis_that_bears_a_weight_warms_up_too(made: Made, tmp_path: Path) -> None:
     """A weight at a pose needs another torque for the same motion: so much of it is exact."""
     found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))

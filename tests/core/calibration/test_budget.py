@@ -20,6 +20,7 @@ from monitor_core.calibration.healthy_records import OFFSET, Deviations, Scatter
 from monitor_core.calibration.healthy_statistics import allowance, shrink
 from monitor_core.calibration.surrogate_records import Excursions
 from monitor_core.settings import Threshold
+from tests.shares import soaked
 
 MEMORY = 50
 LAM = 1 - 1 / MEMORY
@@ -87,7 +88,7 @@ def truth(colour: float) -> tuple[float, float]:
     return math.sqrt(variance), (1 - a**2) / (1 - a) ** 2
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.6])
+@pytest.mark.parametrize("colour", soaked([0.0, 0.6], 0.6))
 def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, seed: int) -> None:
     """90 of 100 by design; of 60, fewer than 38 come by chance once in a million runs, if it is 85."""
     rng = np.random.default_rng(seed)

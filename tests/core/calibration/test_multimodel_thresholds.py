@@ -22,6 +22,7 @@ from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_o
 from monitor_core.detection.multimodel.naming import ChangeDetected
 from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import Axes, Plant, plant_with, record
+from tests.shares import soaked
 
 BUDGET = 12_000.0
 """Samples: a minute."""
@@ -49,7 +50,7 @@ def limits(plant: Plant, seed: int) -> BankLimits:
     return bank_limits(plant.model, plant.settings, [record(plant, seed, RECORD)], BUDGET, rng, COPIES)
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.9], ids=["white", "coloured"])
+@pytest.mark.parametrize("colour", soaked([0.0, 0.9], 0.9), ids=["white", "coloured"])
 def test_the_budget_is_kept(colour: float, seed: int) -> None:
     plant = plant_with(colour)
     found = limits(plant, seed)

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.spectra import Spectra
+from tests.shares import soaked
 
 N, LENGTH, RECORDS = 20_000, 100, 150
 
@@ -97,7 +98,7 @@ def test_what_is_taken_from_a_ratio_makes_g_fall_faster(seed: int) -> None:
     np.testing.assert_allclose(spectra.r(), 2.0, rtol=0.04)
 
 
-@pytest.mark.parametrize("colour", [0.0, -0.3], ids=["white", "coloured"])
+@pytest.mark.parametrize("colour", soaked([0.0, -0.3], -0.3), ids=["white", "coloured"])
 def test_the_covariance_of_log_r_is_that_of_many_records(colour: float, seed: int) -> None:
     """Also where a hypothesis says other things of the noise: then a little more power makes g fall much less."""
     rng = np.random.default_rng(seed)

@@ -5,12 +5,13 @@ import pytest
 
 from monitor_core.calibration.surrogate_records import simulate_excursions
 from tests.core.calibration.healthy_axes import plant_with, record
+from tests.shares import soaked
 
 MINUTES_5 = 60_000
 FM = 2
 
 
-@pytest.mark.parametrize(("colour", "bias"), [(0.0, 0.04), (0.9, -0.325)])
+@pytest.mark.parametrize(("colour", "bias"), soaked([(0.0, 0.04), (0.9, -0.325)], (0.9, -0.325)))
 def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> None:
     """The bias of fm, over sigma, as 400 h of such axes have it; the copies state how far they are off themselves."""
     plant = plant_with(colour)

@@ -19,6 +19,7 @@ from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.identification.problems import check_gradients
+from tests.shares import soaked
 
 H = 0.005
 AVERAGED = three_mass("speed").with_mean_speed()
@@ -46,7 +47,7 @@ def test_gradients_are_those_of_the_errors(free_delay: bool, seed: int) -> None:
     check_gradients(Predictor(problem, [record], NOISE), 1e-5)
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.002])
+@pytest.mark.parametrize("delay_s", soaked([0.0, 0.002], 0.002))
 def test_it_is_the_predictor_of_the_monitor(delay_s: float, seed: int) -> None:
     record = measured(seed, 800, 0.2)
     values = {**REFERENCE_VALUES, "fc": 0.05}

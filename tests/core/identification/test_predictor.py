@@ -28,6 +28,7 @@ from tests.core.identification.problems import (
     reference_record,
 )
 from tests.core.oracle.prediction import prediction
+from tests.shares import soaked
 
 
 def as_monitor(case: Case, **changes: object) -> Problem:
@@ -80,7 +81,7 @@ def test_errors_are_those_of_the_paper_transcribed(name: str, seed: int) -> None
 
 
 @pytest.mark.parametrize("name", [case.name for case in CASES])
-@pytest.mark.parametrize("motion", ["measured", "simulated"])
+@pytest.mark.parametrize("motion", soaked(["measured", "simulated"], "measured"))
 def test_gradients_of_every_case(name: str, motion: str, seed: int) -> None:
     """All kinds of input, jitter, samples that are missing, free initial state, free delay."""
     case = BY_NAME[name]

@@ -19,7 +19,7 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import three_mass, two_mass
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y
 
-HEALTHY = 12
+HEALTHY = 5
 """Records."""
 KNOWN = known_of(three_mass("angle"), VALUES, parameters=8)
 OUTPUTS: tuple[Output, ...] = ("speed", "angle")

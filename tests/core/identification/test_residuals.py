@@ -1,5 +1,7 @@
 """Tests of prediction errors, their spectrum, and the covariance that reckons with it."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -13,6 +15,7 @@ from monitor_core.identification.greybox.residuals import (
     scores_covariance,
     whiteness,
 )
+from tests.shares import soaked
 
 N = 3000
 
@@ -34,8 +37,7 @@ def test_coloured_errors_do_not(colour: float, seed: int) -> None:
     assert found.values[0] == pytest.approx(colour, abs=5 / np.sqrt(N))
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.8])
-@pytest.mark.parametrize("band", [0.0, 0.95])
+@pytest.mark.parametrize(("colour", "band"), soaked(product([0.0, 0.8], [0.0, 0.95]), (0.8, 0.95)))
 def test_independence_at_the_stated_rate(colour: float, band: float, seed: int) -> None:
     """Whatever the colour of errors and input."""
     rng = np.random.default_rng(seed)

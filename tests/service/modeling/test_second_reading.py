@@ -10,6 +10,7 @@ from monitor_core.modeling.modelica import Source, read
 from monitor_core.modeling.statespace import drive_of, nominal_of
 from tests.service.modeling.flattened import ONE as ONE_KNOWN
 from tests.service.modeling.flattened import ROOT, FlatText, numbers
+from tests.shares import soaked
 
 ROTATIONAL = "Modelica.Mechanics.Rotational"
 CRANE = f"""
@@ -87,8 +88,14 @@ def text_of(model: str, output: Output, gravity: bool = False) -> str:
 
 @pytest.mark.parametrize(
     ("model", "output", "gravity"),
-    [(model, output, False) for model in (*SHIPPED, "Crane") for output in OUTPUTS]
-    + [("Crane", "angle", True)],
+    soaked(
+        [
+            *((model, output, False) for model in (*SHIPPED, "Crane") for output in OUTPUTS),
+            ("Crane", "angle", True),
+        ],
+        ("ThreeMass", "speed", False),
+        ("Crane", "angle", True),
+    ),
 )
 def test_every_input_acts_alike_and_the_functions_are_of_the_same_motion(
     model: str, output: Output, gravity: bool, seed: int

@@ -255,7 +255,7 @@ def test_the_daemon_answers_to_its_names(host: str, stage: Stage, asked: TestCli
         "192.0.2.70", "127.0.0.1.evil.com", "[::1]evil.com", "::1", "", "localhost:x", "localhost evil.com",
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("path", ["/", "/healthz", "/api/v1/axes"])
+@pytest.mark.parametrize("path", ["/", "/api/v1/axes"])
 def test_and_to_no_other(host: str, path: str, asked: TestClient) -> None:
     assert "hosts in [web]" in refused(asked.get(path, headers={"Host": host}), 421)
 
