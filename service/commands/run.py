@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -75,7 +74,7 @@ def run(
 
 
 class _Hangup:
-    """What SIGHUP does: the configuration is read, checked and taken over, in a thread, as it takes a while.
+    """What SIGHUP does: the configuration is read, checked and taken over; one call after the other.
 
     Args:
         path: of the configuration.
@@ -84,7 +83,6 @@ class _Hangup:
 
     def __init__(self, path: Path, port: int | None) -> None:
         self._path, self._port = path, port
-        self._lock = threading.Lock()
         self.reload: Callable[[Config], Reloaded] | None = None
         """None: the daemon has not begun yet"""
 
@@ -97,24 +95,23 @@ class _Hangup:
         from service.pipeline.baselines import BaselineError
         from service.pipeline.reloading import ReloadError
 
-        with self._lock:
-            try:
-                read = with_port(load(self._path), self._port)
-            except ConfigErrors as errors:
-                problems = [str(problem) for problem in errors.problems]
-                log.error("SIGHUP: the configuration has mistakes; nothing was changed", problems=problems)
-                return
-            if self.reload is None:
-                log.warning("SIGHUP: the daemon is starting; nothing was changed", file=str(self._path))
-                return
-            try:
-                found = self.reload(read)
-            except (ReloadError, BaselineError, StoreError) as error:
-                log.error("SIGHUP: nothing was changed", file=str(self._path), reason=str(error))
-                return
-            log.info("SIGHUP: the configuration is used", file=str(self._path), **found._asdict())
-            if found.needs_restart:
-                log.warning("SIGHUP: these changes need a restart", tables=found.needs_restart)
+        try:
+            read = with_port(load(self._path), self._port)
+        except ConfigErrors as errors:
+            problems = [str(problem) for problem in errors.problems]
+            log.error("SIGHUP: the configuration has mistakes; nothing was changed", problems=problems)
+            return
+        if self.reload is None:
+            log.warning("SIGHUP: the daemon is starting; nothing was changed", file=str(self._path))
+            return
+        try:
+            found = self.reload(read)
+        except (ReloadError, BaselineError, StoreError) as error:
+            log.error("SIGHUP: nothing was changed", file=str(self._path), reason=str(error))
+            return
+        log.info("SIGHUP: the configuration is used", file=str(self._path), **found._asdict())
+        if found.needs_restart:
+            log.warning("SIGHUP: these changes need a restart", tables=found.needs_restart)
 
 
 def with_port(config: Config, port: int | None) -> Config:
