@@ -104,8 +104,7 @@ class OpcUaLink:
         server.application_type = ua.ApplicationType.Server
         chunks = MOST_MESSAGE_BYTES // _CHUNK_BYTES + 1
         server.limits = TransportLimits(_CHUNK_BYTES, _CHUNK_BYTES, chunks, MOST_MESSAGE_BYTES)
-        with _without_collections():
-            await server.init()
+        await server.init()
         await server.set_application_uri(self._identity.uri)
         await server.set_build_info(NAMESPACE, "axiswatch", "axiswatch", VERSION, VERSION, datetime.now(UTC))
         policies = [ua.SecurityPolicyType.NoSecurity]
@@ -140,8 +139,10 @@ class OpcUaLink:
 
     async def _serve(self, stop: threading.Event) -> None:
         """Serve until it shall stop."""
-        server = await self._made()
-        tree = Tree(server.iserver, await server.register_namespace(NAMESPACE))
+        with _without_collections():
+            server = await self._made()
+            tree = Tree(server.iserver, await server.register_namespace(NAMESPACE))
+            await tree.update(self._snapshot_of(), now_us())
         await self._begin(server, tree, stop)
         await self._port_is_free(stop)
         if stop.is_set():
@@ -163,8 +164,7 @@ class OpcUaLink:
             await server.stop()
 
     async def _begin(self, server: Server, tree: Tree, stop: threading.Event) -> None:
-        """The present state of values and alarms, before anybody is let in."""
-        await tree.update(self._snapshot_of(), now_us())
+        """The present state of the alarms, before anybody is let in."""
         while not stop.is_set():
             try:
                 await self._conditions.begin(server.iserver, tree)

@@ -15,6 +15,7 @@ from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import USER_TYPES, PermissionRuleset, User, UserRole
 from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import InternalSession
+from asyncua.server.standard_address_space import standard_address_space
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
@@ -130,6 +131,10 @@ class GuardedServer(InternalServer):
         super().__init__(user_manager=users)  # its methods count, not its class
         self.users, self.operate = users, operate
         self.max_connections, self.max_subscriptions = MOST_CONNECTIONS, MOST_SUBSCRIPTIONS
+
+    async def load_standard_address_space(self, shelf_file: object = None) -> None:  # noqa: ARG002
+        """The nodes of the standard, in this thread: there would be no way to end another one when the daemon stops."""
+        standard_address_space.fill_address_space(self.node_mgt_service)
 
     def create_session(self, name: str, user: User | None = None, external: bool = False) -> InternalSession:
         """A session of one connection, whose user is not known yet."""

@@ -54,6 +54,13 @@ Value = float | str | bool | None
 _Branch = tuple[object, ...]
 
 
+class _Content(ua.DataValue):
+    """A value that never changes: asyncua copies it for each subscription, which would take longer than all else."""
+
+    def __deepcopy__(self, _memo: object) -> "_Content":
+        return self
+
+
 class Reading(NamedTuple):
     """The value of a node now."""
 
@@ -137,7 +144,7 @@ class Tree:
             if self._written.get(node) == (value, code):
                 continue
             variant = ua.Variant() if value is None else ua.Variant(value, kind)
-            content = ua.DataValue(variant, ua.StatusCode(code), source, now)
+            content = _Content(variant, ua.StatusCode(code), source, now)
             await self._server.write_attribute_value(self._ids[node], content)
             self._written[node] = value, code
             count += 1
