@@ -45,6 +45,8 @@ HOMES: dict[str, str | tuple[str, ...]] = {
     "uvicorn": "service/web/",
     "httpx": ("service/client.py", "service/links/webhook.py"),
     "aiomqtt": "service/links/",
+    "asyncua": "service/links/",
+    "cryptography": "service/links/",
     "smtplib": "service/links/",
     "matplotlib": "service/reports/",
 }

@@ -204,7 +204,7 @@ def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
     web = document.get("web", {})
     yield from ((web, key) for key in ("certificate", "key") if key in web)
     links = document.get("links", {})
-    for link in (*links.get("webhook", ()), links.get("mqtt", {}), links.get("smtp", {})):
+    for link in (*links.get("webhook", ()), *(links.get(name, {}) for name in ("mqtt", "smtp", "opcua"))):
         yield from ((link, key) for key in LINK_FILES if key in link)
     for robot in document["robot"]:
         for axis in (*robot["axis"], robot.get(DEFAULTS, {})):

@@ -7,7 +7,7 @@ from service.config.problems import Finding, Keys
 from service.config.schema import Config
 from service.config.schema_links import MqttConfig, SmtpConfig, is_local
 
-RESERVED = ("mqtt", "smtp")
+RESERVED = ("mqtt", "smtp", "opcua")
 """Names of the links that have no name of their own."""
 
 
@@ -51,10 +51,24 @@ def link_encryption(config: Config) -> Iterator[Finding]:
         yield Finding(("links", "smtp", "security"), message)
 
 
+def opcua_certificate(config: Config) -> Iterator[Finding]:
+    """A certificate has its key, and other machines reach the server only by encrypted connections."""
+    opcua, path = config.links.opcua, ("links", "opcua")
+    if opcua is None:
+        return
+    for given, lacking in (("certificate", "key"), ("key", "certificate")):
+        if getattr(opcua, given) is not None and getattr(opcua, lacking) is None:
+            yield Finding((*path, lacking), f"missing: it belongs to {given}")
+    if not is_local(opcua.host) and opcua.certificate is None and opcua.key is None:
+        message = 'other machines reach this host: give certificate and key, or host = "127.0.0.1"'
+        yield Finding((*path, "host"), message)
+
+
 def link_extras(config: Config) -> Iterator[Finding]:
     """What a link needs is installed."""
-    if config.links.mqtt is not None and find_spec("aiomqtt") is None:
-        yield Finding(("links", "mqtt"), "needs another package: pip install axiswatch[mqtt]")
+    for name, package in (("mqtt", "aiomqtt"), ("opcua", "asyncua")):
+        if getattr(config.links, name) is not None and find_spec(package) is None:
+            yield Finding(("links", name), f"needs another package: pip install axiswatch[{name}]")
 
 
-LINK_RULES = (link_names, link_secrets, link_encryption, link_extras)
+LINK_RULES = (link_names, link_secrets, link_encryption, opcua_certificate, link_extras)

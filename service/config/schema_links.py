@@ -136,6 +136,23 @@ class SmtpConfig(AlarmLimits):
     """time in which the server must answer [s]"""
 
 
+class OpcUaConfig(AlarmLimits):
+    """[links.opcua]: an OPC UA server with the axes as nodes and the alarms as conditions."""
+
+    host: Text = "127.0.0.1"
+    """address to listen on; any but 127.0.0.1, such as 0.0.0.0 for all interfaces, needs a certificate"""
+    port: Port = 4840
+    """TCP port to listen on"""
+    certificate: FilePath | None = None
+    """PEM file of the certificate, of an RSA key; with it everything is signed and encrypted"""
+    key: FilePath | None = None
+    """PEM file of the private key of the certificate, without a password"""
+    anonymous: bool = Field(False, strict=True)
+    """who has no token may read, and change nothing"""
+    interval_s: Positive = Field(1.0, ge=0.2, le=3600)
+    """time between two looks for values that have changed [s]"""
+
+
 class LinksConfig(Table):
     """[links]: where else the alarms go."""
 
@@ -145,6 +162,8 @@ class LinksConfig(Table):
     """a broker, [links.mqtt]"""
     smtp: SmtpConfig | None = None
     """a mail server, [links.smtp]"""
+    opcua: OpcUaConfig | None = None
+    """an OPC UA server, [links.opcua]"""
 
     @property
     def any(self) -> bool:
@@ -154,7 +173,7 @@ class LinksConfig(Table):
     @property
     def names(self) -> list[str]:
         """The names of all links."""
-        alone = {"mqtt": self.mqtt, "smtp": self.smtp}
+        alone = {"mqtt": self.mqtt, "smtp": self.smtp, "opcua": self.opcua}
         return [
             *(hook.name for hook in self.webhook),
             *(name for name, link in alone.items() if link is not None),
@@ -162,7 +181,7 @@ class LinksConfig(Table):
 
 
 SECRET_FILES = ("secret_file", "password_file")
-LINK_FILES = (*SECRET_FILES, "ca_file")
+LINK_FILES = (*SECRET_FILES, "ca_file", "certificate", "key")
 """Keys of the files that a link names."""
 SECRET_KEYS = ("password", "secret", "token")
 

@@ -70,7 +70,7 @@ class Links:
         self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
         try:
             self._done = self._outbox.begin(config.names)
-            self.links: tuple[Link, ...] = tuple(self._made(config, snapshot))
+            self.links: tuple[Link, ...] = tuple(self._made(config, state_dir, snapshot))
         except BaseException:
             self._outbox.close()
             raise
@@ -107,7 +107,7 @@ class Links:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _made(self, config: LinksConfig, snapshot: Callable[[], Snapshot]) -> Iterator[Link]:
+    def _made(self, config: LinksConfig, state_dir: Path, snapshot: Callable[[], Snapshot]) -> Iterator[Link]:
         """The links; the library of each is imported only where it is configured."""
         if config.webhook:
             from service.links.webhook import webhook
@@ -125,6 +125,16 @@ class Links:
 
             mail = Mail(config.smtp, MailText(snapshot))
             yield AlarmLink(self._delivery(LinkName("smtp", "smtp"), config.smtp, mail))
+
+        if config.opcua is not None:
+            from service.links.opcua import OpcUaLink
+            from service.links.opcua_alarms import Conditions
+            from service.store.tokens import TOKENS_FILE, TokenFile
+
+            conditions = Conditions(self._journal, config.opcua.priorities)
+            delivery = self._delivery(LinkName("opcua", "opcua"), config.opcua, conditions)
+            tokens = TokenFile(state_dir / TOKENS_FILE)
+            yield OpcUaLink(config.opcua, tokens, conditions, delivery, snapshot)
 
     def _delivery(self, link: LinkName, limits: AlarmLimits, receiver: Receiver) -> Delivery:
         return Delivery(link, limits, receiver, self._journal, self._outbox, self._done[link.name])

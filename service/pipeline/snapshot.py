@@ -85,7 +85,7 @@ class LinkSnapshot:
 
     name: str
     kind: str
-    """webhook, mqtt or smtp"""
+    """webhook, mqtt, smtp or opcua"""
     connected: bool
     """Whether the last try has succeeded; of a link without a lasting connection also before the first one"""
     problem: str = ""

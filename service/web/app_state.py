@@ -99,6 +99,12 @@ OLDEST_SAMPLE_INTERVALS = 10
 """An axis whose last sample is older than both is not being monitored."""
 
 
+def is_silent(axis: AxisSnapshot, now_us: int) -> bool:
+    """Whether an axis gets no samples now."""
+    age = sample_age_s(axis, now_us)
+    return age is None or age > max(OLDEST_SAMPLE_S, OLDEST_SAMPLE_INTERVALS * axis.interval_s)
+
+
 def is_alive(snapshot: Snapshot, now_us: int) -> bool:
     """Whether the worker still publishes snapshots."""
     return age_s(snapshot.taken_us, now_us) <= OLDEST_SNAPSHOT_S
@@ -112,8 +118,6 @@ def reasons_not_ready(snapshot: Snapshot, now_us: int) -> Iterator[str]:
     if waiting := snapshot.alarms.waiting:
         yield f"alarms that are not yet recorded: {waiting}; the messages say why"
     for axis in snapshot.axes:
-        age = sample_age_s(axis, now_us)
-        if age is None:
-            yield f"{axis.id}: no sample yet"
-        elif age > max(OLDEST_SAMPLE_S, OLDEST_SAMPLE_INTERVALS * axis.interval_s):
-            yield f"{axis.id}: no sample for {age:.0f} s"
+        if is_silent(axis, now_us):
+            age = sample_age_s(axis, now_us)
+            yield f"{axis.id}: no sample yet" if age is None else f"{axis.id}: no sample for {age:.0f} s"

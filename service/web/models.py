@@ -559,7 +559,7 @@ class Link(Body):
     """A plant link; numbers since the start of the daemon."""
 
     name: str
-    kind: Literal["webhook", "mqtt", "smtp"]
+    kind: Literal["webhook", "mqtt", "smtp", "opcua"]
     connected: bool = Field(description="whether it works: the last try has succeeded")
     problem: TextOrNull = Field(
         description="why it does not, or what the receiver has refused; null: nothing"

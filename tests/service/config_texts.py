@@ -195,6 +195,10 @@ user = "cell1"
 password_file = "mail.secret"
 sender = "cell1@plant.example"
 to = ["maintenance@plant.example"]
+[links.opcua]
+host = "0.0.0.0"
+certificate = "opcua.crt"
+key = "opcua.key"
 """
 
 

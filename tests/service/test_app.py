@@ -113,7 +113,8 @@ def test_the_cyclic_clock_is_compiled_where_an_axis_has_one(tmp_path: Path) -> N
 STARTS = [
     (
         "import service.commands.run, service.commands.demo, service.commands.daemon, service.web.app",
-        "scipy.stats scipy.optimize scipy.signal sympy matplotlib pymoca pyarrow scipy.io aiomqtt paho smtplib httpx",
+        "scipy.stats scipy.optimize scipy.signal sympy matplotlib pymoca pyarrow scipy.io aiomqtt paho smtplib httpx"
+        " asyncua",
     ),
     ("import service.commands.main, service.commands.run, service.commands.excite", "matplotlib"),
     (

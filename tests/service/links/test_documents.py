@@ -32,7 +32,7 @@ def test_a_link_whose_package_is_missing_names_it(tmp_path: Path, monkeypatch: p
     (tmp_path / "a.toml").write_text(TABLES + LINKS_TEXT, encoding="utf-8")
     with pytest.raises(ConfigErrors) as caught:
         load(tmp_path / "a.toml", {})
-    line = (TABLES + LINKS_TEXT).splitlines().index("[links.mqtt]") + 1
-    (problem,) = caught.value.problems
-    assert (problem.line, problem.key) == (line, "links.mqtt")
-    assert "pip install axiswatch[mqtt]" in problem.message
+    lines = (TABLES + LINKS_TEXT).splitlines()
+    for name, problem in zip(("mqtt", "opcua"), caught.value.problems, strict=True):
+        assert (problem.line, problem.key) == (lines.index(f"[links.{name}]") + 1, f"links.{name}")
+        assert f"pip install axiswatch[{name}]" in problem.message

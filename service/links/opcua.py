@@ -1,0 +1,189 @@
+"""OPC UA: a server of the axes and alarms, in a thread and a loop of its own, fed from the snapshot and the journal."""
+
+import asyncio
+import gc
+import logging
+import math
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from time import monotonic
+
+from asyncua import Server, ua
+from asyncua.common.connection import TransportLimits
+from asyncua.crypto.security_policies import SecurityPolicyFactory, SecurityPolicyNone
+
+from service.config.schema_links import OpcUaConfig
+from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery
+from service.links.opcua_access import GuardedServer, Nobody, Users, identity
+from service.links.opcua_alarms import Conditions
+from service.links.opcua_tree import NAMESPACE, Tree
+from service.pipeline.snapshot import LinkSnapshot, Snapshot
+from service.store.database import StoreError
+from service.store.tokens import TokenFile
+from service.texts import now_us
+from service.web.app_state import VERSION
+from service.web.server import CannotListenError, listen
+
+MOST_MESSAGE_BYTES = 16 * 2**20
+_CHUNK_BYTES = 65535
+_ENCRYPTED = [
+    ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+    ua.SecurityPolicyType.Aes128Sha256RsaOaep_SignAndEncrypt,
+    ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
+]
+
+
+class OpcUaLink:
+    """The link to whoever connects: it begins again and again where its port is taken.
+
+    Args:
+        config: where it listens, and for whom.
+        tokens: of the API; its users.
+        conditions: receives what ``delivery`` delivers.
+        delivery: of the alarms.
+        snapshot: returns the newest one.
+
+    Raises:
+        LinkSecretError: the certificate or its key cannot be used.
+    """
+
+    def __init__(
+        self,
+        config: OpcUaConfig,
+        tokens: TokenFile,
+        conditions: Conditions,
+        delivery: Delivery,
+        snapshot: Callable[[], Snapshot],
+    ) -> None:
+        self._config, self._conditions, self._delivery = config, conditions, delivery
+        self._snapshot_of, self._users = snapshot, Users(tokens, config.anonymous)
+        self._identity = identity(config)
+        delivery.snapshot = replace(delivery.snapshot, connected=False, problem="not started yet")
+        # What it logs are mistakes of clients, with tracebacks; the daemon logs itself who is refused and who writes.
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+
+    @property
+    def snapshot(self) -> LinkSnapshot:
+        """The newest state."""
+        return self._delivery.snapshot
+
+    async def run(self) -> None:
+        """Serve until it is cancelled, in another thread: clients must not delay the other links."""
+        stop, ended, failures = threading.Event(), threading.Event(), list[Exception]()
+
+        def work() -> None:
+            try:
+                asyncio.run(self._serve(stop))
+            except Exception as error:
+                failures.append(error)
+            finally:
+                gc.unfreeze()
+                ended.set()
+
+        threading.Thread(target=work, name="opcua", daemon=True).start()
+        try:
+            while not ended.is_set():
+                await asyncio.sleep(LOOK_S)
+        finally:
+            stop.set()
+            while not ended.is_set():
+                await asyncio.sleep(LOOK_S / 10)
+        for failure in failures:
+            await asyncio.sleep(self._delivery.failed(f"a fault of the program: {failure}"))
+            raise failure
+
+    async def _made(self) -> Server:
+        """A server that does not listen yet."""
+        inner = GuardedServer(self._users, self._conditions.operate)
+        inner.bind_condition_methods = 1  # severity of its own events of a refresh
+        server = Server(inner)
+        server.name, server.manufacturer_name, server.product_uri = "axiswatch", "axiswatch", NAMESPACE
+        server.application_type = ua.ApplicationType.Server
+        chunks = MOST_MESSAGE_BYTES // _CHUNK_BYTES + 1
+        server.limits = TransportLimits(_CHUNK_BYTES, _CHUNK_BYTES, chunks, MOST_MESSAGE_BYTES)
+        await server.init()
+        await server.set_application_uri(self._identity.uri)
+        await server.set_build_info(NAMESPACE, "axiswatch", "axiswatch", VERSION, VERSION, datetime.now(UTC))
+        policies = [ua.SecurityPolicyType.NoSecurity]
+        if self._identity.certificate:
+            policies = _ENCRYPTED
+            await server.load_certificate(self._identity.certificate, "pem")
+            await server.load_private_key(self._identity.key, format="pem")
+            plain = SecurityPolicyFactory(
+                SecurityPolicyNone, ua.MessageSecurityMode.None_, permission_ruleset=Nobody()
+            )
+            server._policies.append(plain)  # there is no public way to refuse it
+        server.set_security_policy(policies, self._users)
+        named = [ua.UserNameIdentityToken]
+        server.set_identity_tokens([*named, ua.AnonymousIdentityToken] if self._config.anonymous else named)
+        host, port = self._config.host, self._config.port
+        server.set_endpoint(f"opc.tcp://{f'[{host}]' if ':' in host else host}:{port}/")
+        server.socket_address = host, port
+        return server
+
+    async def _port_is_free(self, stop: threading.Event) -> None:
+        """Wait for it; meanwhile alarms wait, too, until they are too old."""
+        while not stop.is_set():
+            try:
+                listen(self._config.host, self._config.port).close()
+            except CannotListenError as error:
+                end = monotonic() + self._delivery.failed(str(error))
+                while not stop.is_set() and monotonic() < end:
+                    self._delivery.look()
+                    await asyncio.sleep(LOOK_S)
+            else:
+                return
+
+    async def _serve(self, stop: threading.Event) -> None:
+        """Serve until it shall stop."""
+        with _without_collections():
+            server = await self._made()
+            tree = Tree(server.iserver, await server.register_namespace(NAMESPACE))
+            await tree.update(self._snapshot_of(), now_us())
+        await self._begin(server, tree, stop)
+        await self._port_is_free(stop)
+        if stop.is_set():
+            return
+        await server.start()
+        self._delivery.works(self._users.problem)
+        next_s = -math.inf
+        try:
+            while not stop.is_set():
+                left_s = await self._delivery.step()
+                if left_s > 0 and self._delivery.snapshot.problem != self._users.problem:
+                    self._delivery.works(self._users.problem)
+                if monotonic() >= next_s:
+                    next_s = monotonic() + self._config.interval_s
+                    await tree.update(self._snapshot_of(), now_us())
+                await asyncio.sleep(max(0.0, min(left_s, LOOK_S, next_s - monotonic())))
+        finally:
+            self._conditions.end()
+            await server.stop()
+
+    async def _begin(self, server: Server, tree: Tree, stop: threading.Event) -> None:
+        """The present state of the alarms, before anybody is let in."""
+        while not stop.is_set():
+            try:
+                await self._conditions.begin(server.iserver, tree)
+            except StoreError as error:
+                self._delivery.failed(str(error))
+                await asyncio.sleep(FIRST_RETRY_S)
+            else:
+                return
+
+
+@contextmanager
+def _without_collections() -> Iterator[None]:
+    """The nodes of the standard are a million objects that stay.
+
+    The garbage collector need not look at them again and again, as it holds Python's lock meanwhile.
+    """
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()

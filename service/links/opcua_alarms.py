@@ -1,0 +1,195 @@
+"""Alarms as conditions of OPC UA: an event for each transition of the journal, Acknowledge, AddComment, refresh.
+
+A condition is an alarm of the journal.  It is no node: clients name it by the ConditionId of its events, as OPC
+10000-9 allows.  What they do is recorded in the journal, and comes back as a transition, for all of them.
+"""
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+
+import structlog
+from asyncua import ua
+from asyncua.common.event_objects import AlarmCondition
+from asyncua.server.internal_server import InternalServer
+
+from monitor_core.monitoring import (
+    HIDDEN_STATES,
+    AlarmEvent,
+    AlarmLife,
+    AlarmState,
+    AlarmTransitionError,
+    Priority,
+)
+from service.links.delivery import PAGE, Message, UnavailableError
+from service.links.opcua_tree import Tree
+from service.store.alarm_transitions import SERVICE, Note
+from service.store.database import StoreError
+from service.store.journal import Journal, RecordedAlarm
+from service.texts import episode_words, now_us
+
+SEVERITIES: dict[Priority, int] = {"low": 200, "medium": 500, "high": 800}
+"""From 1 to 1000; OPC 10000-9 has low up to 333, high from 667"""
+MOST_COMMENT = 2000
+"""Characters, as in the API"""
+MOST_RETURNED = 1000
+"""Alarms that have gone and nobody has acknowledged: so many are shown again after a start"""
+
+_METHODS = {
+    ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge): AlarmEvent.ACKNOWLEDGE,
+    ua.NodeId(ua.ObjectIds.ConditionType_AddComment): AlarmEvent.COMMENT,
+}
+_NOT_POSSIBLE = {AlarmEvent.ACKNOWLEDGE: ua.StatusCodes.BadConditionBranchAlreadyAcked}
+_CONDITION = "alarm/"
+
+log = structlog.get_logger(__name__)
+
+
+class Conditions:
+    """What a Delivery delivers, as conditions of the server, while there is one.
+
+    Args:
+        journal: of the alarms.
+        priorities: alarms of these.
+        now_us: wall clock.
+    """
+
+    most = PAGE
+
+    def __init__(
+        self, journal: Journal, priorities: Sequence[Priority], now_us: Callable[[], int] = now_us
+    ) -> None:
+        self._journal, self._priorities, self._now_us = journal, priorities, now_us
+        self._server: InternalServer | None = None
+        self._tree: Tree | None = None
+        self._events = dict[int, set[bytes]]()
+
+    async def begin(self, server: InternalServer, tree: Tree) -> None:
+        """A server has begun: what is active, or waits for a person, is there for who asks to refresh.
+
+        Raises:
+            StoreError: the journal cannot be read.
+        """
+        self._server, self._tree = server, tree
+        self._events.clear()
+        returned, _ = self._journal.query(state=AlarmState.RETURNED, limit=MOST_RETURNED)
+        for alarm in (*self._journal.standing(), *returned):
+            if alarm.priority in self._priorities:
+                note = Note(alarm.updated_us, SERVICE)
+                await self._show(f"{self._journal.identity}-alarm-{alarm.id}", alarm, alarm.life, note)
+
+    def end(self) -> None:
+        """The server has ended."""
+        self._server = self._tree = None
+
+    async def send(self, messages: Sequence[Message]) -> None:
+        """An event for each.
+
+        Raises:
+            UnavailableError: there is no server.
+        """
+        for m in messages:
+            t = m.transition
+            # Of a hidden alarm a transition does not tell the state below.
+            life = m.alarm.life if t.to_state in HIDDEN_STATES else AlarmLife(t.to_state)
+            await self._show(m.id, m.alarm, life, Note(t.at_us, t.who, t.comment))
+
+    async def _show(self, event_id: str, alarm: RecordedAlarm, life: AlarmLife, note: Note) -> None:
+        if self._server is None or self._tree is None:
+            raise UnavailableError("the server does not run")
+        event = condition(self._tree, alarm, life, note)
+        event.EventId = event_id.encode("ascii")
+        if event.Retain:
+            self._events.setdefault(alarm.id, set()).add(event.EventId)
+        else:
+            self._events.pop(alarm.id, None)
+        await self._server.subscription_service.trigger_event(event)
+
+    async def operate(self, who: str, method: ua.CallMethodRequest) -> ua.CallMethodResult | None:
+        """Do what a method asks for; None: it is no method of a condition."""
+        event, number = _METHODS.get(method.MethodId), _alarm_id(method.ObjectId)
+        if event is None or number is None:
+            return None
+        code = self._act(who, event, number, [v.Value for v in method.InputArguments or []])
+        log.info("write request", who=who, what=f"OPC UA {event} alarm {number}", result=code.name)
+        return ua.CallMethodResult(StatusCode=code)
+
+    def _act(self, who: str, event: AlarmEvent, number: int, arguments: list[object]) -> ua.StatusCode:
+        if len(arguments) != 2:
+            few = len(arguments) < 2
+            return _code(ua.StatusCodes.BadArgumentsMissing if few else ua.StatusCodes.BadTooManyArguments)
+        event_id, comment = arguments[0], _comment(arguments[1])
+        if comment is None or len(comment) > MOST_COMMENT or (event is AlarmEvent.COMMENT and not comment):
+            return _code(ua.StatusCodes.BadInvalidArgument)
+        if number not in self._events:
+            return _code(ua.StatusCodes.BadNodeIdUnknown)
+        if event_id not in self._events[number]:
+            return _code(ua.StatusCodes.BadEventIdUnknown)
+        try:
+            self._journal.act(number, event, Note(self._now_us(), who, comment))
+        except AlarmTransitionError:
+            return _code(_NOT_POSSIBLE.get(event, ua.StatusCodes.BadInvalidState))
+        except StoreError as error:
+            log.error("an OPC UA client cannot act on an alarm", reason=str(error))
+            return _code(ua.StatusCodes.BadResourceUnavailable)
+        return ua.StatusCode()
+
+
+def condition(tree: Tree, alarm: RecordedAlarm, life: AlarmLife, note: Note) -> AlarmCondition:
+    """The event of an alarm in a state of its life, and what was noted when it came into it."""
+    event = AlarmCondition(
+        tree.known(alarm.axis),
+        episode_words(alarm, alarm.nominal, alarm.unit),
+        SEVERITIES[alarm.priority],
+    )
+    event.SourceName, event.ConditionName = alarm.axis, alarm.parameter
+    event.Time = event.ReceiveTime = datetime.fromtimestamp(note.at_us / 1e6, UTC)
+    event.add_property("NodeId", tree.node_id(f"{_CONDITION}{alarm.id}"), ua.VariantType.NodeId)
+    event.ConditionClassId = ua.NodeId(ua.ObjectIds.MaintenanceConditionClassType)
+    event.ConditionClassName = ua.LocalizedText("Maintenance")
+    event.InputNode = tree.known(f"{alarm.axis}/{alarm.parameter}")
+    event.BranchId, event.Quality = ua.NodeId(), ua.StatusCode()
+    event.Retain = life.below is not AlarmState.NORMAL
+    event.LastSeverity = event.Severity
+    event.Comment, event.ClientUserId = ua.LocalizedText(note.comment), note.who
+    acknowledged = life.below in (AlarmState.NORMAL, AlarmState.ACKNOWLEDGED)
+    _put(event, "EnabledState", True, "Enabled")
+    _put(event, "AckedState", acknowledged, "Acknowledged" if acknowledged else "Unacknowledged")
+    _put(event, "ActiveState", life.active, "Active" if life.active else "Inactive")
+    _put(event, "SuppressedState", life.state is AlarmState.SUPPRESSED, "Suppressed", "Unsuppressed")
+    _put(event, "OutOfServiceState", life.state is AlarmState.OUT_OF_SERVICE, "Out of service", "In service")
+    event.SuppressedOrShelved = life.hidden
+    _put_shelf(event, life.state is AlarmState.SHELVED)
+    return event
+
+
+def _put(event: AlarmCondition, name: str, state: bool, word: str, other: str = "") -> None:
+    """A state of two, with its word."""
+    setattr(event, name, ua.LocalizedText(word if state or not other else other))
+    setattr(event, f"{name}/Id", state)
+
+
+def _put_shelf(event: AlarmCondition, shelved: bool) -> None:
+    name, ids = "ShelvingState/CurrentState", ua.ObjectIds
+    state = ids.ShelvedStateMachineType_TimedShelved if shelved else ids.ShelvedStateMachineType_Unshelved
+    word = ua.LocalizedText("Timed Shelved" if shelved else "Unshelved")
+    event.add_property(name, word, ua.VariantType.LocalizedText)
+    event.add_property(f"{name}/Id", ua.NodeId(state), ua.VariantType.NodeId)
+
+
+def _alarm_id(node: ua.NodeId) -> int | None:
+    """The number of the alarm of a ConditionId; None: it is none."""
+    text = str(node.Identifier)
+    number = text.removeprefix(_CONDITION)
+    return int(number) if number != text and number.isascii() and number.isdecimal() else None
+
+
+def _comment(argument: object) -> str | None:
+    """The text of a comment; None: it is none."""
+    if argument is None:
+        return ""
+    text = argument.Text if isinstance(argument, ua.LocalizedText) else argument
+    return "" if text is None else text if isinstance(text, str) else None
+
+
+def _code(number: int) -> ua.StatusCode:
+    return ua.StatusCode(number)

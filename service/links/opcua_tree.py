@@ -1,0 +1,331 @@
+"""The axes as nodes of OPC UA, in the order and by the names of OPC 40010-1 (robotics), and their values.
+
+``MotionDeviceSystem/MotionDevices/ROBOT/Axes/AXIS/ParameterSet/PARAMETER`` is the estimate of a parameter; its status
+says whether it can be relied on.  Below it are the nominal value, the standard deviation, the status in words.
+"""
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime
+from functools import partial
+from typing import NamedTuple
+
+from asyncua import ua
+from asyncua.server.internal_server import InternalServer
+
+from monitor_core.monitoring import Observation, ParameterStatus, Status
+from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.web.app_state import is_alive, is_silent
+
+NAMESPACE = "urn:axiswatch"
+SYSTEM = "MotionDeviceSystem"
+_UNECE = "http://www.opcfoundation.org/UA/units/un/cefact"
+_CODES = {"1": "C62", "N m": "NU", "kg m^2": "B32", "s": "SEC", "rad": "C81", "rad/s": "2A", "W": "WTT"}
+"""Of UNECE recommendation 20; other units have none, and only their text"""
+
+_GOOD = ua.StatusCodes.Good
+_NO_VALUE = ua.StatusCodes.BadWaitingForInitialData
+_INVALID = ua.StatusCodes.BadDataUnavailable
+_OLD = ua.StatusCodes.UncertainLastUsableValue
+_NOT_JUDGED = ua.StatusCodes.UncertainSubNormal
+_GONE = ua.StatusCodes.BadNodeIdUnknown
+
+_DOUBLE, _STRING = ua.VariantType.Double, ua.VariantType.String
+_BOOLEAN = ua.VariantType.Boolean
+_FIELDS = {
+    "Nominal": (_DOUBLE, "commissioned value"),
+    "StandardDeviation": (_DOUBLE, "of the estimate"),
+    "Status": (_STRING, "state of the parameter, as in the API"),
+    "NotTestedReason": (_STRING, "why no change of it would be found now; empty: it would"),
+}
+"""Below each parameter"""
+_OF_AXIS = {
+    "GatedBy": (_STRING, "operating condition that excludes the samples now; empty: none"),
+    "Epoch": (_STRING, "learning, verifying or current: what is under way with the nominal values"),
+    "OpenAlarms": (_STRING, "causes of the open alarms, with commas; empty: none"),
+}
+_OF_BUS = {
+    "Connected": (_BOOLEAN, "whether frames can be received"),
+    "State": (_STRING, "up, or why not"),
+}
+
+Value = float | str | bool | None
+_Branch = tuple[object, ...]
+
+
+class _Content(ua.DataValue):
+    """A value that never changes: asyncua copies it for each subscription, which would take longer than all else."""
+
+    def __deepcopy__(self, _memo: object) -> "_Content":
+        return self
+
+
+class Reading(NamedTuple):
+    """The value of a node now."""
+
+    node: str
+    kind: ua.VariantType
+    value: Value
+    code: int
+    """Status code"""
+
+
+def quality(axis: AxisSnapshot, p: ParameterStatus, now_us: int) -> int:
+    """The status code of an estimate: good while the parameter is tested with samples of now."""
+    if axis.status.time_us is None:
+        return _NO_VALUE
+    if p.status is Status.INVALID or not math.isfinite(p.estimate):
+        return _INVALID
+    if is_silent(axis, now_us) or axis.gated_by or p.observation is Observation.UNSEEN:
+        return _OLD
+    if not p.tested or axis.epoch.state == "learning":
+        return _NOT_JUDGED
+    return _GOOD
+
+
+def unit_of_measure(unit: str) -> ua.EUInformation:
+    """A unit as OPC UA has it."""
+    code = _CODES.get(unit)
+    return ua.EUInformation(
+        NamespaceUri=NAMESPACE if code is None else _UNECE,
+        UnitId=(-1 if code is None else int.from_bytes(code.encode("ascii"), "big")),
+        DisplayName=ua.LocalizedText(unit),
+        Description=ua.LocalizedText("ratio" if unit == "1" else unit),
+    )
+
+
+class Tree:
+    """Nodes of the axes and buses of snapshots.
+
+    Args:
+        server: has the nodes.
+        namespace: index of ``NAMESPACE``.
+    """
+
+    def __init__(self, server: InternalServer, namespace: int) -> None:
+        self._server, self._namespace = server, namespace
+        self._written = dict[str, tuple[Value, int]]()
+        self._ids = dict[str, ua.NodeId]()
+        self._branches = dict[_Branch, list[str]]()
+        self._add(self._object(SYSTEM, None, SYSTEM))
+        for folder in ("Controllers", "MotionDevices"):
+            self._add(self._object(folder, SYSTEM, folder, folder=True))
+
+    def node_id(self, name: str) -> ua.NodeId:
+        """The id of a node, such as ``cell1.axis1/fm``; it stays the same whenever the server starts."""
+        return ua.NodeId(name, self._namespace)
+
+    def known(self, name: str) -> ua.NodeId:
+        """The id of a node that there is; else the null id."""
+        return self._ids.get(name, ua.NodeId())
+
+    async def update(self, snapshot: Snapshot, now_us: int) -> int:
+        """Follow the axes, and write the values that have changed; their number."""
+        await self._follow(snapshot)
+        alive, count, now = is_alive(snapshot, now_us), 0, _time(now_us)
+        for axis in snapshot.axes:
+            sampled = now if axis.status.time_us is None else _time(axis.status.time_us)
+            count += await self._write(_axis_readings(axis, now_us), sampled, now)
+            await asyncio.sleep(0)  # clients need not wait for all axes
+        for bus in snapshot.buses:
+            code = _GOOD if alive else _OLD
+            place = f"Controllers/{bus.name}"
+            readings = (
+                Reading(f"{place}/Connected", _BOOLEAN, bus.up, code),
+                Reading(f"{place}/State", _STRING, bus.state, code),
+            )
+            count += await self._write(readings, _time(snapshot.taken_us), now)
+        return count
+
+    async def _write(self, readings: Iterable[Reading], source: datetime, now: datetime) -> int:
+        count = 0
+        for node, kind, value, code in readings:
+            if self._written.get(node) == (value, code):
+                continue
+            variant = ua.Variant() if value is None else ua.Variant(value, kind)
+            content = _Content(variant, ua.StatusCode(code), source, now)
+            await self._server.write_attribute_value(self._ids[node], content)
+            self._written[node] = value, code
+            count += 1
+        return count
+
+    # --- Nodes come and go with the axes -----------------------------------------------------------------------------
+
+    async def _follow(self, snapshot: Snapshot) -> None:
+        """Nodes of new axes and buses; none of those that are gone, or have other parameters."""
+        wanted = _branches(snapshot)
+        for branch in self._branches.keys() - wanted.keys():
+            await self._remove(self._branches.pop(branch))
+        for branch, items in wanted.items():
+            if branch not in self._branches:
+                self._branches[branch] = [self._add(item) for item in items(self)]
+
+    def _add(self, item: ua.AddNodesItem) -> str:
+        """Add a node; its name."""
+        (result,) = self._server.node_mgt_service.add_nodes([item])
+        result.StatusCode.check()
+        return str(item.RequestedNewNodeId.Identifier)
+
+    async def _remove(self, names: Iterable[str]) -> None:
+        """Remove nodes; who has subscribed to them is told, which asyncua's own way does not do."""
+        space, gone = self._server.aspace, ua.DataValue(StatusCode=ua.StatusCode(_GONE))
+        for name in [*names][::-1]:
+            node = self._ids.pop(name)
+            self._written.pop(name, None)
+            await self._server.write_attribute_value(node, gone)
+            for attribute in space[node].attributes.values():
+                for handle in [*attribute.datachange_callbacks]:
+                    space.delete_datachange_callback(handle)
+            for reference in space[node].references:
+                above = space.get(reference.NodeId) if not reference.IsForward else None
+                if above is not None:
+                    above.references[:] = [r for r in above.references if r.NodeId != node]
+            del space[node]
+
+    def bus(self, name: str) -> Iterator[ua.AddNodesItem]:
+        """Nodes of a bus, behind which is the controller of a robot."""
+        place = f"Controllers/{name}"
+        yield self._object(place, "Controllers", name)
+        yield from self._set(place, _OF_BUS)
+
+    def robot(self, name: str) -> Iterator[ua.AddNodesItem]:
+        """Nodes of a robot, without those of its axes."""
+        place = f"MotionDevices/{name}"
+        yield self._object(place, "MotionDevices", name)
+        yield self._object(f"{place}/Axes", place, "Axes", folder=True)
+
+    def axis(self, axis: AxisSnapshot) -> Iterator[ua.AddNodesItem]:
+        """Nodes of an axis."""
+        yield self._object(axis.id, f"MotionDevices/{axis.robot}/Axes", axis.name)
+        yield from self._set(axis.id, _OF_AXIS)
+        for p in axis.status.parameters:
+            yield from self._parameter(axis.id, p)
+
+    def _set(self, place: str, fields: dict[str, tuple[ua.VariantType, str]]) -> Iterator[ua.AddNodesItem]:
+        """The ParameterSet of an object, with variables."""
+        name = f"{place}/ParameterSet"
+        yield self._object(name, place, "ParameterSet")
+        for key, (kind, meaning) in fields.items():
+            yield self._variable(f"{place}/{key}", name, key, kind, meaning)
+
+    def _parameter(self, axis: str, p: ParameterStatus) -> Iterator[ua.AddNodesItem]:
+        place = f"{axis}/{p.name}"
+        analog = ua.ObjectIds.AnalogUnitType
+        yield self._variable(place, f"{axis}/ParameterSet", p.name, _DOUBLE, p.meaning, analog)
+        unit = ua.Variant(unit_of_measure(p.unit), ua.VariantType.ExtensionObject)
+        yield self._property(f"{place}/EngineeringUnits", place, "EngineeringUnits", unit)
+        for key, (kind, meaning) in _FIELDS.items():
+            yield self._variable(f"{place}/{key}", place, key, kind, meaning)
+
+    def _object(self, name: str, parent: str | None, title: str, folder: bool = False) -> ua.AddNodesItem:
+        attributes = ua.ObjectAttributes()
+        attributes.DisplayName = ua.LocalizedText(title)
+        attributes.SpecifiedAttributes = (
+            ua.NodeAttributesMask.DisplayName | ua.NodeAttributesMask.EventNotifier
+        )
+        item = self._item(name, parent, title, ua.NodeClass.Object, attributes)
+        kind = ua.ObjectIds.FolderType if folder else ua.ObjectIds.BaseObjectType
+        item.TypeDefinition = ua.NodeId(kind)
+        item.ReferenceTypeId = ua.NodeId(
+            ua.ObjectIds.Organizes if parent is None else ua.ObjectIds.HasComponent
+        )
+        return item
+
+    def _variable(
+        self,
+        name: str,
+        parent: str,
+        title: str,
+        kind: ua.VariantType,
+        meaning: str,
+        type_definition: int = ua.ObjectIds.BaseDataVariableType,
+    ) -> ua.AddNodesItem:
+        attributes = _attributes(title, ua.NodeId(int(kind)), meaning)
+        item = self._item(name, parent, title, ua.NodeClass.Variable, attributes)
+        item.TypeDefinition, item.ReferenceTypeId = (
+            ua.NodeId(type_definition),
+            ua.NodeId(ua.ObjectIds.HasComponent),
+        )
+        return item
+
+    def _property(self, name: str, parent: str, title: str, value: ua.Variant) -> ua.AddNodesItem:
+        attributes = _attributes(title, ua.NodeId(ua.ObjectIds.EUInformation), "")
+        attributes.Value = value
+        item = self._item(name, parent, title, ua.NodeClass.Variable, attributes)
+        item.BrowseName = ua.QualifiedName(title, 0)  # a name of the standard
+        item.TypeDefinition, item.ReferenceTypeId = (
+            ua.NodeId(ua.ObjectIds.PropertyType),
+            ua.NodeId(ua.ObjectIds.HasProperty),
+        )
+        return item
+
+    def _item(
+        self, name: str, parent: str | None, title: str, node_class: ua.NodeClass, attributes: object
+    ) -> ua.AddNodesItem:
+        item = ua.AddNodesItem()
+        item.RequestedNewNodeId = self._ids[name] = self.node_id(name)
+        item.ParentNodeId = ua.NodeId(ua.ObjectIds.ObjectsFolder) if parent is None else self._ids[parent]
+        item.BrowseName = ua.QualifiedName(title, self._namespace)
+        item.NodeClass, item.NodeAttributes = node_class, attributes
+        return item
+
+
+def _branches(snapshot: Snapshot) -> dict[_Branch, Callable[[Tree], Iterator[ua.AddNodesItem]]]:
+    """What has nodes of its own, with all that they depend on, and how they are made; robots before their axes."""
+    found = dict[_Branch, Callable[[Tree], Iterator[ua.AddNodesItem]]]()
+    for bus in snapshot.buses:
+        found["bus", bus.name] = partial(Tree.bus, name=bus.name)
+    for axis in snapshot.axes:
+        found["robot", axis.robot] = partial(Tree.robot, name=axis.robot)
+        parameters = tuple((p.name, p.unit, p.meaning) for p in axis.status.parameters)
+        found["axis", axis.id, parameters] = partial(Tree.axis, axis=axis)
+    return found
+
+
+def _attributes(title: str, data_type: ua.NodeId, meaning: str) -> ua.VariableAttributes:
+    """Of a variable that can be read only, and has no value yet."""
+    mask = ua.NodeAttributesMask
+    attributes = ua.VariableAttributes()
+    attributes.SpecifiedAttributes = (
+        mask.DisplayName
+        | mask.Description
+        | mask.Value
+        | mask.DataType
+        | mask.ValueRank
+        | mask.AccessLevel
+        | mask.UserAccessLevel
+        | mask.Historizing
+    )
+    attributes.DisplayName, attributes.Description = ua.LocalizedText(title), ua.LocalizedText(meaning)
+    attributes.DataType, attributes.ValueRank = data_type, ua.ValueRank.Scalar
+    attributes.AccessLevel = attributes.UserAccessLevel = ua.AccessLevel.CurrentRead.mask
+    attributes.Historizing = False
+    return attributes
+
+
+def _axis_readings(axis: AxisSnapshot, now_us: int) -> Iterator[Reading]:
+    silent = is_silent(axis, now_us)
+    code = _OLD if silent else _GOOD
+    alarms = ", ".join(dict.fromkeys(e.parameter for e in axis.open_alarms if e.kind != "forecast"))
+    for key, text in (("GatedBy", axis.gated_by), ("Epoch", axis.epoch.state), ("OpenAlarms", alarms)):
+        yield Reading(f"{axis.id}/{key}", _STRING, text, code)
+    for p in axis.status.parameters:
+        place, known = f"{axis.id}/{p.name}", quality(axis, p, now_us)
+        yield _number(place, p.estimate, known)
+        yield _number(f"{place}/StandardDeviation", p.standard_deviation, known)
+        nominal = _NOT_JUDGED if axis.epoch.state == "learning" else _GOOD
+        yield _number(f"{place}/Nominal", p.nominal, nominal)
+        yield Reading(f"{place}/Status", _STRING, p.status, code)
+        yield Reading(f"{place}/NotTestedReason", _STRING, p.not_tested or "", code)
+
+
+def _number(node: str, value: float, code: int) -> Reading:
+    """A number; a bad one has no value."""
+    if not math.isfinite(value):
+        code = _INVALID if code in (_GOOD, _OLD, _NOT_JUDGED) else code
+    return Reading(node, _DOUBLE, None if code in (_NO_VALUE, _INVALID) else value, code)
+
+
+def _time(t_us: int) -> datetime:
+    return datetime.fromtimestamp(t_us / 1e6, UTC)
