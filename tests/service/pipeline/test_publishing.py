@@ -119,13 +119,16 @@ def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_cl
 
 def test_rules_are_those_of_the_axis_and_its_parameter() -> None:
     config = load(CONFIG / "demo.toml", {})
-    table = AlarmsConfig(priority="low", priorities={"fm": "high"}, latched=("kT",), suppressed=("fm",))
+    table = AlarmsConfig(
+        priority="low", priorities={"fm": "high"}, latched=("kT",), suppressed=("fm",), off_delay_s=5.0
+    )
     (first, second), name = config.axes[:2], ("demo.axis1", "fm")
     axes = [first._replace(config=first.config.model_copy(update={"alarms": table})), second]
     found = alarm_rules(axes, [name, ("demo.axis1", "kT"), ("demo.axis2", "fm")])
-    assert found[name] == AlarmRules("high", suppressed=True)
-    assert found["demo.axis1", "kT"] == AlarmRules("low", latched=True)
-    assert found["demo.axis2", "fm"] == AlarmRules()
+    assert found[name] == AlarmRules("high", suppressed=True, off_delay_s=5.0)
+    assert found["demo.axis1", "kT"] == AlarmRules("low", latched=True, off_delay_s=5.0)
+    assert found["demo.axis2", "fm"] == AlarmRules(off_delay_s=30 * second.config.memory_s)
+    assert AlarmsConfig().rules("fm", memory_s=10).off_delay_s == 60
 
 
 def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journal: Journal) -> None:
