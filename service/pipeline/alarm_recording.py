@@ -196,7 +196,7 @@ class Alarms:
         over = any(self._is_over(alarm, now_us) for alarm in self._recorded.standing)
         if self._clock() >= self._next_look and (over or self._revision != self._journal.revision):
             self._look(now_us, over)
-        unrecorded = tuple(as_recorded(self._entry(change)) for change in self._unrecorded())
+        unrecorded = tuple(as_recorded(self._shown_entry(change)) for change in self._unrecorded())
         return self._recorded._replace(unrecorded=unrecorded, waiting=len(self._waiting))
 
     def removed(self, axis_id: str) -> Note | None:
@@ -275,6 +275,12 @@ class Alarms:
         unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]
         rules = self._rules.get((change.axis_id, change.alarm.parameter), _PLAIN)
         return Entry(change.axis_id, unit, nominal, change.alarm, rules)
+
+    def _shown_entry(self, change: AxisAlarm) -> Entry:
+        """The entry as the journal will have it: it knows which axes persons have taken out of service."""
+        entry = self._entry(change)
+        removed = change.axis_id in self._recorded.removed
+        return entry._replace(rules=entry.rules._replace(out_of_service=True)) if removed else entry
 
     def _facts(self, change: AxisAlarm) -> dict[str, object]:
         e, quantity = change.alarm, self._quantities[change.axis_id, change.alarm.parameter]

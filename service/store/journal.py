@@ -235,6 +235,7 @@ class Journal:
         """
         self._rules |= rules
         with self._db.write() as connection:
+            self._end_delays(connection, at_us)
             for alarm in _select(connection, _STANDING):
                 own = rules.get((alarm.axis, alarm.parameter))
                 if own is not None:
@@ -280,11 +281,14 @@ class Journal:
         with self._db.write() as connection:
             for alarm in _select(connection, over, [now_us]):
                 end_shelf(connection, alarm.id, alarm.life, now_us)
-            for alarm in _select(connection, f"{_STANDING} AND ended_us IS NOT NULL"):
-                own = self._rules.get((alarm.axis, alarm.parameter), AlarmRules())
-                at_us = returns_us(alarm.life, alarm.ended_us, own)
-                if at_us is not None and at_us <= now_us:
-                    _obey(connection, alarm, own, Note(at_us, SERVICE))
+            self._end_delays(connection, now_us)
+
+    def _end_delays(self, connection: sqlite3.Connection, now_us: int) -> None:
+        for alarm in _select(connection, f"{_STANDING} AND ended_us IS NOT NULL"):
+            own = self._rules.get((alarm.axis, alarm.parameter), AlarmRules())
+            at_us = returns_us(alarm.life, alarm.ended_us, own)
+            if at_us is not None and at_us <= now_us:
+                _obey(connection, alarm, own, Note(at_us, SERVICE))
 
     def statistics(self, since_us: int, until_us: int) -> AlarmStatistics:
         """How much the alarms raised in this time ask of an operator."""

@@ -546,7 +546,9 @@ class AlarmStatistics(Body):
 
     since: Time = Field(description="UTC")
     until: Time = Field(description="UTC")
-    raised: int = Field(description="alarms raised in this time; one that is reopened counts again")
+    raised: int = Field(
+        description="alarms raised in this time; one whose cause is back after the off-delay counts again"
+    )
     announced: int = Field(description="those of them that were not shelved, suppressed or out of service")
     mean_per_ten_minutes: Number = Field(description="announced alarms in ten minutes; one is acceptable")
     most_in_ten_minutes: int = Field(description="announced alarms in the worst ten minutes")

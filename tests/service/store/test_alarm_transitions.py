@@ -211,7 +211,7 @@ def test_a_chattering_axis_is_one_alarm_that_returns_after_the_off_delay(journal
     journal.obey({(AXIS, "fm"): rules}, 149 * SECOND)
     journal.end_shelves(149 * SECOND)
     assert state(journal, number) == AlarmLife(S.ACKNOWLEDGED)
-    journal.end_shelves(170 * SECOND)
+    journal.obey({(AXIS, "fm"): rules}, 170 * SECOND)  # as at the next start
     assert state(journal, number) == AlarmLife()
     last = journal.transitions(number)[-1]
     assert (last.at_us, last.event) == (150 * SECOND, "clear")
