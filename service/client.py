@@ -54,6 +54,8 @@ class AlarmJson(TypedDict):
     shelved_until: str | None
     work_order: str | None
     recording: str | None
+    first_out: bool
+    follows: int | None
     words: str
     raised: str
     ended: str | None
@@ -70,6 +72,46 @@ class AlarmsJson(TypedDict):
 
     total: int
     alarms: list[AlarmJson]
+
+
+class FrequencyJson(TypedDict):
+    """How often the alarms of a name were raised (the API's AlarmFrequency)."""
+
+    axis: str
+    parameter: str
+    direction: str
+    alarms: int
+
+
+class StatisticsJson(TypedDict):
+    """How much the alarms ask of an operator (the API's AlarmStatistics, which has more)."""
+
+    since: str
+    until: str
+    raised: int
+    announced: int
+    mean_per_ten_minutes: float
+    most_in_ten_minutes: int
+    most_at: str | None
+    flood_share: float
+    most_frequent: list[FrequencyJson]
+
+
+class ServiceStepJson(TypedDict):
+    """What a person has made of the service of an axis (the API's AxisServiceStep)."""
+
+    at: str
+    event: str
+    who: str
+    comment: str | None
+    work_order: str | None
+
+
+class AxisServiceJson(TypedDict):
+    """Whether an axis is out of service (the API's AxisService, which has more)."""
+
+    axis: str
+    steps: list[ServiceStepJson]
 
 
 class ServiceJson(TypedDict):
@@ -170,6 +212,20 @@ class Client:
     def alarm(self, alarm_id: int) -> AlarmRecordJson:
         """One alarm."""
         found: AlarmRecordJson = self._ask("GET", f"alarms/{alarm_id}")
+        return found
+
+    def statistics(self, since: str | None = None, until: str | None = None) -> StatisticsJson:
+        """How much the alarms of a time ask of an operator; the default is that of the API, seven days."""
+        given = {"since": since, "until": until}
+        query = {name: value for name, value in given.items() if value is not None}
+        found: StatisticsJson = self._ask("GET", "alarms/statistics", query=query)
+        return found
+
+    def change_service(
+        self, axis: str, action: Literal["out-of-service", "return-to-service"], text: AlarmText = NOTHING
+    ) -> AxisServiceJson:
+        """Take an axis out of service, or return it."""
+        found: AxisServiceJson = self._ask("POST", f"axes/{_quoted(axis)}/{action}", body=text._asdict())
         return found
 
     def acknowledge(self, alarm_id: int, text: AlarmText = NOTHING) -> AlarmRecordJson:

@@ -32,10 +32,12 @@ from monitor_core.monitoring.alarm_life_cycle import (
     Transition,
     check_shelf,
     due,
+    is_present,
     replayed,
+    returns_us,
     transition,
 )
-from monitor_core.monitoring.alarm_tracker import AlarmChange, AlarmTracker
+from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange, AlarmTracker
 from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
 from monitor_core.monitoring.axis_status import (
@@ -77,6 +79,7 @@ __all__ = [
     "MIN_MEMORY_SAMPLES",
     "NEVER",
     "PRIORITIES",
+    "REOPEN_MEMORIES",
     "RESTART",
     "RMS_SPEED",
     "SEED",
@@ -119,9 +122,11 @@ __all__ = [
     "check_shelf",
     "conditioned_records",
     "due",
+    "is_present",
     "ranges",
     "recommended_settings",
     "replayed",
+    "returns_us",
     "short_memory",
     "standard_deviation",
     "transition",

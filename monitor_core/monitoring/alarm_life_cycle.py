@@ -4,6 +4,9 @@ A detector says whether the cause of an alarm is there.  This is the other half:
 and whether it is to be shown.  An alarm that is shelved, suppressed by design or out of service is hidden; its cause is
 still followed, so that it comes back as it is by then.
 
+An alarm returns when its cause has been away for the off-delay.  A cause that is back sooner was there all the time:
+its alarm stays as it is, and who has acknowledged it is not asked again.
+
 The letters are those of the standards' diagram.  What is not in ``_SHOWN``, ``_HIDDEN`` or ``_OVERLAYS`` is illegal.
 """
 
@@ -38,7 +41,7 @@ class AlarmState(StrEnum):
     SUPPRESSED = "suppressed"
     """H: hidden by the configuration ("suppressed by design")"""
     OUT_OF_SERVICE = "out-of-service"
-    """I: hidden by the configuration, while its axis is maintained"""
+    """I: hidden while its axis is maintained, by a person or by the configuration"""
 
 
 HIDDEN_STATES = (AlarmState.SHELVED, AlarmState.SUPPRESSED, AlarmState.OUT_OF_SERVICE)
@@ -115,7 +118,7 @@ _ADVICE: Mapping[AlarmState, str] = {
     _S.LATCHED: "its cause is gone; it stays active until it is acknowledged",
     _S.SHELVED: "unshelve it first",
     _S.SUPPRESSED: "the configuration suppresses it, in [robot.axis.alarms]",
-    _S.OUT_OF_SERVICE: "the configuration has taken its axis out of service, in [robot.axis.alarms]",
+    _S.OUT_OF_SERVICE: "its axis is out of service",
 }
 
 
@@ -156,12 +159,13 @@ class Transition(NamedTuple):
 
 
 class AlarmRules(NamedTuple):
-    """What the configuration says of the alarms of a parameter."""
+    """How the alarms of a parameter are handled.  ``off_delay_s``: for how long its cause is away before it returns."""
 
     priority: Priority = "medium"
     latched: bool = False
     suppressed: bool = False
     out_of_service: bool = False
+    off_delay_s: float = 0.0
 
 
 def transition(life: AlarmLife, event: AlarmEvent, until_us: int | None = None) -> Transition:
@@ -254,6 +258,25 @@ def due(life: AlarmLife, present: bool, rules: AlarmRules) -> list[Transition]:
     if present and life.below not in _PRESENT:
         then(AlarmEvent.RAISE)
     return found
+
+
+def returns_us(life: AlarmLife, ended_us: int | None, rules: AlarmRules) -> int | None:
+    """When the off-delay of an alarm is over, if its cause stays away; None: it does not wait for that.
+
+    Args:
+        life: the alarm so far.
+        ended_us: since when its cause is away; None: it is there.
+        rules: of its parameter.
+    """
+    if ended_us is None or life.below not in _PRESENT:
+        return None
+    return ended_us + round(1e6 * rules.off_delay_s)
+
+
+def is_present(life: AlarmLife, ended_us: int | None, at_us: int, rules: AlarmRules) -> bool:
+    """Whether the cause of an alarm counts as there: it is, or the off-delay is not over; arguments as before."""
+    over_us = returns_us(life, ended_us, rules)
+    return ended_us is None or (over_us is not None and at_us < over_us)
 
 
 _PRESENT = (AlarmState.UNACKNOWLEDGED, AlarmState.ACKNOWLEDGED)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from monitor_core.wording import seconds_in
-from service.client import AlarmJson, AlarmRecordJson, AlarmText, Client
+from service.client import AlarmJson, AlarmRecordJson, AlarmText, AxisServiceJson, Client
 from service.commands.daemon_options import (
     DEFAULT_URL,
     AsJson,
@@ -26,7 +26,7 @@ AlarmStateName = Literal[
 ]  # fmt: skip
 
 alarms = typer.Typer(
-    help="Alarms of a running daemon: list, show, acknowledge, shelve, comment.",
+    help="Alarms of a running daemon: list, show, acknowledge, shelve, comment; statistics; axes out of service.",
     epilog=EPILOG,
     no_args_is_help=True,
     add_completion=False,
@@ -164,6 +164,84 @@ def comment_alarm(
     _each(alarm_ids, url, token, as_json, lambda client, number: client.comment(number, text))
 
 
+@alarms.command()
+def statistics(
+    since: Annotated[
+        str | None,
+        typer.Option(
+            "--since",
+            metavar="TIME",
+            help="2026-03-01T14:00:00Z; default: seven days ago.",
+            show_default=False,
+        ),
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option("--until", metavar="TIME", help="Default: now.", show_default=False)
+    ] = None,
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Print alarms per ten minutes (EEMUA 191), and the most frequent ones."""
+    with explained(), Client(url, token) as client:
+        found = client.statistics(since, until)
+    if as_json:
+        print_json(found)
+        return
+    print(f"{short_time(found['since'])} to {short_time(found['until'])}")
+    print(f"raised: {found['raised']}, announced: {found['announced']}")
+    most = f"{found['most_in_ten_minutes']} at most"
+    most += f" (from {short_time(found['most_at'])})" if found["most_at"] else ""
+    print(f"announced in ten minutes: {found['mean_per_ten_minutes']:.3g} in the mean, {most}")
+    print(f"ten minutes with more than ten: {100 * found['flood_share']:.3g} %")
+    for name in found["most_frequent"]:
+        print(f"{name['alarms']:6}  {name['axis']} {name['parameter']} {name['direction']}")
+
+
+Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="The axis, as in `axiswatch alarms list`.")]
+
+
+@alarms.command("out-of-service")
+def out_of_service(
+    axis: Axis,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Take an axis out of service: its alarms are recorded, but not announced."""
+    text = AlarmText(comment, work_order)
+    _change_service(url, token, as_json, lambda client: client.change_service(axis, "out-of-service", text))
+
+
+@alarms.command("return-to-service")
+def return_to_service(
+    axis: Axis,
+    comment: Comment = "",
+    work_order: WorkOrder = "",
+    url: Url = DEFAULT_URL,
+    token: Token = "",
+    as_json: AsJson = False,
+) -> None:
+    """Return an axis to service: its alarms are announced again."""
+    text = AlarmText(comment, work_order)
+    _change_service(
+        url, token, as_json, lambda client: client.change_service(axis, "return-to-service", text)
+    )
+
+
+def _change_service(url: str, token: str, as_json: bool, action: Callable[[Client], AxisServiceJson]) -> None:
+    with explained(), Client(url, token) as client:
+        found = action(client)
+    if as_json:
+        print_json(found)
+        return
+    step = found["steps"][-1]
+    texts = "".join(f" ({text})" for text in (step["comment"], step["work_order"]) if text)
+    print(f"{found['axis']}: {step['event']} by {step['who']} at {short_time(step['at'])}{texts}")
+
+
 def _each(
     alarm_ids: Sequence[int],
     url: str,
@@ -187,5 +265,6 @@ def _line(a: AlarmJson) -> str:
     state = a["state"] + (f" until {short_time(a['shelved_until'])}" if a["shelved_until"] else "")
     ended = f", ended {short_time(a['ended'])}" if a["ended"] else ""
     order = f", work order {a['work_order']}" if a["work_order"] else ""
+    order += ", first-out" if a["first_out"] else f", follows alarm {a['follows']}" if a["follows"] else ""
     head = f"{number}  {a['axis']} {a['parameter']} {a['direction']}: {state}, {a['priority']} priority"
     return f"{head}, raised {short_time(a['raised'])}{ended}{order}\n    {a['words']}"

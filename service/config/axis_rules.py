@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from monitor_core.drive import COSINE, DELAY, SINE
-from monitor_core.monitoring import MIN_MEMORY_SAMPLES
+from monitor_core.monitoring import MIN_MEMORY_SAMPLES, REOPEN_MEMORIES
 from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
 from service.config.drives import not_identified, watched_values
@@ -145,6 +145,14 @@ def alarm_names(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("alarms", *place), f"no alarm has this name: {did_you_mean(name, known)}")
 
 
+def off_delay(axis: AxisConfig) -> Iterator[Finding]:
+    """A cause that is back within the off-delay is found to be the same alarm."""
+    most_s = REOPEN_MEMORIES * axis.memory_s
+    if (axis.alarms.off_delay_s or 0.0) > most_s:
+        message = f"must be at most {REOPEN_MEMORIES} memory lengths, {most_s:g} s: what is back later is another alarm"
+        yield Finding(("alarms", "off_delay_s"), message)
+
+
 AXIS_RULES = (
     motion,
     torque_constant,
@@ -156,4 +164,5 @@ AXIS_RULES = (
     memory,
     initial_p,
     alarm_names,
+    off_delay,
 )

@@ -340,8 +340,13 @@ class AxisConfig(Table):
     @property
     def forgetting(self) -> float:
         """lambda, per sample."""
+        return 1 - self.sample_interval_s / self.memory_s
+
+    @property
+    def memory_s(self) -> float:
+        """Length of the memory [s]."""
         h = self.sample_interval_s
-        return 1 - h / (self.estimator.memory_s or max(DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES * h))
+        return self.estimator.memory_s or max(DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES * h)
 
     @property
     def interval_mean(self) -> bool:

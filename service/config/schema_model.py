@@ -4,9 +4,18 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from monitor_core.monitoring import AlarmRules, Priority
+from monitor_core.monitoring import REOPEN_MEMORIES, AlarmRules, Priority
 from monitor_core.wording import seconds_in
-from service.config.base_table import DriveName, Positive, Reading, Real, Table, Text, from_folder
+from service.config.base_table import (
+    DriveName,
+    NotNegative,
+    Positive,
+    Reading,
+    Real,
+    Table,
+    Text,
+    from_folder,
+)
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
 from service.config.thresholds_file import ThresholdsFile
@@ -150,6 +159,10 @@ class TrendConfig(Table):
     """an alarm is raised when a limit may be reached within this time: "14 days", for example"""
 
 
+DEFAULT_OFF_DELAY_S = 60.0
+"""Off-delays that ISA-18.2 suggests to begin with go up to a minute."""
+
+
 class AlarmsConfig(Table):
     """[robot.axis.alarms]: priority of the alarms of an axis, and which ones are latched or hidden."""
 
@@ -163,12 +176,18 @@ class AlarmsConfig(Table):
     """parameters or sensor faults whose alarms are recorded, but not announced"""
     out_of_service: bool = Field(False, strict=True)
     """while the axis is maintained: all of its alarms are recorded, but not announced"""
+    off_delay_s: NotNegative | None = None
+    """an alarm returns when its cause has been away for that long [s]; one that is back sooner is no new alarm"""
 
-    def rules(self, cause: str) -> AlarmRules:
-        """Those of the alarms of a parameter or of a sensor fault."""
+    def rules(self, cause: str, memory_s: float) -> AlarmRules:
+        """Those of the alarms of a parameter or of a sensor fault, of an axis with this memory [s]."""
+        off_delay_s = self.off_delay_s
+        if off_delay_s is None:
+            off_delay_s = min(DEFAULT_OFF_DELAY_S, REOPEN_MEMORIES * memory_s)
         return AlarmRules(
             self.priorities.get(cause, self.priority),
             latched=cause in self.latched,
             suppressed=cause in self.suppressed,
             out_of_service=self.out_of_service,
+            off_delay_s=off_delay_s,
         )

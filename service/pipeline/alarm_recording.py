@@ -3,15 +3,17 @@
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields, replace
 from time import monotonic
+from types import MappingProxyType
 from typing import NamedTuple
 
 import structlog
 
 from monitor_core.detection import Alarm, AlarmKey
-from monitor_core.monitoring import AlarmLife, AlarmRules, AxisMonitor, due
+from monitor_core.monitoring import AlarmLife, AlarmRules, AxisMonitor, due, returns_us
 from service.config import NamedAxis
 from service.pipeline.wall_clock import WallClock
 from service.store.alarm_statistics import StateCount
+from service.store.alarm_transitions import Note
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal, RecordedAlarm
 from service.texts import episode_words, iso
@@ -59,8 +61,8 @@ def alarm_rules(
     axes: Iterable[NamedAxis], causes: Iterable[tuple[str, str]]
 ) -> dict[tuple[str, str], AlarmRules]:
     """What the configuration says of the alarms of these axes and causes."""
-    configured = {axis.id: axis.config.alarms for axis in axes}
-    return {(axis_id, cause): configured[axis_id].rules(cause) for axis_id, cause in causes}
+    configured = {axis.id: axis.config for axis in axes}
+    return {(i, cause): configured[i].alarms.rules(cause, configured[i].memory_s) for i, cause in causes}
 
 
 NOT_RECORDED = 0
@@ -97,6 +99,8 @@ class AlarmsSnapshot(NamedTuple):
     """Number of alarms of which the journal does not have all yet"""
     states: tuple[StateCount, ...] = ()
     """Number of recorded alarms by state and priority"""
+    removed: Mapping[str, Note] = MappingProxyType({})
+    """Axes that persons have taken out of service"""
 
 
 NO_ALARMS = AlarmsSnapshot()
@@ -189,25 +193,36 @@ class Alarms:
         Args:
             now_us: the time now; shelves that are over then end.
         """
-        over = any(a.life.at(now_us) != a.life for a in self._recorded.standing)
+        over = any(self._is_over(alarm, now_us) for alarm in self._recorded.standing)
         if self._clock() >= self._next_look and (over or self._revision != self._journal.revision):
             self._look(now_us, over)
-        unrecorded = tuple(as_recorded(self._entry(change)) for change in self._unrecorded())
+        unrecorded = tuple(as_recorded(self._shown_entry(change)) for change in self._unrecorded())
         return self._recorded._replace(unrecorded=unrecorded, waiting=len(self._waiting))
 
+    def removed(self, axis_id: str) -> Note | None:
+        """Since when a person has taken an axis out of service, who and why; None: nobody has."""
+        return self._recorded.removed.get(axis_id)
+
+    def _is_over(self, alarm: RecordedAlarm, now_us: int) -> bool:
+        """Whether its shelf or its off-delay is over, which the journal does not have yet."""
+        rules = self._rules.get((alarm.axis, alarm.parameter), _PLAIN)
+        at_us = returns_us(alarm.life, alarm.ended_us, rules)
+        return alarm.life.at(now_us) != alarm.life or (at_us is not None and at_us <= now_us)
+
     def _look(self, now_us: int, over: bool) -> None:
-        """Read the states in the journal, after the end of shelves that are over; a failure is tried again later."""
+        """Read the states in the journal, after the end of what is over; a failure is tried again later."""
         try:
             if over:
                 self._journal.end_shelves(now_us)
             revision = self._journal.revision
             standing, states = self._journal.standing(), self._journal.state_counts()
+            removed = self._journal.services.removed()
         except StoreError as error:
             if self._next_look < 0:
                 log.error("the states of the alarms are not up to date", reason=str(error))
             self._next_look = self._clock() + RETRY_S
             return
-        self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states))
+        self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states), removed=removed)
         self._revision, self._next_look = revision, -RETRY_S
 
     def _unrecorded(self) -> list[AxisAlarm]:
@@ -260,6 +275,12 @@ class Alarms:
         unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]
         rules = self._rules.get((change.axis_id, change.alarm.parameter), _PLAIN)
         return Entry(change.axis_id, unit, nominal, change.alarm, rules)
+
+    def _shown_entry(self, change: AxisAlarm) -> Entry:
+        """The entry as the journal will have it: it knows which axes persons have taken out of service."""
+        entry = self._entry(change)
+        removed = change.axis_id in self._recorded.removed
+        return entry._replace(rules=entry.rules._replace(out_of_service=True)) if removed else entry
 
     def _facts(self, change: AxisAlarm) -> dict[str, object]:
         e, quantity = change.alarm, self._quantities[change.axis_id, change.alarm.parameter]

@@ -1,6 +1,6 @@
 """Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from monitor_core.detection import Alarm
@@ -11,6 +11,7 @@ from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline, Heat
 from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
 from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
+from service.store.alarm_transitions import CONFIGURATION, Note
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,8 @@ class AxisSnapshot:
     """Long-term histories that could not be restored at the start"""
     epoch: AxisEpoch = FIRST_EPOCH
     """Which nominal values are in force, and what is under way"""
+    out_of_service: Note | None = None
+    """Since when, by whom and why its alarms are not announced; None: they are"""
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -127,6 +130,13 @@ class Snapshot:
         return next((axis for axis in self.axes if axis.id == axis_id), None)
 
 
+def out_of_service(axes: Iterable[AxisSnapshot]) -> Iterator[str]:
+    """That axes are out of service, for the operator: it must not be forgotten."""
+    found = [f"{a.id} ({a.out_of_service.who})" for a in axes if a.out_of_service is not None]
+    if found:
+        yield f"out of service, with alarms that are recorded but not announced: {', '.join(found)}"
+
+
 # --- How they are made: status of the monitor, alarms as they are shown ---------------------------------------------
 
 
@@ -139,6 +149,7 @@ class AxisView:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
         self._model = model = pipeline.monitors.by_id[axis.id].model
         self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
+        self._by_configuration = Note(0, CONFIGURATION) if axis.config.alarms.out_of_service else None
 
     def snapshot(self) -> AxisSnapshot:
         """Snapshot of the axis now."""
@@ -169,6 +180,7 @@ class AxisView:
             trends=monitors.trends.for_axis(axis.id),
             histories_lost=monitors.trends.lost[axis.id],
             epoch=monitors.epochs[axis.id].shown(status),
+            out_of_service=self._alarms.removed(axis.id) or self._by_configuration,
         )
 
 

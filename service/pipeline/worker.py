@@ -24,7 +24,7 @@ from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
-from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot
+from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot, out_of_service
 
 TICK_S = 0.1
 """Time between blocks and between snapshots: long enough for one call of the kernel to pay."""
@@ -301,15 +301,17 @@ class Worker:
 
     def _snapshot(self) -> Snapshot:
         now_us, history = self._now_us(), self._history.state()
+        alarms = self._alarms.snapshot(now_us)
+        axes = tuple(view.snapshot() for view in self._views.values())
         return Snapshot(
             taken_us=now_us,
             started_us=self._started_us,
-            axes=tuple(view.snapshot() for view in self._views.values()),
+            axes=axes,
             buses=tuple(bus.snapshot() for bus in self._buses),
             processing=self._time.histogram(),
             checkpoint_us=self._checkpointer.saved_us,
-            messages=self._all_messages(history),
-            alarms=self._alarms.snapshot(now_us),
+            messages=(*out_of_service(axes), *self._all_messages(history)),
+            alarms=alarms,
             history=history,
         )
 

@@ -1,11 +1,11 @@
-"""How much the alarms ask of an operator: rates as in EEMUA 191 and ISA-18.2, stale and chattering alarms."""
+"""How much the alarms ask of an operator: rates as in EEMUA 191 and ISA-18.2; stale, chattering, first-out alarms."""
 
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from monitor_core.monitoring import ACTIVE_STATES, AlarmState, Priority
+from monitor_core.monitoring import ACTIVE_STATES, HIDDEN_STATES, AlarmState, Priority
 
 STALE_S = 86400.0
 """An alarm that is shown and active for longer is stale (ISA-18.2: 24 hours)."""
@@ -17,6 +17,10 @@ RATE_S = 600.0
 """EEMUA 191 counts alarms in ten minutes: one in the mean is acceptable, more than ten are a flood."""
 FLOOD = 10
 MOST_FREQUENT = 10
+
+FIRST_OUT_S = 600.0
+"""Alarms of a robot belong together where each is raised within this time after another one: an axis that moves seldom
+detects late what another one has detected at once."""
 
 ACTIVE = f"coalesce(returns_to, state) IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
 """Condition of SQL: the cause is there, or the alarm is latched"""
@@ -30,6 +34,28 @@ CHATTERING = f"""id IN (SELECT alarm_id FROM (
     FROM alarm_transition t JOIN alarm a ON a.id = t.alarm_id WHERE t.event = 'raise'
 ) WHERE span_us <= {round(CHATTERING_S * 1e6)})"""
 """Condition of SQL: with this alarm its name came the third time within ten minutes"""
+
+
+_SHOWN = f"state IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
+_SAME_ROBOT = "substr(other.axis, 1, instr(other.axis, '.')) = substr(alarm.axis, 1, instr(alarm.axis, '.'))"
+_WITHIN_US = round(FIRST_OUT_S * 1e6)
+FOLLOWS = f"""CASE WHEN alarm.{_SHOWN} THEN (
+    SELECT other.id FROM alarm other WHERE {_SAME_ROBOT}
+    AND other.raised_us BETWEEN alarm.raised_us - {_WITHIN_US} AND alarm.raised_us
+    AND (other.raised_us, other.id) < (alarm.raised_us, alarm.id)
+    AND coalesce(other.ended_us, alarm.raised_us) >= alarm.raised_us
+    AND other.state NOT IN ({", ".join(repr(str(state)) for state in HIDDEN_STATES)})
+    ORDER BY other.raised_us, other.id LIMIT 1
+) END"""
+"""Column of SQL: of an alarm that is shown and active, the first one of its robot that was there when it was raised.
+
+By the time of raising, as on an annunciator: an onset is an estimate, and the intervals of a cascade overlap."""
+FOLLOWED = f"""alarm.{_SHOWN} AND EXISTS (
+    SELECT 1 FROM alarm other WHERE {_SAME_ROBOT} AND other.axis <> alarm.axis AND other.{_SHOWN}
+    AND other.raised_us BETWEEN alarm.raised_us AND alarm.raised_us + {_WITHIN_US}
+    AND (other.raised_us, other.id) > (alarm.raised_us, alarm.id)
+)"""
+"""Column of SQL: whether another axis of its robot has an alarm that was raised soon after it"""
 
 
 class Frequency(NamedTuple):

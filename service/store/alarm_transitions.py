@@ -45,7 +45,8 @@ SERVICE = "axiswatch"
 CONFIGURATION = "configuration"
 """Who has done it, where it was no person."""
 
-_BY_RULE = (AlarmEvent.SUPPRESS, AlarmEvent.UNSUPPRESS, AlarmEvent.REMOVE, AlarmEvent.RETURN)
+_BY_RULE = dict.fromkeys((AlarmEvent.SUPPRESS, AlarmEvent.UNSUPPRESS), CONFIGURATION)
+_SERVICE_EVENTS = (AlarmEvent.REMOVE, AlarmEvent.RETURN)
 
 
 class Note(NamedTuple):
@@ -79,8 +80,14 @@ class NumberedTransition(NamedTuple):
     transition: RecordedTransition
 
 
-def take(connection: sqlite3.Connection, alarm_id: int, changes: Iterable[Transition], note: Note) -> None:
-    """Record transitions of an alarm, and its state after them."""
+def take(
+    connection: sqlite3.Connection,
+    alarm_id: int,
+    changes: Iterable[Transition],
+    note: Note,
+    removed_by: str = CONFIGURATION,
+) -> None:
+    """Record transitions of an alarm, and its state after them; ``removed_by``: who takes its axis out of service."""
     for change in changes:
         after = change.after
         values = {
@@ -91,7 +98,7 @@ def take(connection: sqlite3.Connection, alarm_id: int, changes: Iterable[Transi
             "after": after.state,
             "until": after.until_us,
             "below": after.returns_to,
-            "who": CONFIGURATION if change.event in _BY_RULE else note.who,
+            "who": _BY_RULE.get(change.event, removed_by if change.event in _SERVICE_EVENTS else note.who),
             "comment": note.comment,
             "work_order": note.work_order,
         }

@@ -17,11 +17,15 @@ from monitor_core.monitoring import (
     Priority,
     check_shelf,
     due,
+    is_present,
+    returns_us,
     transition,
 )
 from service.store.alarm_statistics import (
     ACTIVE,
     CHATTERING,
+    FOLLOWED,
+    FOLLOWS,
     STALE,
     STALE_S,
     AlarmStatistics,
@@ -41,6 +45,7 @@ from service.store.alarm_transitions import (
     taken,
     taken_after,
 )
+from service.store.axis_services import SERVICE_MIGRATION, AxisServices, removal
 from service.store.database import Database
 from service.store.epochs import EPOCH_MIGRATION, Epochs
 
@@ -96,6 +101,7 @@ MIGRATIONS = (
     # Plant links know the journal by it.
     IDENTITY_MIGRATION,
     EPOCH_MIGRATION,
+    SERVICE_MIGRATION,
 )
 
 
@@ -122,6 +128,15 @@ class RecordedAlarm(Alarm):
     priority: Priority = "medium"
     work_order: str = ""
     """The last one that was given; empty: none"""
+    follows: int | None = None
+    """The alarm of its robot that was there when it was raised, the first one; None: there was none"""
+    followed: bool = False
+    """Whether another axis of its robot has an alarm that was raised soon after it"""
+
+    @property
+    def first_out(self) -> bool:
+        """Whether it is the first of alarms of several axes of its robot."""
+        return self.followed and self.follows is None
 
     @property
     def life(self) -> AlarmLife:
@@ -135,10 +150,11 @@ class RecordedAlarm(Alarm):
 
 
 _STANDING = "WHERE state <> 'normal' AND state <> 'returned'"
-_NAMES = tuple(field.name for field in fields(RecordedAlarm))
+_DERIVED = {"follows": FOLLOWS, "followed": FOLLOWED}
+_NAMES = tuple(field.name for field in fields(RecordedAlarm) if field.name not in _DERIVED)
 _OWN = {"id", "axis", "unit", "nominal", "state", "returns_to", "shelved_until_us", "priority", "work_order"}
 """Columns that an alarm of a monitor does not have"""
-_COLUMNS = ", ".join(_NAMES)
+_COLUMNS = ", ".join([*_NAMES, *_DERIVED.values()])
 _LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
     "causes": Cause.read,
     "past": Name._make,
@@ -175,6 +191,9 @@ class Journal:
             """Of this file, in whatever folder: random"""
         self.epochs = Epochs(self._db, _end_open)
         """Nominal values and thresholds of the axes; with their alarms, as both change in one transaction"""
+        self.services = AxisServices(self._db, self._obey_service)
+        """Which axes persons have taken out of service; in one transaction with their alarms"""
+        self._rules: dict[tuple[str, str], AlarmRules] = {}
 
     def record(self, entries: Iterable[Entry]) -> list[int]:
         """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
@@ -214,13 +233,20 @@ class Journal:
             rules: by axis and parameter; other alarms stay as they are.
             at_us: the time now.
         """
+        self._rules |= rules
         with self._db.write() as connection:
+            self._end_delays(connection, at_us)
             for alarm in _select(connection, _STANDING):
                 own = rules.get((alarm.axis, alarm.parameter))
                 if own is not None:
                     connection.execute("UPDATE alarm SET priority = ? WHERE id = ?", [own.priority, alarm.id])
-                    changes = due(alarm.life, alarm.ended_us is None, own)
-                    take(connection, alarm.id, changes, Note(at_us, SERVICE))
+                    _obey(connection, alarm, own, Note(at_us, SERVICE))
+
+    def _obey_service(self, connection: sqlite3.Connection, axis: str, note: Note) -> None:
+        """Let the alarms of an axis obey what a person has made of its service."""
+        for alarm in _select(connection, f"{_STANDING} AND axis = ?", [axis]):
+            own = self._rules.get((axis, alarm.parameter), AlarmRules())
+            _obey(connection, alarm, own, note, note.who)
 
     def act(self, alarm_id: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> RecordedAlarm:
         """Record what a person has done about an alarm; returns the alarm then.
@@ -250,11 +276,19 @@ class Journal:
             return after
 
     def end_shelves(self, now_us: int) -> None:
-        """Record the end of every shelf that is over."""
+        """Record the end of every shelf and every off-delay that is over."""
         over = "WHERE state = 'shelved' AND shelved_until_us <= ?"
         with self._db.write() as connection:
             for alarm in _select(connection, over, [now_us]):
                 end_shelf(connection, alarm.id, alarm.life, now_us)
+            self._end_delays(connection, now_us)
+
+    def _end_delays(self, connection: sqlite3.Connection, now_us: int) -> None:
+        for alarm in _select(connection, f"{_STANDING} AND ended_us IS NOT NULL"):
+            own = self._rules.get((alarm.axis, alarm.parameter), AlarmRules())
+            at_us = returns_us(alarm.life, alarm.ended_us, own)
+            if at_us is not None and at_us <= now_us:
+                _obey(connection, alarm, own, Note(at_us, SERVICE))
 
     def statistics(self, since_us: int, until_us: int) -> AlarmStatistics:
         """How much the alarms raised in this time ask of an operator."""
@@ -348,6 +382,19 @@ _Value = str | int | float | None
 _BEFORE_ALL = (2**63 - 1, 2**63 - 1)
 
 
+def _obey(
+    connection: sqlite3.Connection,
+    alarm: RecordedAlarm,
+    rules: AlarmRules,
+    note: Note,
+    by: str | None = None,
+) -> None:
+    """Let an alarm agree with its cause and its rules at the time of the note; ``by``: who has changed its service."""
+    own, removed_by = removal(connection, alarm.axis, rules)
+    changes = due(alarm.life, is_present(alarm.life, alarm.ended_us, note.at_us, own), own)
+    take(connection, alarm.id, changes, note, by or removed_by)
+
+
 def _end_open(connection: sqlite3.Connection, axis: str, note: Note, rules: Mapping[str, AlarmRules]) -> None:
     _end(connection, _open(connection, axis), note, rules)
 
@@ -371,13 +418,14 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
     known = _known(connection, entry)
     alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
     life = AlarmLife() if known is None else known.life
+    rules, removed_by = removal(connection, entry.axis, entry.rules)
     if known is not None and _is_named_anew(known, entry.alarm):
         e = entry.alarm
         at_us = e.past[-1].until_us if e.past else e.updated_us
         take(connection, alarm_id, [transition(life, AlarmEvent.NAME)], Note(at_us, SERVICE))
-    for present, at_us in _courses(known, entry.alarm):
-        changes = due(life, present, entry.rules)
-        take(connection, alarm_id, changes, Note(at_us, SERVICE))
+    for present, at_us in _courses(known, entry.alarm, rules):
+        changes = due(life, present, rules)
+        take(connection, alarm_id, changes, Note(at_us, SERVICE), removed_by)
         life = changes[-1].after if changes else life
     if life.active and not life.hidden:
         _shelve_with_others(connection, alarm_id, life)
@@ -410,15 +458,25 @@ def _is_named_anew(known: RecordedAlarm, e: Alarm) -> bool:
     )
 
 
-def _courses(known: RecordedAlarm | None, e: Alarm) -> Iterator[tuple[bool, int]]:
-    """Whether the cause was there, and since when, from the last record to this one."""
+def _courses(known: RecordedAlarm | None, e: Alarm, rules: AlarmRules) -> Iterator[tuple[bool, int]]:
+    """Whether the cause was there, and since when, from the last record to this one.
+
+    Less than the off-delay without it does not count, nor does its end before the off-delay is over.
+    """
     if known is None:
         yield True, e.raised_us
     again, same = e.reopened_us, known is None or known.raised_us == e.raised_us
     if again is not None and same and (known is None or known.reopened_us != again):
-        yield False, again
-        yield True, again
-    yield (True, e.updated_us) if e.ended_us is None else (False, e.ended_us)
+        away_us = None
+        if known is not None:
+            away_us = known.updated_us if known.ended_us is None else known.ended_us
+        if known is None or not is_present(known.life, away_us, again, rules):
+            yield False, again
+            yield True, again
+    if e.ended_us is None:
+        yield True, e.updated_us
+    elif not rules.off_delay_s:
+        yield False, e.ended_us
 
 
 def _shelve_with_others(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife) -> None:
@@ -510,11 +568,12 @@ def _select(
 
 
 def _alarm(row: tuple[Any, ...]) -> RecordedAlarm:
-    values: dict[str, Any] = dict(zip(_NAMES, row, strict=True))
+    values: dict[str, Any] = dict(zip((*_NAMES, *_DERIVED), row, strict=True))
     if values["nominal"] is None:  # SQLite keeps NaN as NULL
         values["nominal"] = math.nan
     inside = values["inside_calibration"]
     values["inside_calibration"] = None if inside is None else bool(inside)
+    values["followed"] = bool(values["followed"])
     values["state"] = AlarmState(values["state"])
     values["returns_to"] = values["returns_to"] and AlarmState(values["returns_to"])
     for name, read in _LISTS.items():

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Response
 from service.web import models, views
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
+from service.web.axis_service_routes import router as service_router
 from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
 from service.web.history_routes import router as history_router
@@ -30,6 +31,7 @@ def router(state: AppState) -> APIRouter:
     api.include_router(history_router(state), tags=["axes"])
     api.include_router(epoch_router(state), tags=["epochs"])
     api.include_router(alarm_router(state), tags=["alarms"])
+    api.include_router(service_router(state), tags=["alarms"])
     api.include_router(event_router(state), tags=["events"])
     api.include_router(recording_router(state.extracts), tags=["recordings"])
 

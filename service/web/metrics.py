@@ -71,6 +71,7 @@ _GAUGES = {
         "axis_gated": "1 while operating conditions exclude the samples from estimation, else 0.",
         "axis_epoch": "Number of the epoch of the axis that is in force: of its nominal values and thresholds.",
         "axis_learning": "1 while a learning window of the axis runs, else 0.",
+        "axis_out_of_service": "1 while the alarms of the axis are not announced, as it is maintained, else 0.",
         "axis_verifying": "1 while a new epoch of the axis is being verified, else 0.",
         "axis_heat_watts": "Friction power that would keep the axis as warm as it is, in watts; absent where nothing "
         "follows the heat of the axis.",
@@ -350,6 +351,7 @@ def _samples(axes: _Axes) -> Iterator[_Family]:
     yield _Family("axis_gated", (((a.id,), bool(a.gated_by)) for a in axes))
     yield _Family("axis_epoch", (((a.id,), a.epoch.number) for a in axes))
     yield _Family("axis_learning", (((a.id,), a.epoch.state == "learning") for a in axes))
+    yield _Family("axis_out_of_service", (((a.id,), a.out_of_service is not None) for a in axes))
     yield _Family("axis_verifying", (((a.id,), a.epoch.state == "verifying") for a in axes))
     heats = ((a.id, a.heat) for a in axes)
     yield _Family("axis_heat_watts", (((axis,), heat.heat_w) for axis, heat in heats if heat is not None))

@@ -150,6 +150,15 @@ class AxisEpoch(Body):
     words: str = Field(description="what is under way, as a text; empty: nothing is")
 
 
+class OutOfService(Body):
+    """An axis is maintained: its alarms are recorded, but not announced."""
+
+    since: Time | None = Field(description="UTC; null: the configuration says so")
+    who: str = Field(description="a person; configuration: its [robot.axis.alarms]")
+    comment: TextOrNull
+    work_order: TextOrNull
+
+
 class Axis(Body):
     """The present state of an axis."""
 
@@ -188,6 +197,9 @@ class Axis(Body):
         description="causes of the open alarms of the axis, forecasts left out: parameters or sensor faults"
     )
     epoch: AxisEpoch
+    out_of_service: OutOfService | None = Field(
+        description="null: its alarms are announced; see /api/v1/axes/{axis}/service"
+    )
     model: Model
 
 
@@ -216,6 +228,7 @@ class AxisState(Body):
     gated_by: TextOrNull
     outside_calibration: list[str]
     not_tested: list[str]
+    out_of_service: OutOfService | None
 
 
 class Axes(Body):
@@ -370,7 +383,8 @@ class Alarm(Body):
     state: AlarmState = Field(
         description="state of ISA-18.2. normal: it is over; unacknowledged, acknowledged: it is active; returned: its"
         " cause is gone, nobody has acknowledged it; latched: its cause is gone, it stays active until it is"
-        " acknowledged; shelved: hidden by a person for a time; suppressed, out-of-service: hidden by the configuration"
+        " acknowledged; shelved: hidden by a person for a time; suppressed: hidden by the configuration;"
+        " out-of-service: hidden while its axis is maintained"
     )
     returns_to: AlarmState | None = Field(
         description="of a shelved, suppressed or out-of-service alarm: the state without that; else null"
@@ -378,6 +392,13 @@ class Alarm(Body):
     shelved_until: Time | None = Field(description="end of the shelf, UTC; null: it is not shelved")
     priority: Priority
     work_order: TextOrNull = Field(description="the last one that was given; null: none")
+    first_out: bool = Field(
+        description="whether it was raised first of alarms of several axes of its robot, each raised within ten minutes"
+        " after another one; while it is shown and active, and others are"
+    )
+    follows: int | None = Field(
+        description="id of the alarm of its robot that was there when it was raised, the first one; null: none was"
+    )
     parameter: str = Field(
         description="the most probable name now; causes states how certain it is. A monitored parameter, or, from"
         " the multi-model detector, a sensor fault: torque or output scale, sign, offset or stuck, torque lost, output"
@@ -427,7 +448,7 @@ class Alarm(Body):
     updated: Time = Field(description="when it was crossed for the last time, UTC")
     ended: Time | None = Field(
         description="when the parameter was found to be back: its tests had not crossed for three memory lengths, and "
-        "it was much nearer to its nominal value than to the size, UTC"
+        "it was much nearer to its nominal value than to the size, UTC; the alarm returns when the off-delay is over"
     )
     reopened: Time | None = Field(
         description="when the same cause was detected again soon after the alarm had ended, UTC; null: it was not"
@@ -525,7 +546,9 @@ class AlarmStatistics(Body):
 
     since: Time = Field(description="UTC")
     until: Time = Field(description="UTC")
-    raised: int = Field(description="alarms raised in this time; one that is reopened counts again")
+    raised: int = Field(
+        description="alarms raised in this time; one whose cause is back after the off-delay counts again"
+    )
     announced: int = Field(description="those of them that were not shelved, suppressed or out of service")
     mean_per_ten_minutes: Number = Field(description="announced alarms in ten minutes; one is acceptable")
     most_in_ten_minutes: int = Field(description="announced alarms in the worst ten minutes")

@@ -10,7 +10,7 @@ from monitor_core.trend import Trend, thinned
 from service.pipeline.alarm_recording import NOT_RECORDED
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
-from service.store.alarm_transitions import RecordedTransition
+from service.store.alarm_transitions import Note, RecordedTransition
 from service.store.journal import RecordedAlarm
 from service.texts import episode_words, iso, not_tested_sentences, reach_words, trend_words
 from service.web import models
@@ -64,7 +64,13 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         open_alarms=list(dict.fromkeys(e.parameter for e in a.open_alarms if e.kind != "forecast")),
         model=_body(models.Model, a, nominal=constants),
         heat=None if a.heat is None else models.Heat(**a.heat._asdict()),
+        out_of_service=out_of_service(a.out_of_service),
     )
+
+
+def out_of_service(note: Note | None) -> models.OutOfService | None:
+    """Since when an axis is out of service, who and why."""
+    return None if note is None else _body(models.OutOfService, note, since=note.at_us or None)
 
 
 def parameter(p: ParameterStatus) -> models.Parameter:

@@ -20,7 +20,9 @@ from monitor_core.monitoring import (
     Transition,
     check_shelf,
     due,
+    is_present,
     replayed,
+    returns_us,
     transition,
 )
 
@@ -137,12 +139,33 @@ def test_another_configuration_takes_effect_on_an_alarm_that_is_there() -> None:
     assert life == AlarmLife(S.ACKNOWLEDGED)
 
 
+def test_a_cause_that_comes_and_goes_within_the_off_delay_is_one_alarm() -> None:
+    """Each second is looked at: away from 1 s to 3 s, from 4 s to 8 s, and from 9 s on; a person knows from 2 s on."""
+    rules, life, found = AlarmRules(off_delay_s=5), AlarmLife(), []
+    for second in range(20):
+        ended = next((s for s, back in ((1, 3), (4, 8), (9, 99)) if s <= second < back), None)
+        now_us, ended_us = second * 1_000_000, None if ended is None else ended * 1_000_000
+        changes = due(life, is_present(life, ended_us, now_us, rules), rules)
+        changes += [transition(life, E.ACKNOWLEDGE)] if second == 2 else []
+        found += [(second, str(change.event)) for change in changes]
+        life = changes[-1].after if changes else life
+    assert found == [(0, "raise"), (2, "acknowledge"), (14, "clear")]
+
+
+def test_a_longer_off_delay_brings_no_alarm_back_that_has_returned() -> None:
+    for state in (S.NORMAL, S.RETURNED, S.LATCHED):
+        assert not is_present(AlarmLife(state), 7, 8, AlarmRules(off_delay_s=60))
+    assert returns_us(AlarmLife(S.SHELVED, S.ACKNOWLEDGED, 99), 7, AlarmRules(off_delay_s=60)) == 60_000_007
+    assert returns_us(AlarmLife(S.ACKNOWLEDGED), None, AlarmRules(off_delay_s=60)) is None
+
+
 class Life(RuleBasedStateMachine):
     """Any cause, any person, any configuration, in any order."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.now_us, self.life, self.present = 0, AlarmLife(), False
+        self.now_us, self.life, self.handled = 0, AlarmLife(), AlarmRules()
+        self.ended_us: int | None = 0
         self.journal: list[Transition] = []
 
     def take(self, change: Transition) -> None:
@@ -150,15 +173,33 @@ class Life(RuleBasedStateMachine):
         self.journal.append(change)
         self.life = change.after
 
-    @rule(present=st.booleans(), rules=st.builds(AlarmRules, latched=st.booleans(), suppressed=st.booleans(),
-                                                 out_of_service=st.booleans()))  # fmt: skip
-    def cause(self, present: bool, rules: AlarmRules) -> None:
-        for change in due(self.life, present, rules):
+    @property
+    def present(self) -> bool:
+        return is_present(self.life, self.ended_us, self.now_us, self.handled)
+
+    def settle(self) -> None:
+        for change in due(self.life, self.present, self.handled):
             self.take(change)
-        self.present = present
-        hidden = (rules.suppressed or rules.out_of_service) and self.life.active
+        hidden = (self.handled.suppressed or self.handled.out_of_service) and self.life.active
         assert (self.life.state in (S.SUPPRESSED, S.OUT_OF_SERVICE)) == hidden
-        assert due(self.life, present, rules) == []
+        assert due(self.life, self.present, self.handled) == []
+
+    @rule(rules=st.builds(AlarmRules, latched=st.booleans(), suppressed=st.booleans(), out_of_service=st.booleans(),
+                          off_delay_s=st.sampled_from([0.0, 2.0, 6.0])))  # fmt: skip
+    def configuration(self, rules: AlarmRules) -> None:
+        self.handled = rules
+        self.settle()
+
+    @rule(there=st.booleans())
+    def cause(self, there: bool) -> None:
+        back = there and self.present and self.ended_us is not None
+        before = self.life
+        if there:
+            self.ended_us = None
+        elif self.ended_us is None:
+            self.ended_us = self.now_us
+        self.settle()
+        assert not back or self.life == before
 
     @rule(event=st.sampled_from(PERSON), seconds=st.integers(1, 10))
     def person(self, event: AlarmEvent, seconds: int) -> None:
@@ -171,6 +212,7 @@ class Life(RuleBasedStateMachine):
     @rule(seconds=st.integers(1, 5))
     def clock(self, seconds: int) -> None:
         self.now_us += seconds * 1_000_000
+        self.settle()
         shown = self.life.at(self.now_us)
         if shown != self.life:
             self.take(transition(self.life, E.SHELF_ENDED))

@@ -66,6 +66,33 @@ def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
 
 
 @pytest.mark.usefixtures("url")
+def test_the_most_frequent_alarms_and_those_that_came_first(stage: Stage) -> None:
+    number = recorded(stage)
+    stage.record("demo.axis2", "1", 0.06, replace(FM_ALARM, raised_us=FM_ALARM.raised_us + 1))
+    heads = shown("alarms", "list").splitlines()[::2]
+    assert [head.rpartition(", ")[2] for head in heads] == [f"follows alarm {number}", "first-out"]
+    lines = shown("alarms", "statistics").splitlines()
+    assert lines[0] == "2026-02-22 12:00:00 UTC to 2026-03-01 12:00:00 UTC"
+    assert lines[1] == "raised: 2, announced: 2"
+    assert lines[2].startswith(
+        "announced in ten minutes: 0.00198 in the mean, 2 at most (from 2026-03-01 11:5"
+    )
+    assert lines[4:] == ["     1  demo.axis1 fm up", "     1  demo.axis2 fm up"]
+    assert shown("alarms", "statistics", "--until", "2026-03-01T11:00:00Z").count("raised: 0") == 1
+    assert as_json("alarms", "statistics", "--json")["raised"] == 2
+
+
+@pytest.mark.usefixtures("url")
+def test_an_axis_is_taken_out_of_service_and_returned(stage: Stage) -> None:
+    recorded(stage)
+    done = shown("alarms", "out-of-service", "demo.axis1", "--comment", "oil", "--work-order", "WO-9")
+    assert done == "demo.axis1: remove from service by local at 2026-03-01 12:00:00 UTC (oil) (WO-9)\n"
+    assert "out-of-service, medium" in shown("alarms", "list", "--state", "out-of-service")
+    found = as_json("alarms", "return-to-service", "demo.axis1", "--json")
+    assert (found["out_of_service"], len(found["steps"])) == (None, 2)
+
+
+@pytest.mark.usefixtures("url")
 def test_answers_as_json_are_those_of_the_api(stage: Stage) -> None:
     number = recorded(stage)
     assert as_json("alarms", "ack", number, "--json")["state"] == "acknowledged"
@@ -112,6 +139,9 @@ def test_status_says_why_it_is_not_ready(stage: Stage, url: str) -> None:
         (("shelve", "1"), "give one of --for and --until"),
         (("comment", "1"), "give --comment, --work-order or both"),
         (("list", "--state", "loud"), "'loud' is not one of"),
+        (("return-to-service", "demo.axis1"), "axiswatch: no person has taken demo.axis1 out of service; "),
+        (("out-of-service", "demo.axis9"), "axiswatch: there is no axis 'demo.axis9'"),
+        (("statistics", "--since", "noon"), "axiswatch: since: "),
         (("ack", "0"), "axiswatch: id: Input should be greater than or equal to 1"),
     ],
 )

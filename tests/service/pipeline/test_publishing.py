@@ -117,15 +117,46 @@ def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_cl
     assert [t.event for t in journal.transitions(1)] == ["raise", "shelve", "shelf ended"]
 
 
+def test_an_off_delay_ends_by_the_given_clock(journal: Journal) -> None:
+    rules = {(AXIS, "fm"): AlarmRules(off_delay_s=1e-5)}
+    journal.obey(rules, 0)
+    alarms = Alarms(journal, QUANTITIES, Clock(), rules)
+    alarms.record([AxisAlarm(AXIS, episode())])
+    alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
+    assert [(a.state, a.active) for a in alarms.snapshot(59).standing] == [("unacknowledged", True)]
+    before = journal.revision
+    alarms.snapshot(59)
+    assert journal.revision == before  # nothing is written while there is nothing to do
+    assert alarms.snapshot(60).standing == ()
+    assert [(t.at_us, t.event) for t in journal.transitions(1)] == [(20, "raise"), (60, "clear")]
+
+
+def test_an_axis_out_of_service_is_known_and_hides_alarms_that_the_disk_refuses(
+    path: Path, journal: Journal
+) -> None:
+    alarms = Alarms(journal, QUANTITIES, Clock())
+    removed = Note(40, "anna", "new gearbox")
+    assert alarms.removed(AXIS) is None
+    journal.services.change(AXIS, AlarmEvent.REMOVE, removed)
+    alarms.snapshot(50)
+    assert alarms.removed(AXIS) == removed
+    with locked(path):
+        alarms.record([AxisAlarm(AXIS, episode())])
+        assert [a.state for a in alarms.snapshot(51).unrecorded] == ["out-of-service"]
+
+
 def test_rules_are_those_of_the_axis_and_its_parameter() -> None:
     config = load(CONFIG / "demo.toml", {})
-    table = AlarmsConfig(priority="low", priorities={"fm": "high"}, latched=("kT",), suppressed=("fm",))
+    table = AlarmsConfig(
+        priority="low", priorities={"fm": "high"}, latched=("kT",), suppressed=("fm",), off_delay_s=5.0
+    )
     (first, second), name = config.axes[:2], ("demo.axis1", "fm")
     axes = [first._replace(config=first.config.model_copy(update={"alarms": table})), second]
     found = alarm_rules(axes, [name, ("demo.axis1", "kT"), ("demo.axis2", "fm")])
-    assert found[name] == AlarmRules("high", suppressed=True)
-    assert found["demo.axis1", "kT"] == AlarmRules("low", latched=True)
-    assert found["demo.axis2", "fm"] == AlarmRules()
+    assert found[name] == AlarmRules("high", suppressed=True, off_delay_s=5.0)
+    assert found["demo.axis1", "kT"] == AlarmRules("low", latched=True, off_delay_s=5.0)
+    assert found["demo.axis2", "fm"] == AlarmRules(off_delay_s=30 * second.config.memory_s)
+    assert AlarmsConfig().rules("fm", memory_s=10).off_delay_s == 60
 
 
 def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journal: Journal) -> None:

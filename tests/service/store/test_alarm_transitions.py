@@ -194,21 +194,151 @@ def test_an_old_journal_keeps_its_alarms_and_the_active_ones_become_unacknowledg
     journal.close()
 
 
+def test_a_chattering_axis_is_one_alarm_that_returns_after_the_off_delay(journal: Journal) -> None:
+    """Its cause goes and comes back five times; the monitor knows it as the same alarm, the off-delay as lasting."""
+    rules, alarm = AlarmRules(off_delay_s=30), RAISED
+    journal.obey({(AXIS, "fm"): rules}, 0)
+    number = recorded(journal, alarm, rules)
+    journal.act(number, E.ACKNOWLEDGE, by("anna", 5))
+    for k in range(1, 6):
+        alarm = ended(20 * k, alarm)
+        assert recorded(journal, alarm, rules) == number
+        journal.end_shelves((20 * k + 9) * SECOND)
+        alarm = replace(alarm, ended_us=None, reopened_us=(20 * k + 10) * SECOND, crossings=k + 1)
+        assert recorded(journal, alarm, rules) == number
+    assert [t.event for t in journal.transitions(number)] == ["raise", "acknowledge"]
+    recorded(journal, ended(120, alarm), rules)
+    journal.obey({(AXIS, "fm"): rules}, 149 * SECOND)
+    journal.end_shelves(149 * SECOND)
+    assert state(journal, number) == AlarmLife(S.ACKNOWLEDGED)
+    journal.obey({(AXIS, "fm"): rules}, 170 * SECOND)  # as at the next start
+    assert state(journal, number) == AlarmLife()
+    last = journal.transitions(number)[-1]
+    assert (last.at_us, last.event) == (150 * SECOND, "clear")
+    assert journal.statistics(0, 200 * SECOND).raised == 1
+
+
+def test_a_cause_that_is_back_after_the_off_delay_is_raised_again(journal: Journal) -> None:
+    """Nobody has looked meanwhile, as with a backlog; and then without the record of its end, as the disk was full."""
+    rules = AlarmRules(off_delay_s=5)
+    number = recorded(journal, RAISED, rules)
+    recorded(journal, ended(9), rules)
+    alarm = replace(RAISED, reopened_us=14 * SECOND, updated_us=14 * SECOND)
+    recorded(journal, alarm, rules)
+    recorded(journal, replace(alarm, reopened_us=18 * SECOND, updated_us=18 * SECOND), rules)
+    recorded(journal, replace(alarm, reopened_us=24 * SECOND, updated_us=24 * SECOND), rules)
+    events = [(t.at_us // SECOND, t.event) for t in journal.transitions(number)]
+    assert events == [(2, "raise"), (14, "clear"), (14, "raise"), (24, "clear"), (24, "raise")]
+
+
+def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(
+    journal: Journal, tmp_path: Path
+) -> None:
+    rules = {(AXIS, "fm"): PLAIN, (AXIS, "kT"): AlarmRules(suppressed=True)}
+    journal.obey(rules, 0)
+    fm, gone = recorded(journal), recorded(journal, replace(RAISED, parameter="Ja"))
+    other = journal.record([Entry("demo.axis2", "1", 1.0, RAISED)])[0]
+    journal.services.change(AXIS, E.REMOVE, by("anna", 5, "gearbox is changed", "WO-9"))
+    kT = recorded(journal, replace(RAISED, parameter="kT", raised_us=6 * SECOND), rules[AXIS, "kT"])
+    recorded(journal, ended(7, replace(RAISED, parameter="Ja")))
+    for number in (fm, kT):
+        assert state(journal, number) == AlarmLife(S.OUT_OF_SERVICE, S.UNACKNOWLEDGED)
+    assert (state(journal, gone), state(journal, other).state) == (AlarmLife(), "unacknowledged")
+    removed = [t for t in journal.transitions(fm) if t.event is E.REMOVE]
+    assert [(t.at_us, t.who, t.comment) for t in removed] == [(5 * SECOND, "anna", "gearbox is changed")]
+    assert [(t.event, t.who) for t in journal.transitions(kT)] == [
+        ("remove from service", "anna"), ("raise", "axiswatch"),
+    ]  # fmt: skip
+    with pytest.raises(
+        AlarmTransitionError, match=r"demo\.axis1 is out of service already, since .* by anna"
+    ):
+        journal.services.change(AXIS, E.REMOVE, by("otto", 8))
+    with pytest.raises(AlarmTransitionError, match="its axis is out of service"):
+        journal.act(fm, E.ACKNOWLEDGE, by("otto", 8))
+    journal.close()
+    again = Journal(tmp_path / "alarms.sqlite")  # the next start
+    again.obey(rules, 9 * SECOND)
+    assert again.services.removed() == {AXIS: by("anna", 5, "gearbox is changed", "WO-9")}
+    assert state(again, fm).state == "out-of-service"
+    again.services.change(AXIS, E.RETURN, by("otto", 10))
+    assert (state(again, fm).state, state(again, kT).state) == ("unacknowledged", "suppressed")
+    assert [(s.event, s.note.who) for s in again.services.steps(AXIS)] == [
+        ("remove from service", "anna"), ("return to service", "otto"),
+    ]  # fmt: skip
+    with pytest.raises(AlarmTransitionError, match=r"no person has taken demo\.axis1 out of service"):
+        again.services.change(AXIS, E.RETURN, by("otto", 11))
+    assert again.services.removed() == {}
+    again.close()
+
+
+def test_what_the_service_changes_is_one_transaction(journal: Journal, tmp_path: Path) -> None:
+    """The disk takes the step, and refuses what becomes of the alarm."""
+    number = recorded(journal)
+    with sqlite3.connect(tmp_path / "alarms.sqlite") as other:
+        other.execute(
+            "CREATE TRIGGER full BEFORE UPDATE OF state ON alarm BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
+        )
+    other.close()
+    with pytest.raises(StoreError, match="disk is full"):
+        journal.services.change(AXIS, E.REMOVE, by("anna", 5))
+    assert (journal.services.removed(), state(journal, number)) == ({}, AlarmLife(S.UNACKNOWLEDGED))
+
+
+def test_the_first_alarm_of_a_robot_is_first_out_while_others_that_followed_are_there(
+    journal: Journal,
+) -> None:
+    def raised(axis: str, second: int, parameter: str = "fm") -> int:
+        alarm = replace(RAISED, parameter=parameter, raised_us=second * SECOND, updated_us=second * SECOND)
+        return journal.record([Entry(axis, "1", 1.0, alarm)])[0]
+
+    def marks() -> dict[int, tuple[bool, int | None]]:
+        return {a.id: (a.first_out, a.follows) for a in journal.query()[0]}
+
+    def end(axis: str, second: int) -> None:
+        at = second * SECOND
+        journal.record(
+            [Entry(axis, "1", 1.0, replace(RAISED, raised_us=at, updated_us=at, ended_us=9000 * SECOND))]
+        )
+
+    first = raised("cell.a", 100)
+    same = raised("cell.a", 150, "kT")
+    assert marks() == {first: (False, None), same: (False, first)}  # of one axis alone
+    second, alien = raised("cell.b", 200), raised("cell2.b", 201)
+    late = raised("cell.c", 801)  # more than ten minutes after the last one
+    followed = {first: (True, None), same: (False, first), second: (False, first), alien: (False, None)}
+    assert marks() == followed | {late: (False, None)}
+    journal.act(second, E.SHELVE, by("anna", 900), 5000 * SECOND)
+    assert marks()[first] == (False, None)
+    journal.act(second, E.UNSHELVE, by("anna", 901))
+    assert marks()[first] == (True, None)
+    end("cell.a", 100)
+    assert marks()[first] == (False, None)
+    assert marks()[second] == (False, first)  # it was not first, though it is the only one now
+
+
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(
         st.one_of(
             st.sampled_from([E.ACKNOWLEDGE, E.SHELVE, E.UNSHELVE, E.COMMENT]),
-            st.builds(AlarmRules, latched=st.booleans(), suppressed=st.booleans()),
+            st.builds(
+                AlarmRules,
+                latched=st.booleans(),
+                suppressed=st.booleans(),
+                off_delay_s=st.sampled_from([0.0, 3.0]),
+            ),
+            st.booleans(),
         ),
         max_size=12,
     )
 )
 def test_whatever_happens_the_journal_replayed_gives_the_state(
-    journal: Journal, steps: list[AlarmEvent | AlarmRules]
+    journal: Journal, steps: list[AlarmEvent | AlarmRules | bool]
 ) -> None:
-    """Rules: the cause comes or goes under them."""
+    """Rules: the cause comes or goes under them.  True and False: its axis is taken out of service, or returned."""
     alarm = replace(RAISED, parameter=f"p{journal.revision}")
+    with suppress(AlarmTransitionError):
+        journal.services.change(AXIS, E.RETURN, by("anna", 9))  # the example before may have taken it out
     number, at = recorded(journal, alarm), 10
     for step in steps:
         at += 2
@@ -218,6 +348,12 @@ def test_whatever_happens_the_journal_replayed_gives_the_state(
             alarm = replace(alarm, ended_us=when if gone else None, reopened_us=None if gone else when)
             assert recorded(journal, alarm, step) == number
             assert state(journal, number).active or alarm.ended_us is not None
+        elif isinstance(step, bool):
+            with suppress(AlarmTransitionError):
+                journal.services.change(AXIS, E.REMOVE if step else E.RETURN, by("anna", at))
+                assert (state(journal, number).state == "out-of-service") == (
+                    step and state(journal, number).active
+                )
         else:
             with suppress(AlarmTransitionError):
                 journal.act(number, step, by("anna", at), (at + 3) * SECOND if step is E.SHELVE else None)

@@ -1,6 +1,7 @@
 """What persons do about alarms over REST, what is refused and why, and alarms that the disk refuses."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -8,8 +9,12 @@ from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
+from service.links.mqtt import state_body
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.store.alarm_transitions import CONFIGURATION, Note
 from service.store.journal import Entry
+from service.store.tokens import Scope, TokenFile
+from service.web.access import Access
 from tests.service.web.conftest import NOON_US, Stage
 
 HOUR_US = 3_600_000_000
@@ -198,3 +203,68 @@ def test_statistics_are_of_the_last_seven_days_unless_told_otherwise(
     stage.journal.close()
     assert client.get("/api/v1/alarms/statistics").status_code == 503
     assert "cannot be read or written" in post(client, f"{number}/acknowledge", status=503)["detail"]
+
+
+def test_an_axis_is_taken_out_of_service_and_returned(stage: Stage, client: TestClient, number: int) -> None:
+    def service(action: str, body: dict[str, Any], status: int = 200) -> Any:
+        answer = client.post(f"/api/v1/axes/demo.axis1/{action}", json=body)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    noon = "2026-03-01T12:00:00.250000Z"
+    out = {"since": noon, "who": "local", "comment": "new gearbox", "work_order": "WO-9"}
+    assert client.get("/api/v1/axes/demo.axis1/service").json()["out_of_service"] is None
+    found = service("out-of-service", {"comment": "new gearbox", "work_order": "WO-9"})
+    assert found["out_of_service"] == out
+    assert get(client, f"/{number}")["state"] == "out-of-service"
+    assert "out of service already" in service("out-of-service", {}, 409)["detail"]
+    stage.snapshot = replace(
+        stage.snapshot,
+        axes=(
+            replace(stage.snapshot.axes[0], out_of_service=stage.journal.services.removed()["demo.axis1"]),
+        ),
+    )
+    assert client.get("/api/v1/axes/demo.axis1").json()["out_of_service"] == out
+    assert state_body(stage.snapshot.axes[0], NOON_US).model_dump()["out_of_service"] == out
+    found = service("return-to-service", {"comment": "done"})
+    assert (found["out_of_service"], [s["event"] for s in found["steps"]]) == (
+        None,
+        ["remove from service", "return to service"],
+    )
+    assert get(client, f"/{number}")["state"] == "unacknowledged"
+    assert "no person has taken demo.axis1" in service("return-to-service", {}, 409)["detail"]
+    assert client.post("/api/v1/axes/demo.axis9/out-of-service", json={}).status_code == 404
+
+
+def test_an_axis_that_the_configuration_has_taken_out_of_service_says_so(
+    stage: Stage, client: TestClient
+) -> None:
+    axis = replace(stage.snapshot.axes[0], out_of_service=Note(0, CONFIGURATION))
+    stage.snapshot = replace(stage.snapshot, axes=(axis,))
+    out = {"since": None, "who": "configuration", "comment": None, "work_order": None}
+    for address in ("demo.axis1", "demo.axis1/service"):
+        assert client.get(f"/api/v1/axes/{address}").json()["out_of_service"] == out
+
+
+def test_who_may_only_read_takes_no_axis_out_of_service(stage: Stage, tmp_path: Path) -> None:
+    tokens = TokenFile(tmp_path / "tokens.json")
+    reader, operator = tokens.new("anna", Scope.READ), tokens.new("ben", Scope.OPERATE)
+    stage.access = Access(tokens)
+    with stage.client() as client:
+        for token, status in ((reader, 403), (operator, 200)):
+            answer = client.post(
+                "/api/v1/axes/demo.axis1/out-of-service",
+                json={},
+                headers={"Authorization": f"Bearer {token}"},
+            )
+            assert answer.status_code == status
+    assert stage.journal.services.removed()["demo.axis1"].who == "ben"
+
+
+def test_the_first_alarm_of_a_robot_is_marked(
+    stage: Stage, client: TestClient, number: int, fm_alarm: Alarm
+) -> None:
+    later = replace(fm_alarm, raised_us=fm_alarm.raised_us + 1_000_000)
+    second = stage.record("demo.axis2", "1", 1.0, later)
+    found = [(a["id"], a["first_out"], a["follows"]) for a in get(client, "?active=true")["alarms"]]
+    assert found == [(second, False, number), (number, True, None)]

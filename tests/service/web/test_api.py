@@ -201,7 +201,8 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
         {
             "id": number, "recorded": True, "recording": None,
             "state": "unacknowledged", "returns_to": None, "shelved_until": None,
-            "priority": "medium", "work_order": None, "axis": "demo.axis1", "parameter": "fm",
+            "priority": "medium", "work_order": None, "first_out": False, "follows": None,
+                "axis": "demo.axis1", "parameter": "fm",
             "direction": "up", "stage": "named",
             "causes": [
                 {"parameter": "fm", "probability": 0.97, "alike": []},

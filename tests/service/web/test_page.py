@@ -328,6 +328,60 @@ def test_an_alarm_is_acknowledged_shelved_and_shown_again(page: Page, stage: Sta
     expect(page.get_by_role("table", name="What has happened to it")).to_contain_text("<b>seen</b>")
 
 
+def test_an_axis_is_taken_out_of_service(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto("/#/axes/demo.axis1")
+    page.get_by_role("button", name="Take out of service").click()
+    form = page.get_by_role("dialog", name="Take out of service: demo.axis1")
+    form.get_by_label("Comment").fill("new gearbox")
+    form.get_by_role("button", name="Take out of service").click()
+    expect(form).to_have_count(0)
+    removed = stage.journal.services.removed()["demo.axis1"]
+    assert (removed.who, removed.comment) == ("local", "new gearbox")
+    first, *others = stage.snapshot.axes
+    stage.snapshot = replace(stage.snapshot, axes=(replace(first, out_of_service=removed), *others))
+    banner = page.get_by_role("region", name="Service")
+    expect(banner).to_contain_text("Out of service since 2026-03-01 12:00:00 (local; new gearbox)")
+    page.goto("/")
+    expect(tile(page, "demo.axis1")).to_contain_text("out of service")
+    expect(page).to_have_title("axiswatch")
+    tile(page, "demo.axis1").click()
+    banner.get_by_role("button", name="Return to service").click()
+    page.get_by_role("dialog").get_by_role("button", name="Return to service").click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    assert stage.journal.services.removed() == {}
+
+
+TONES = """
+    window.tones = 0;
+    const start = OscillatorNode.prototype.start;
+    OscillatorNode.prototype.start = function () { window.tones += 1; return start.call(this); };
+"""
+
+
+def test_a_new_alarm_sounds_where_that_is_wanted(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
+    """The switch itself sounds once; an alarm does when it comes, not when it is named or seen again."""
+    page.add_init_script(TONES)
+    page.goto("/#/alarms")
+    expect(page.get_by_text("No alarm in this list.")).to_be_visible()
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    expect(alarm_row(page)).to_be_visible()
+    assert page.evaluate("tones") == 0
+    page.get_by_role("button", name="Sound: off").click()
+    expect(page.get_by_role("button", name="Sound: on")).to_be_visible()
+    assert page.evaluate("tones") == 1
+    stage.record("demo.axis2", "N m s/rad", 0.06, replace(fm_alarm, raised_us=fm_alarm.raised_us + 1))
+    expect(alarm_row(page, 1)).to_contain_text("follows alarm 1")
+    expect(alarm_row(page, 2)).to_contain_text("first-out")
+    page.wait_for_function("tones === 2")
+    page.reload()
+    expect(page.get_by_role("button", name="Sound: on")).to_be_visible()
+    expect(alarm_row(page, 2)).to_be_visible()
+    assert page.evaluate("tones") == 0
+    page.get_by_role("button", name="most frequent").click()
+    expect(page.get_by_role("table", name="most frequent")).to_contain_text("demo.axis2")
+
+
 def test_an_ended_alarm_gets_a_comment(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     number = stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=stage.now_us))
     page.goto(f"/#/alarms/{number}")

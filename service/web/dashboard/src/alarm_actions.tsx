@@ -1,6 +1,7 @@
 // What a person does about an alarm: the buttons that fit its state, and the small form that they open.
-import { useEffect, useRef, useState } from "preact/hooks";
-import { ask, isSilence, type Alarm } from "./ask";
+import { useState } from "preact/hooks";
+import { ActionForm } from "./action_form";
+import type { Alarm } from "./ask";
 import { refresh } from "./live";
 import { arrow, Words } from "./marks";
 import { t } from "./texts";
@@ -20,6 +21,7 @@ export function AlarmButtons({ alarm, done }: { alarm: Alarm; done: () => Promis
   const { id } = alarm;
   if (id === null) return null;
   const fitting = (Object.keys(STATES) as Action[]).filter((action) => STATES[action]?.includes(alarm.state) ?? true);
+  const title = <><bdi>{alarm.axis}</bdi> <bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</>;
   return (
     <span class="actions">
       {fitting.map((action) => (
@@ -27,56 +29,20 @@ export function AlarmButtons({ alarm, done }: { alarm: Alarm; done: () => Promis
           {t.actions[action]}
         </button>
       ))}
-      {opened && <ActionForm alarm={alarm} action={opened} close={() => open(null)} done={done} />}
+      {opened && (
+        <ActionForm label={t.actions[opened]} title={title} path={`/api/v1/alarms/${id}/${opened}`} close={() => open(null)}
+          body={(given) => (opened === "shelve" ? { duration_s: Number(given.get("duration")) } : {})}
+          done={() => Promise.all([done(), refresh()])}>
+          <p class="quiet"><Words>{alarm.words}</Words></p>
+          {opened === "shelve" && (
+            <label>{t.hideFor}
+              <select name="duration">
+                {t.durations.map(([s, words]) => <option key={s} value={s} selected={s === 28800}>{words}</option>)}
+              </select>
+            </label>
+          )}
+        </ActionForm>
+      )}
     </span>
-  );
-}
-
-interface FormProps {
-  alarm: Alarm;
-  action: Action;
-  close: () => void;
-  done: () => Promise<void>;
-}
-
-function ActionForm({ alarm, action, close, done }: FormProps) {
-  const dialog = useRef<HTMLDialogElement>(null);
-  const [problem, setProblem] = useState("");
-  const label = t.actions[action];
-  useEffect(() => dialog.current?.showModal(), []);
-  const send = async (event: SubmitEvent): Promise<void> => {
-    event.preventDefault();
-    const given = new FormData(event.currentTarget as HTMLFormElement);
-    const body: Record<string, unknown> = { comment: given.get("comment"), work_order: given.get("order") };
-    if (action === "shelve") body.duration_s = Number(given.get("duration"));
-    try {
-      await ask(`/api/v1/alarms/${alarm.id}/${action}`, body);
-    } catch (error) {
-      return setProblem(isSilence(error) ? t.noAnswer : (error as Error).message);
-    }
-    close();
-    await Promise.all([done(), refresh()]);
-  };
-  return (
-    <dialog ref={dialog} aria-labelledby="alarm-dialog-title" onClose={close}>
-      <form onSubmit={send}>
-        <h2 id="alarm-dialog-title">{label}: <bdi>{alarm.axis}</bdi> <bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</h2>
-        <p class="quiet"><Words>{alarm.words}</Words></p>
-        {action === "shelve" && (
-          <label>{t.hideFor}
-            <select name="duration">
-              {t.durations.map(([s, words]) => <option key={s} value={s} selected={s === 28800}>{words}</option>)}
-            </select>
-          </label>
-        )}
-        <label>{t.comment}<textarea name="comment" rows={2} maxLength={2000} /></label>
-        <label>{t.workOrderLabel}<input name="order" maxLength={100} autocomplete="off" /></label>
-        {problem && <p class="banner bad" role="alert">{problem}</p>}
-        <div class="choices">
-          <button type="button" onClick={close}>{t.actions.cancel}</button>
-          <button type="submit">{label}</button>
-        </div>
-      </form>
-    </dialog>
   );
 }

@@ -1,6 +1,7 @@
 // The alarms: those that are active, or another part of the journal.
 import { useCallback, useEffect, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
+import { AlarmFrequency } from "./alarm_frequency";
 import { ask, download, hasToken, type Alarm, type Body } from "./ask";
 import { moment, percent, span, unit, withMargin } from "./format";
 import { useLive } from "./live";
@@ -9,26 +10,38 @@ import { isHidden } from "./need";
 import { Z95 } from "./series";
 import { t } from "./texts";
 
-const QUERIES = { active: "active=true", unacknowledged: "state=unacknowledged", shelved: "state=shelved", ended: "active=false", all: "" };
+const QUERIES = {
+  active: "active=true", unacknowledged: "state=unacknowledged", shelved: "state=shelved", stale: "state=stale",
+  chattering: "state=chattering", ended: "active=false", all: "",
+};
 type Filter = keyof typeof QUERIES;
+const CHOICES = [...(Object.keys(QUERIES) as Filter[]), "frequent"] as const;
 const LIMIT = 100;
 const EVERY = 5; // answers of the daemon
 
 export function AlarmList() {
-  const [filter, setFilter] = useState<Filter>("active");
-  const [found, refresh] = useAlarms(`${QUERIES[filter]}&limit=${LIMIT}`);
+  const [chosen, choose] = useState<(typeof CHOICES)[number]>("active");
   return (
     <>
       <h1>{t.alarms}</h1>
       <div class="tools">
         <div class="choice" role="group" aria-label={t.filter}>
-          {(Object.keys(QUERIES) as Filter[]).map((name) => (
-            <button key={name} type="button" aria-pressed={filter === name} onClick={() => setFilter(name)}>
+          {CHOICES.map((name) => (
+            <button key={name} type="button" aria-pressed={chosen === name} onClick={() => choose(name)}>
               {t.alarmFilter[name]}
             </button>
           ))}
         </div>
       </div>
+      {chosen === "frequent" ? <AlarmFrequency /> : <Found filter={chosen} />}
+    </>
+  );
+}
+
+function Found({ filter }: { filter: Filter }) {
+  const [found, refresh] = useAlarms(`${QUERIES[filter]}&limit=${LIMIT}`);
+  return (
+    <>
       {found === null ? <p class="quiet">{t.waiting}</p> : <AlarmTable alarms={found.alarms} refresh={refresh} axis />}
       {found !== null && found.total > found.alarms.length && <p class="quiet">{t.more(found.total - found.alarms.length)}</p>}
       {found?.total === 0 && <p class="quiet">{filter === "all" ? t.noAlarm : t.noAlarmHere}</p>}
@@ -40,7 +53,7 @@ export function AlarmList() {
 export function useAlarms(query: string): [Body<"Alarms"> | null, () => Promise<void>] {
   const { active, answered } = useLive();
   const [found, set] = useState<Body<"Alarms"> | null>(null);
-  const key = JSON.stringify(active.map((alarm) => [alarm.id, alarm.state, alarm.parameter, alarm.updated, alarm.work_order]));
+  const key = JSON.stringify(active.map((alarm) => [alarm.id, alarm.state, alarm.parameter, alarm.updated, alarm.work_order, alarm.first_out]));
   const beat = Math.floor((answered ?? 0) / (EVERY * 1000));
   const refresh = useCallback(async () => {
     try {
@@ -98,7 +111,9 @@ export function State({ alarm }: { alarm: Alarm }) {
     <>
       <span class="nowrap"><AlarmMark alarm={alarm} /> <span class={`pill${urgent}`}>{alarm.active ? t.active : t.endedPill}</span></span>
       {!alarm.recorded && <> <span class="pill warn">{t.notRecorded}</span></>}
+      {alarm.first_out && <> <span class="pill" title={t.firstOutMeaning}>{t.firstOut}</span></>}
       <small>{[...state, t.priority[alarm.priority]].join(", ")}</small>
+      {alarm.follows !== null && <small><a href={alarmLink(alarm.follows)}>{t.follows(alarm.follows)}</a></small>}
       {alarm.recording !== null && <small><Frames name={alarm.recording} /></small>}
       {alarm.work_order !== null && <small><bdi>{t.workOrder(alarm.work_order)}</bdi></small>}
     </>

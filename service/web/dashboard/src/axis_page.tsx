@@ -2,6 +2,7 @@
 import { useMemo, useState } from "preact/hooks";
 import { AlarmTable, useAlarms } from "./alarm_list";
 import type { Alarm, Axis, Parameter } from "./ask";
+import { AxisService } from "./axis_service";
 import { changesOf, Epochs, epochWords, useEpochs } from "./epochs";
 import { number, percent, span, withMargin } from "./format";
 import { useHistory } from "./history";
@@ -32,6 +33,7 @@ export function AxisPage({ id }: { id: string }) {
   return (
     <>
       <Head axis={axis} age={ageOf(axis, live)} />
+      <AxisService axis={axis} />
       {alarms && alarms.alarms.some((alarm) => alarm.active) && (
         <section aria-label={t.axisAlarms}><AlarmTable alarms={alarms.alarms.filter((alarm) => alarm.active)} refresh={refresh} /></section>
       )}

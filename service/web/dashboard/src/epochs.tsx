@@ -1,6 +1,7 @@
 // The epochs of an axis: since when which nominal values are in force; a new one after a repair, or back to an old one.
-import { useEffect, useRef, useState } from "preact/hooks";
-import { ask, isSilence, type Axis, type Body } from "./ask";
+import { useEffect, useState } from "preact/hooks";
+import { ActionForm } from "./action_form";
+import { ask, type Axis, type Body } from "./ask";
 import { moment } from "./format";
 import { numberWithUnit, Time, Words } from "./marks";
 import { t } from "./texts";
@@ -82,53 +83,23 @@ function Value({ v }: { v: Epoch["values"][number] }) {
   return <div><bdi>{v.name}</bdi> = {numberWithUnit(v.value, v.unit)}{before}{v.kept !== null && <small><Words>{v.kept}</Words></small>}</div>;
 }
 
-interface FormProps {
-  axis: Axis;
-  wanted: Wanted;
-  close: () => void;
-  refresh: () => Promise<void>;
-}
-
-function EpochForm({ axis, wanted, close, refresh }: FormProps) {
-  const dialog = useRef<HTMLDialogElement>(null);
-  const [problem, setProblem] = useState("");
-  useEffect(() => dialog.current?.showModal(), []);
+function EpochForm({ axis, wanted, close, refresh }: { axis: Axis; wanted: Wanted; close: () => void; refresh: () => Promise<void> }) {
   const { action } = wanted;
-  const label = t.epochs[action];
-  const send = async (event: SubmitEvent): Promise<void> => {
-    event.preventDefault();
-    const given = new FormData(event.currentTarget as HTMLFormElement);
-    const body: Record<string, unknown> = { comment: given.get("comment"), work_order: given.get("order") };
-    if (action === "baseline") Object.assign(body, { mode: "window", hours: Number(given.get("hours")) });
-    if (action !== "cancel") body.verify_hours = Number(given.get("verify"));
-    const path = action === "baseline" ? "baseline" : action === "cancel" ? "baseline/cancel" : `epochs/${wanted.number}/restore`;
-    try {
-      await ask(`/api/v1/axes/${encodeURIComponent(axis.id)}/${path}`, body);
-    } catch (error) {
-      return setProblem(isSilence(error) ? t.noAnswer : (error as Error).message);
-    }
-    close();
-    return refresh();
-  };
+  const path = action === "baseline" ? "baseline" : action === "cancel" ? "baseline/cancel" : `epochs/${wanted.number}/restore`;
+  const body = (given: FormData): Record<string, unknown> => ({
+    ...(action === "baseline" ? { mode: "window", hours: Number(given.get("hours")) } : {}),
+    ...(action === "cancel" ? {} : { verify_hours: Number(given.get("verify")) }),
+  });
   const hours = (name: string, words: string, value: number) => (
     <label>{words}<input name={name} type="number" min="0.1" step="any" defaultValue={String(value)} required /></label>
   );
   return (
-    <dialog ref={dialog} aria-labelledby="epoch-dialog-title" onClose={close}>
-      <form onSubmit={send}>
-        <h2 id="epoch-dialog-title">{label}: <bdi>{axis.id}</bdi>{action === "restore" && ` (${wanted.number})`}</h2>
-        <p>{t.epochs.meaning[action]}</p>
-        {action === "baseline" && hours("hours", t.epochs.hours, 2)}
-        {action !== "cancel" && hours("verify", t.epochs.verify, 8)}
-        <label>{t.comment}<textarea name="comment" rows={2} maxLength={2000} required={action !== "cancel"} /></label>
-        <label>{t.workOrderLabel}<input name="order" maxLength={100} autocomplete="off" /></label>
-        {action !== "cancel" && <label class="confirm"><input type="checkbox" required /> {t.epochs.confirm[action]}</label>}
-        {problem && <p class="banner bad" role="alert">{problem}</p>}
-        <div class="choices">
-          <button type="button" onClick={close}>{t.actions.cancel}</button>
-          <button type="submit">{label}</button>
-        </div>
-      </form>
-    </dialog>
+    <ActionForm label={t.epochs[action]} title={<><bdi>{axis.id}</bdi>{action === "restore" && ` (${wanted.number})`}</>}
+      path={`/api/v1/axes/${encodeURIComponent(axis.id)}/${path}`} required={action !== "cancel"}
+      confirm={action === "cancel" ? undefined : t.epochs.confirm[action]} body={body} close={close} done={refresh}>
+      <p>{t.epochs.meaning[action]}</p>
+      {action === "baseline" && hours("hours", t.epochs.hours, 2)}
+      {action !== "cancel" && hours("verify", t.epochs.verify, 8)}
+    </ActionForm>
   );
 }

@@ -29,6 +29,7 @@ export function NeedMark({ need }: { need: Need }) {
   if (need === "silent") {
     return <svg class="mark silent" viewBox="0 0 20 20" aria-hidden="true"><path d="M3 3 17 17M17 3 3 17" /></svg>;
   }
+  if (need === "service") return <svg class="mark service" viewBox="0 0 20 20" aria-hidden="true"><path d="M2 7H18V13H2ZM5 13 9 7M11 13 15 7" /></svg>;
   if (need === "untested") return <svg class="mark untested" viewBox="0 0 20 20" aria-hidden="true"><circle cx="10" cy="10" r="7" /></svg>;
   return null;
 }
@@ -95,6 +96,7 @@ export function needText({ axis, need, alarms }: Item): string {
   const first = alarms[0];
   if (first) return `${arrow(first.direction)} ${first.parameter}`;
   if (need === "silent") return axis.last_sample_age_s === null ? t.noSample : t.needs.silent;
+  if (need === "service") return t.needs.service;
   if (need === "untested") return axis.parameters.some((p) => p.status === "seeding") ? t.learning : t.notTested;
   return "";
 }

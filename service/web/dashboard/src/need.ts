@@ -2,7 +2,7 @@
 import type { Alarm, Axis, Parameter } from "./ask";
 
 /** From the most urgent to the least. */
-export const NEEDS = ["alarm", "acknowledged", "silent", "untested", "normal"] as const;
+export const NEEDS = ["alarm", "acknowledged", "silent", "untested", "service", "normal"] as const;
 export type Need = (typeof NEEDS)[number];
 
 export interface Item {
@@ -20,6 +20,9 @@ export const isHidden = (alarm: Alarm): boolean => ["shelved", "suppressed", "ou
 
 export const isSilent = (axis: Axis): boolean => axis.last_sample_age_s === null || axis.last_sample_age_s > OLD_S;
 
+/** Of an alarm, before and after it is recorded and whatever its name becomes. */
+export const keyOf = (alarm: Alarm): string => `${alarm.axis} ${alarm.raised} ${(alarm.past[0] ?? alarm).parameter}`;
+
 const urgency = (alarm: Alarm): number => PRIORITIES.indexOf(alarm.priority) + (alarm.state === "acknowledged" ? 10 : 0);
 
 /** The larger one of the two test statistics, relative to its threshold; 0 where there is none. */
@@ -29,6 +32,7 @@ export const evidence = (p: Parameter): number =>
 function needOf(axis: Axis, alarms: Alarm[]): Need {
   if (alarms.some((alarm) => alarm.state !== "acknowledged")) return "alarm";
   if (alarms.length > 0) return "acknowledged";
+  if (axis.out_of_service) return "service";
   if (isSilent(axis)) return "silent";
   return axis.parameters.some((p) => !p.tested) ? "untested" : "normal";
 }

@@ -3,11 +3,12 @@ import { render } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { AlarmList } from "./alarm_list";
 import { AlarmPage } from "./alarm_page";
+import { SoundSwitch } from "./alarm_sound";
 import { hasToken, type Alarm } from "./ask";
 import { AxisPage } from "./axis_page";
 import { span, zone } from "./format";
 import { silence, start, useLive, type Live } from "./live";
-import { isHidden } from "./need";
+import { isHidden, keyOf } from "./need";
 import { Overview } from "./overview";
 import "./page.css";
 import { SignIn } from "./sign_in";
@@ -91,6 +92,7 @@ function Header({ live, gone, page, other }: HeaderProps) {
           {service?.report && <a href={service.report}>{t.pages.report}</a>}
           <a href="/docs">{t.pages.api}</a>
           {!hasToken() && <a href="/metrics">{t.pages.metrics}</a>}
+          <SoundSwitch active={live.active} answered={live.answered !== null} />
           <button type="button" class="plain" lang={language() === "en" ? "de" : "en"} onClick={other}>{t.otherLanguage}</button>
         </nav>
       </div>
@@ -137,9 +139,6 @@ function Sentences({ id, label, kind, words }: { id: string; label: string; kind
     </ul>
   );
 }
-
-/** Of an alarm, before and after it is recorded and whatever its name becomes. */
-const keyOf = (alarm: Alarm): string => `${alarm.axis} ${alarm.raised} ${(alarm.past[0] ?? alarm).parameter}`;
 
 /** Reads out new alarms, and those that have got another name. */
 function News({ active, answered }: { active: Alarm[]; answered: boolean }) {

@@ -34,7 +34,7 @@ export const de: Texts = {
   sortNeed: "nach Bedarf",
   sortName: "nach Namen",
   filter: "Zeigen",
-  needs: { all: "alle", alarm: "Alarm", acknowledged: "quittiert", silent: "keine Daten", untested: "nicht geprüft", normal: "normal" },
+  needs: { all: "alle", alarm: "Alarm", acknowledged: "quittiert", silent: "keine Daten", untested: "nicht geprüft", service: "außer Betrieb", normal: "normal" },
   legend: {
     tick: "Schätzwert mit 95-%-Band", zone: "Normalband (zulässige Abweichung)", scale: "Mitte: Nennwert; Enden: ± 40 %",
     dashed: "gestrichelt: zurzeit nicht geprüft", marks: "Priorität: 1 hoch, 2 mittel, 3 niedrig; nur Umriss: quittiert",
@@ -60,7 +60,19 @@ export const de: Texts = {
   priority: { high: "Priorität hoch", medium: "Priorität mittel", low: "Priorität niedrig" },
 
   alarms: "Alarme",
-  alarmFilter: { active: "aktiv", unacknowledged: "nicht quittiert", shelved: "zurückgestellt", ended: "beendet", all: "alle" },
+  alarmFilter: {
+    active: "aktiv", unacknowledged: "nicht quittiert", shelved: "zurückgestellt", stale: "lange anstehend", chattering: "flatternd",
+    ended: "beendet", all: "alle", frequent: "häufigste",
+  },
+  firstOut: "Erstmeldung",
+  firstOutMeaning: "Er wurde als erster der Alarme mehrerer Achsen dieses Roboters ausgelöst.",
+  follows: (id) => `folgt Alarm ${id}`,
+  frequency: { alarms: "Alarme", axis: "Achse", parameter: "Parameter", floods: "Anteil der zehn Minuten mit mehr als zehn" },
+  sound: { on: "Ton: an", off: "Ton: aus" },
+  service: {
+    title: "Betrieb", out: "Außer Betrieb", remove: "Außer Betrieb nehmen", giveBack: "Wieder in Betrieb nehmen",
+    meaning: "Ihre Alarme werden gespeichert, aber nicht gemeldet.", after: "Ihre Alarme werden wieder gemeldet; aktive werden gezeigt.",
+  },
   noAlarm: "Es wurde kein Alarm ausgelöst.",
   noAlarmHere: "Kein Alarm in dieser Liste.",
   columns: {
@@ -130,7 +142,7 @@ export const de: Texts = {
   event: {
     raise: "ausgelöst", clear: "Ursache weg", latch: "Ursache weg, gehalten", acknowledge: "quittiert", shelve: "zurückgestellt",
     unshelve: "wieder gezeigt", "shelf ended": "Zurückstellung abgelaufen", suppress: "unterdrückt", unsuppress: "nicht mehr unterdrückt",
-    "remove from service": "außer Betrieb", "return to service": "wieder in Betrieb", comment: "Kommentar",
+    "remove from service": "außer Betrieb", "return to service": "wieder in Betrieb", comment: "Kommentar", name: "benannt",
   },
 
   range: "Zeitbereich",

@@ -32,7 +32,7 @@ export const en = {
   sortNeed: "by need",
   sortName: "by name",
   filter: "Show",
-  needs: { all: "all", alarm: "alarm", acknowledged: "acknowledged", silent: "no data", untested: "not tested", normal: "normal" },
+  needs: { all: "all", alarm: "alarm", acknowledged: "acknowledged", silent: "no data", untested: "not tested", service: "out of service", normal: "normal" },
   legend: {
     tick: "estimate and its 95 % band", zone: "normal band (tolerated deviation)", scale: "middle: nominal value; ends: ± 40 %",
     dashed: "dashed: not tested now", marks: "priority: 1 high, 2 medium, 3 low; an outline: acknowledged",
@@ -60,7 +60,19 @@ export const en = {
   priority: { high: "high priority", medium: "medium priority", low: "low priority" } as Record<string, string>,
 
   alarms: "Alarms",
-  alarmFilter: { active: "active", unacknowledged: "unacknowledged", shelved: "shelved", ended: "ended", all: "all" },
+  alarmFilter: {
+    active: "active", unacknowledged: "unacknowledged", shelved: "shelved", stale: "stale", chattering: "chattering", ended: "ended",
+    all: "all", frequent: "most frequent",
+  },
+  firstOut: "first-out",
+  firstOutMeaning: "It was raised first of the alarms of several axes of this robot.",
+  follows: (id: number) => `follows alarm ${id}`,
+  frequency: { alarms: "Alarms", axis: "Axis", parameter: "Parameter", floods: "Share of the ten minutes with more than ten" },
+  sound: { on: "Sound: on", off: "Sound: off" },
+  service: {
+    title: "Service", out: "Out of service", remove: "Take out of service", giveBack: "Return to service",
+    meaning: "Its alarms are recorded, but not announced.", after: "Its alarms are announced again; those that are active are shown.",
+  },
   noAlarm: "No alarm has been raised.",
   noAlarmHere: "No alarm in this list.",
   columns: {
@@ -130,7 +142,7 @@ export const en = {
   event: {
     raise: "raised", clear: "cause gone", latch: "cause gone, latched", acknowledge: "acknowledged", shelve: "shelved",
     unshelve: "unshelved", "shelf ended": "shelf ended", suppress: "suppressed", unsuppress: "no longer suppressed",
-    "remove from service": "out of service", "return to service": "back in service", comment: "comment",
+    "remove from service": "out of service", "return to service": "back in service", comment: "comment", name: "named",
   } as Record<string, string>,
 
   range: "Time range",

@@ -1,0 +1,109 @@
+"""Axes that persons have taken out of service: while one is maintained, its alarms are recorded, but not announced.
+
+Each step is a row, written in one transaction with what it changes of the alarms of the axis.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple
+
+from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
+from service.store.alarm_transitions import CONFIGURATION, Note
+from service.store.database import Database
+from service.texts import iso
+
+SERVICE_MIGRATION = """
+    CREATE TABLE axis_service (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        axis TEXT NOT NULL,
+        at_us INTEGER NOT NULL,
+        event TEXT NOT NULL,
+        who TEXT NOT NULL,
+        comment TEXT NOT NULL,
+        work_order TEXT NOT NULL
+    ) STRICT;
+    CREATE INDEX axis_service_by_axis ON axis_service (axis, id);
+"""
+
+ServiceEvent = Literal[AlarmEvent.REMOVE, AlarmEvent.RETURN]
+
+
+class ServiceStep(NamedTuple):
+    """An axis was taken out of service, or returned to it."""
+
+    event: ServiceEvent
+    note: Note
+
+
+ObeyService = Callable[[sqlite3.Connection, str, Note], None]
+"""Lets the alarms of an axis obey its service, which has changed."""
+
+
+class AxisServices:
+    """What persons have made of the service of the axes, in the file of the alarms.
+
+    Every method raises StoreError where the file cannot be read or written.
+    """
+
+    def __init__(self, db: Database, obey: ObeyService) -> None:
+        self._db, self._obey = db, obey
+
+    def removed(self) -> dict[str, Note]:
+        """The axes that are out of service by a person: since when, who, why."""
+        last = f"SELECT axis, {_COLUMNS} FROM axis_service WHERE id IN (SELECT max(id) FROM axis_service GROUP BY axis)"
+        with self._db.read() as connection:
+            steps = {axis: _read(row) for axis, *row in connection.execute(last)}
+        return {axis: step.note for axis, step in steps.items() if step.event is AlarmEvent.REMOVE}
+
+    def steps(self, axis: str) -> list[ServiceStep]:
+        """All that persons have made of the service of an axis, oldest first."""
+        query = f"SELECT {_COLUMNS} FROM axis_service WHERE axis = ? ORDER BY id"
+        with self._db.read() as connection:
+            return [_read(row) for row in connection.execute(query, [axis])]
+
+    def change(self, axis: str, event: ServiceEvent, note: Note) -> None:
+        """Take an axis out of service, or return it; its alarms obey at once.
+
+        Raises:
+            AlarmTransitionError: it is out of service, or in it, already.
+        """
+        with self._db.write() as connection:
+            last = _last(connection, axis)
+            removed = last is not None and last.event is AlarmEvent.REMOVE
+            if removed == (event is AlarmEvent.REMOVE):
+                raise AlarmTransitionError(_refusal(axis, last if removed else None))
+            connection.execute(
+                "INSERT INTO axis_service (axis, event, at_us, who, comment, work_order) VALUES (?, ?, ?, ?, ?, ?)",
+                [axis, event, *note],
+            )
+            self._obey(connection, axis, note)
+
+
+def removal(connection: sqlite3.Connection, axis: str, rules: AlarmRules) -> tuple[AlarmRules, str]:
+    """The rules of an alarm, its axis being out of service if a person says so; and who takes it out of service."""
+    last = _last(connection, axis)
+    if last is None or last.event is not AlarmEvent.REMOVE:
+        return rules, CONFIGURATION
+    return rules._replace(out_of_service=True), last.note.who
+
+
+_COLUMNS = "event, at_us, who, comment, work_order"
+
+
+def _last(connection: sqlite3.Connection, axis: str) -> ServiceStep | None:
+    query = f"SELECT {_COLUMNS} FROM axis_service WHERE axis = ? ORDER BY id DESC LIMIT 1"
+    row = connection.execute(query, [axis]).fetchone()
+    return None if row is None else _read(row)
+
+
+def _read(row: Sequence[Any]) -> ServiceStep:
+    event, *note = row
+    return ServiceStep(AlarmEvent.REMOVE if event == AlarmEvent.REMOVE else AlarmEvent.RETURN, Note(*note))
+
+
+def _refusal(axis: str, last: ServiceStep | None) -> str:
+    if last is None:
+        return f"no person has taken {axis} out of service; [robot.axis.alarms] may, in the configuration"
+    return f"{axis} is out of service already, since {iso(last.note.at_us)} by {last.note.who}"
