@@ -28,6 +28,7 @@ from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import (
     AxisSnapshot,
@@ -216,6 +217,7 @@ class Stage:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     stopping: bool = False
+    live: LiveSignals = field(default_factory=LiveSignals)
     links: tuple[LinkSnapshot, ...] = (
         LinkSnapshot("orders", "webhook", False, "HTTP status 503", 3, 41, {"age": 2, "refused": 1}),
     )
@@ -231,6 +233,7 @@ class Stage:
             self.history,
             lambda: self.links,
             stopping=lambda: self.stopping,
+            live=self.live,
         )
 
     def client(self) -> TestClient:
