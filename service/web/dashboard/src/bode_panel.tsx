@@ -1,6 +1,6 @@
 // Frequency responses of the nominal and of the present model, with the resonances that have moved.
 import { useEffect, useState } from "preact/hooks";
-import { ask, type Axis, type Body } from "./ask";
+import { ask, isSilence, type Axis, type Body } from "./ask";
 import { number, percent, unit } from "./format";
 import { Plot, type Range } from "./plot";
 import { farthest, isMoved, signsOf } from "./resonances";
@@ -20,7 +20,7 @@ function BodePlots({ axis }: { axis: Axis }) {
       try {
         set(await ask<Body<"Bode">>(`/api/v1/axes/${encodeURIComponent(axis.id)}/bode`));
       } catch (error) {
-        fail((error as Error).message);
+        fail(isSilence(error) ? "" : (error as Error).message); // the header says for how long there is no answer
       }
     };
     void load();

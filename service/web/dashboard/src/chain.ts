@@ -45,7 +45,9 @@ export function chainOf(components: Component[]): Row[] {
     const ends = [...new Set(c.nodes.map((n) => nodes.root(n)))].filter((root) => !fixed.has(root));
     const [a, b] = ends;
     if (a === undefined) continue;
-    if (b === undefined) (c.kind === "inertia" ? shaftAt(a).masses : shaftAt(a).attached).push(c);
+    // A damper that the ground holds is friction.
+    if (b === undefined && c.kind === "damper") shaftAt(a).attached.push({ ...c, kind: "viscous-friction" });
+    else if (b === undefined) (c.kind === "inertia" ? shaftAt(a).masses : shaftAt(a).attached).push(c);
     else {
       const known = links.find((link) => link.ends.includes(a) && link.ends.includes(b));
       if (known) known.parts.push(c);

@@ -1,7 +1,7 @@
 // Torque, motion, its prediction and the prediction error over the last seconds; asked for only while the panel is open.
 import type { ComponentChildren } from "preact";
 import { useEffect, useState } from "preact/hooks";
-import { ask, type Axis } from "./ask";
+import { ask, isSilence, type Axis } from "./ask";
 import { number, unit } from "./format";
 import { Plot, type Range } from "./plot";
 import { rangeOf } from "./series";
@@ -44,7 +44,7 @@ function useSignals(id: string): Shown {
         end = answer.end ?? end;
         latest = { columns: joined(latest.columns, answer), limit: answer.outlier_limit, unit: answer.unit, failure: "" };
       } catch (error) {
-        latest = { ...latest, failure: (error as Error).message };
+        latest = { ...latest, failure: isSilence(error) ? "" : (error as Error).message };
       }
       if (!dropped) set(latest);
     };

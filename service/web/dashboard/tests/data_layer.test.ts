@@ -255,6 +255,10 @@ describe("the chain of a drive", () => {
     ]]);
   });
 
+  test("has friction where a damper is held by the ground", () => {
+    expect(chainOf(THREE)[0]?.stages[0]?.shaft.attached.map((c) => c.kind)).toEqual(["gain", "torque", "viscous-friction"]);
+  });
+
   test("has a row for each branch, and loses nothing in a loop or behind no motor", () => {
     const branched = [
       component("torque", ["m"]), component("inertia", ["m"], "J"), component("spring", ["m", "a"], "k1"), component("spring", ["m", "b"], "k2"),
