@@ -11,7 +11,7 @@
 """
 
 from monitor_core.identification.black_boxes import FrequencyResponse, fit_arx
-from monitor_core.identification.bode import Bode
+from monitor_core.identification.bode import Bode, drive_response
 from monitor_core.identification.greybox import LEVEL, Correlation, Share, Trace, fit
 from monitor_core.identification.identification_procedure import (
     MOST_MASSES,
@@ -101,6 +101,7 @@ __all__ = [
     "Verdict",
     "Watched",
     "between",
+    "drive_response",
     "fit",
     "fit_arx",
     "held_for",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import (
+    SETTLE,
     SKIP,
     TRACK,
     Roles,
@@ -78,12 +79,15 @@ class BatchSamples(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """Values of the recursion at each sample; arrays of length 0 where no trace is wanted.  eps NaN: no update.
+    """Values of the recursion at each sample; arrays of length 0 where no trace is wanted.
+
+    eps NaN: no update.  yhat NaN: no prediction.
 
     Entries beyond the samples of an axis have no meaning.
     """
 
     eps: Floats  # (N, W)
+    yhat: Floats  # (N, W) prediction of y, also where nothing is learned from its error
     psi: Floats  # (N, p, W)
     theta: Floats  # (N, p, W)
     P: Floats  # (N, p, W) diagonal
@@ -122,6 +126,7 @@ def _record(lanes: Any, k: int, a0: int, w: Work, st: State, to: Trace) -> None:
     for a in range(min(len(lanes), to.eps.shape[1] - a0)):
         b = a0 + a
         to.eps[k, b] = w.eps[a] if w.roles.learns[a] else math.nan
+        to.yhat[k, b] = w.yhat[a] if w.roles.mode[a] >= SETTLE else math.nan
         to.mode[k, b] = w.roles.mode[a]
         for i in range(theta.shape[0]):
             to.psi[k, i, b] = w.psi[i, a]

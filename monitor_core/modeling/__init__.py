@@ -11,7 +11,15 @@ Simulation: simulated_axis.
 
 from monitor_core.modeling.drawing import from_tables
 from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.flat import FlatInput, FlatModel, FlatParameter, FlatSensor, ModelError, Origin
+from monitor_core.modeling.flat import (
+    FlatComponent,
+    FlatInput,
+    FlatModel,
+    FlatParameter,
+    FlatSensor,
+    ModelError,
+    Origin,
+)
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.resonances import Mode, Resonances, modes, resonances_of
@@ -23,6 +31,7 @@ __all__ = [
     "INTERVAL_S",
     "MONITORED",
     "Entries",
+    "FlatComponent",
     "FlatInput",
     "FlatModel",
     "FlatParameter",

@@ -104,6 +104,19 @@ class FlatEquation:
 
 
 @dataclass(frozen=True, slots=True)
+class FlatComponent:
+    """A component as it was drawn, for a picture of the drive: its equations are those of the model.
+
+    ``nodes``: where its flanges are; components at one node are connected there.  ``parameters`` by role.
+    """
+
+    name: str
+    kind: str
+    nodes: tuple[str, ...]
+    parameters: Mapping[str, Laurent]
+
+
+@dataclass(frozen=True, slots=True)
 class FlatModel:
     """All variables and equations of a drive.  Every variable of every equation is in ``variables`` or ``inputs``."""
 
@@ -113,4 +126,5 @@ class FlatModel:
     inputs: tuple[FlatInput, ...]
     sensors: tuple[FlatSensor, ...]
     equations: tuple[FlatEquation, ...]
+    components: tuple[FlatComponent, ...] = ()
     origin: Origin = field(default_factory=Origin)

@@ -179,7 +179,8 @@ class AxisBatch:
     def _trace(self, N: int) -> Trace:
         p, W = self._tables.p, len(self.models)
         own = {name: np.empty((N, p, W)) for name in ("psi", "theta", "P", "shift", "observed")}
-        return Trace(eps=np.full((N, W), np.nan), g=np.empty((N, 2, p, W)), mode=np.zeros((N, W)), **own)
+        own |= {name: np.full((N, W), np.nan) for name in ("eps", "yhat")}
+        return Trace(g=np.empty((N, 2, p, W)), mode=np.zeros((N, W)), **own)
 
     def _events(self, N: int) -> Events:
         """Room for two crossings of each parameter in each of N samples."""

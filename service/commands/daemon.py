@@ -138,6 +138,7 @@ def run_daemon(
             links=tuple if links is None else links.snapshots,
             baselines=baselines,
             stopping=stop.is_set,
+            live=core.live,
         )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")

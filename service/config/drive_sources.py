@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import service
 from monitor_core.drive import Drive, Output
-from monitor_core.modeling import FlatModel, ModelError, Origin, StateSpace
+from monitor_core.modeling import FlatComponent, FlatModel, ModelError, Origin, StateSpace
 from monitor_core.wording import did_you_mean
 from service.config.base_table import SUFFIX
 
@@ -31,11 +31,12 @@ LIBRARY: Mapping[str, str] = MappingProxyType(
 
 
 class Modelled(NamedTuple):
-    """A drive with its state space, and the nominal values in its drawing."""
+    """A drive with its state space, the nominal values in its drawing, and the components that were drawn."""
 
     space: StateSpace
     drive: Drive
     values: Mapping[str, float]
+    components: tuple[FlatComponent, ...]
 
 
 def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
@@ -141,7 +142,7 @@ def _model(flat: FlatModel, output: Output | None, called: str | None) -> Modell
     if called is not None:
         space = replace(space, name=called)
     values = {p.name: p.value for p in space.drawn if p.value is not None}
-    return Modelled(space, drive_of(space), values)
+    return Modelled(space, drive_of(space), values, flat.components)
 
 
 # --- The files of config/ as they come with the program: example configurations, drives -------------------------------

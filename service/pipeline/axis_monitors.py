@@ -28,6 +28,7 @@ from service.ingest.bus_samples import Ingest
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.epoch_progress import EpochProgress
+from service.pipeline.live_signals import LiveSignals
 from service.pipeline.trends import Trends
 
 Samples = Mapping[str, SampleBlock]
@@ -275,6 +276,8 @@ class FramePipeline:
     def __init__(self, config: Config, axes: Sequence[NamedAxis] | None = None) -> None:
         self.monitors = AxisMonitors(config.axes if axes is None else axes)
         self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self.live = LiveSignals()
+        """What is shown of the last seconds"""
         self._samples: dict[str, list[SampleBlock]] = {}
 
     def take(self, bus: str, frames: FrameBlock) -> None:
@@ -286,7 +289,8 @@ class FramePipeline:
         waiting, self._samples = self._samples, {}
         if not waiting:
             return []
-        return self.monitors.update({axis_id: concatenate(blocks) for axis_id, blocks in waiting.items()})
+        samples = {axis_id: concatenate(blocks) for axis_id, blocks in waiting.items()}
+        return self.monitors.update(samples, self.live.observer())
 
     def flush(self) -> None:
         """End of the frames: values without a partner are counted; the last samples wait for ``update``."""

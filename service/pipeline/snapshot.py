@@ -4,14 +4,28 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from monitor_core.detection import Alarm
+from monitor_core.drive import AxisModel
+from monitor_core.modeling import FlatComponent
 from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
+from monitor_core.settings import Settings
 from service.config import NamedAxis
+from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline, Heat
 from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
 from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
 from service.store.alarm_transitions import CONFIGURATION, Note
+
+
+@dataclass(frozen=True, slots=True)
+class MonitoredDrive:
+    """What an axis is monitored by; it changes with the configuration and with the epoch only."""
+
+    model: AxisModel
+    settings: Settings
+    components: tuple[FlatComponent, ...]
+    """As the drive was drawn"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +68,8 @@ class AxisSnapshot:
     """Which nominal values are in force, and what is under way"""
     out_of_service: Note | None = None
     """Since when, by whom and why its alarms are not announced; None: they are"""
+    watched: MonitoredDrive | None = None
+    """Model and settings of its monitor; None: not known"""
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -147,7 +163,9 @@ class AxisView:
         self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording
     ) -> None:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
-        self._model = model = pipeline.monitors.by_id[axis.id].model
+        monitor = pipeline.monitors.by_id[axis.id]
+        self._model = model = monitor.model
+        self._watched = MonitoredDrive(model, monitor.settings, model_of_axis(axis.config).components)
         self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
         self._by_configuration = Note(0, CONFIGURATION) if axis.config.alarms.out_of_service else None
 
@@ -181,6 +199,7 @@ class AxisView:
             histories_lost=monitors.trends.lost[axis.id],
             epoch=monitors.epochs[axis.id].shown(status),
             out_of_service=self._alarms.removed(axis.id) or self._by_configuration,
+            watched=self._watched,
         )
 
 

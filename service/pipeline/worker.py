@@ -216,6 +216,7 @@ class Worker:
         new = [axis for axis in axes if axis.id in made.by_id]
         known = quantities(made.by_id)
         self._pipeline.monitors.change(ids, made)
+        self._pipeline.live.forget({*made.by_id, *gone})
         self._alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
         self._views = {axis_id: view for axis_id, view in self._views.items() if axis_id in ids}
         self._views |= {axis.id: self._view(axis) for axis in new}

@@ -8,11 +8,13 @@ from service.web import models, views
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
 from service.web.axis_service_routes import router as service_router
+from service.web.drive_routes import router as drive_router
 from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
 from service.web.history_routes import router as history_router
 from service.web.problem_details import described
 from service.web.recording_routes import router as recording_router
+from service.web.signal_routes import router as signal_router
 
 _NOT_FOUND = described(404, "It does not exist")
 _LONGEST_S = 1.0
@@ -29,6 +31,8 @@ def router(state: AppState) -> APIRouter:
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
     api.include_router(history_router(state), tags=["axes"])
+    api.include_router(signal_router(state), tags=["axes"])
+    api.include_router(drive_router(state), tags=["axes"])
     api.include_router(epoch_router(state), tags=["epochs"])
     api.include_router(alarm_router(state), tags=["alarms"])
     api.include_router(service_router(state), tags=["alarms"])

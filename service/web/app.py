@@ -17,6 +17,7 @@ from service.pipeline.baselines import (
     BaselineUnavailableError,
 )
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.database import StoreError
@@ -48,6 +49,7 @@ def create_app(
     links: Callable[[], Sequence[LinkSnapshot]] = tuple,
     baselines: Baselines | None = None,
     stopping: Callable[[], bool] = lambda: False,
+    live: LiveSignals | None = None,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
 
@@ -62,11 +64,13 @@ def create_app(
         links: the newest state of each plant link.
         baselines: new epochs of axes; None: none can begin.
         stopping: whether the daemon ends.
+        live: the last seconds of the axes; None: nobody adds to them.
     """
     access = access or Access()
     state = AppState(
-        snapshot, journal, access, now_us, reports, extracts, history, links, baselines, stopping
-    )
+        snapshot, journal, access, now_us, reports, extracts, history, links, baselines, stopping,
+        live or LiveSignals(),
+    )  # fmt: skip
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)

@@ -2,12 +2,13 @@
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Generic, TypeVar
 
 from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.journal import Journal
@@ -34,6 +35,7 @@ class AppState:
     baselines: Baselines | None = None
     stopping: Callable[[], bool] = lambda: False
     """Whether the daemon ends: streams end then"""
+    live: LiveSignals = field(default_factory=LiveSignals)
 
     def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
         """The axis of that id now, checked to monitor ``parameter`` if one is given.

@@ -100,15 +100,15 @@ def _parameter(course: Course, monitored: Mapping[str, tuple[str, float]]) -> It
         own = _UNITS.get(quantity, "{}").format(unit)
         yield f', "{quantity}": {{"unit": {json.dumps(own)}'
         for part, column in (("mean", course.rows.mean), ("min", course.rows.low), ("max", course.rows.high)):
-            yield f', "{part}": [{_numbers(column[:, q])}]'
+            yield f', "{part}": [{numbers(column[:, q])}]'
         yield "}"
     yield "}"
 
 
-def _numbers(column: Floats) -> str:
-    """With seven digits, as they are kept; null where they are not finite."""
+def numbers(column: Floats, digits: int = 7) -> str:
+    """Numbers of a JSON list, with as many digits as they are kept with; null where they are not finite."""
     finite = np.isfinite(column)
-    texts = map("{:.7g}".format, column.tolist())
+    texts = map(f"{{:.{digits}g}}".format, column.tolist())
     if finite.all():
         return ",".join(texts)
     return ",".join(text if known else "null" for text, known in zip(texts, finite.tolist(), strict=True))

@@ -11,7 +11,8 @@ from service.store.history_store import Resolution
 from service.texts import iso
 
 
-def _finite(value: float | None) -> float | None:
+def finite(value: float | None) -> float | None:
+    """The number, or None where it is not finite."""
     return value if value is not None and math.isfinite(value) else None
 
 
@@ -19,7 +20,7 @@ def _iso(value: object) -> object:
     return iso(value) if isinstance(value, int) else value
 
 
-Number = Annotated[float | None, BeforeValidator(_finite)]
+Number = Annotated[float | None, BeforeValidator(finite)]
 Time = Annotated[str, BeforeValidator(_iso), Field(json_schema_extra={"format": "date-time"})]
 """Given as text, or in microseconds since 1970"""
 TextOrNull = Annotated[str | None, BeforeValidator(lambda text: text or None)]

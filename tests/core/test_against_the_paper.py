@@ -189,6 +189,7 @@ def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
     moved = ~np.isnan(np.array(log.psi)[:, 0])
     return {
         "eps": apart(ours.eps, log.eps),
+        "yhat": apart(ours.yhat, log.yhat),
         "psi": apart(ours.psi[moved], list(np.array(log.psi)[moved])),
         "theta": apart(ours.theta, log.theta),
         "P": apart(ours.P, [np.diag(P) for P in log.P]),

@@ -12,7 +12,7 @@ from monitor_core.modeling.components.fragments import End, Joint, connect
 from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.drawing.drawn_components import Part, parts_of
 from monitor_core.modeling.drawing.parameter_table import parameters, uses_of
-from monitor_core.modeling.flat import FlatModel, ModelError, Origin
+from monitor_core.modeling.flat import FlatComponent, FlatModel, ModelError, Origin
 
 GROUND = "ground"
 """The node that does not turn."""
@@ -55,6 +55,12 @@ class Drawing:
             inputs=joined.inputs,
             sensors=joined.sensors,
             equations=joined.equations + connect(_joints(parts), flanges),
+            components=tuple(
+                FlatComponent(
+                    p.name, p.kind.name, p.nodes, {role: use.value for role, use in read[p.name].items()}
+                )
+                for p in parts
+            ),
             origin=self.origin,
         )
 

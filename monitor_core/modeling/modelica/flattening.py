@@ -17,6 +17,7 @@ from monitor_core.kernel.tables import ONE
 from monitor_core.modeling.components.fragments import End, Fragment, Joint, Linear, connect, join
 from monitor_core.modeling.flat import (
     CONSTANT,
+    FlatComponent,
     FlatEquation,
     FlatInput,
     FlatModel,
@@ -154,8 +155,20 @@ class _Flattening:
             inputs=tuple(inputs),
             sensors=self.signals.outputs(library.sensors),
             equations=equations,
+            components=tuple(self._components()),
             origin=place_of(self.model, self.model.name),
         )
+
+    def _components(self) -> Iterator[FlatComponent]:
+        """The parts, connected also through the flanges of the models that hold them."""
+        node: dict[str, str] = {}
+        for joint in self.joints:
+            names = [end.flange for end in joint.ends]
+            same = {node.get(name, name) for name in names}
+            node.update(dict.fromkeys([*names, *(n for n, to in node.items() if to in same)], min(same)))
+        for part in self.parts:
+            nodes = tuple(node.get(flange, flange) for flange in part.at)
+            yield FlatComponent(part.name, part.kind, nodes, part.parameters)
 
     def _variables(self, library: Fragment, units: Mapping[str, str]) -> Iterator[FlatVariable]:
         """Those of the library, and those that the user declared."""

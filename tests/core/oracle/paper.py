@@ -31,9 +31,10 @@ from tests.core.oracle.system import (
 
 @dataclass
 class Log:
-    """What happened at each sample; NaN where there was no update."""
+    """What happened at each sample; NaN where there was no update, of yhat where there was no prediction."""
 
     eps: list[float] = field(default_factory=list)
+    yhat: list[float] = field(default_factory=list)
     psi: list[Array] = field(default_factory=list)
     theta: list[Array] = field(default_factory=list)
     P: list[Array] = field(default_factory=list)
@@ -65,6 +66,7 @@ class Paper:
         self.starved = False
         self.running, self.credit, self.in_a_row = s.lam0, 3.0, 0
         self.outliers = self.starts = 0
+        self.yhat = math.nan
         self.log = Log()
 
     def run(self, t_us: NDArray[np.int64], u: Array, y: Array) -> Log:
@@ -74,6 +76,7 @@ class Paper:
 
     def _sample(self, t: int, u: float, y: float) -> None:
         eps, psi = math.nan, np.full(len(self.theta), math.nan)
+        self.yhat = math.nan
         gap = round(self.s.max_gap_s * 1e6)
         unusable = not (math.isfinite(u) and math.isfinite(y))
         repeated = self.t is not None and self.t - gap <= t <= self.t
@@ -83,6 +86,7 @@ class Paper:
             else:
                 eps, psi = self._move(t, u, y)
         self.log.eps.append(eps)
+        self.log.yhat.append(self.yhat)
         self.log.psi.append(psi)
         self.log.theta.append(self.theta.copy())
         self.log.P.append(self.P.copy())
@@ -140,7 +144,8 @@ class Paper:
             rest, over = self._to_its_own_interval(h, rest)
         self._propagate(rest, self.torque)
         row, slopes = C[0] / over, [d[0] / over for d in dC]
-        eps = y - row @ self.x  # (11)
+        self.yhat = float(row @ self.x)
+        eps = y - self.yhat  # (11)
         psi = np.array([row @ z + slope @ self.x for z, slope in zip(self.z, slopes, strict=True)])  # (16)
         self.t = t
         since = 0 if self.in_a_row >= 3 else self.in_a_row  # passed over, so that x went on
@@ -154,6 +159,7 @@ class Paper:
             settled = self.settled
             self._restart(t, u, y)
             self.settled = settled
+            self.yhat = math.nan
             return math.nan, psi
         used = used and not pass_over
         corrects = not out or self.in_a_row >= 3

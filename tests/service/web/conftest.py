@@ -2,12 +2,12 @@
 
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from fastapi import FastAPI
@@ -28,6 +28,7 @@ from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
 from service.pipeline.snapshot import (
     AxisSnapshot,
@@ -43,6 +44,11 @@ from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages
 from service.web.server import serve
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+    from tests.service.web.page_parts import Daemon
 
 NOON_US = 1_772_366_400_000_000
 """2026-03-01T12:00:00Z"""
@@ -216,6 +222,7 @@ class Stage:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     stopping: bool = False
+    live: LiveSignals = field(default_factory=LiveSignals)
     links: tuple[LinkSnapshot, ...] = (
         LinkSnapshot("orders", "webhook", False, "HTTP status 503", 3, 41, {"age": 2, "refused": 1}),
     )
@@ -231,6 +238,7 @@ class Stage:
             self.history,
             lambda: self.links,
             stopping=lambda: self.stopping,
+            live=self.live,
         )
 
     def client(self) -> TestClient:
@@ -289,3 +297,47 @@ def with_status(stage: Stage, **changes: Any) -> None:
     """The first axis alone, with another status."""
     axis = stage.snapshot.axes[0]
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=replace(axis.status, **changes)),))
+
+
+# --- The page in a real browser ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser(need: Callable[[str], str]) -> Iterator["Browser"]:
+    from playwright.sync_api import sync_playwright
+
+    chromium = need("chromium")
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def daemon(stage: Stage) -> Iterator["Daemon"]:
+    from tests.service.web.page_parts import Daemon
+
+    started = Daemon(stage)
+    yield started
+    started.stop()
+
+
+@pytest.fixture
+def page(browser: "Browser", daemon: "Daemon") -> Iterator["Page"]:
+    """A page that must not complain, nor ask any other host."""
+    complaints: list[str] = []
+    own = f"http://127.0.0.1:{daemon.port}"
+    opened = browser.new_page(base_url=own)
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on("request", lambda r: None if r.url.startswith(own) else complaints.append(r.url))
+    # The browser itself reports each request that was refused, or that nobody answered.
+    expected = "Failed to load resource"
+    opened.on(
+        "console",
+        lambda m: (
+            complaints.append(m.text) if m.type == "error" and not m.text.startswith(expected) else None
+        ),
+    )
+    yield opened
+    opened.close()
+    assert complaints == []

@@ -2,15 +2,13 @@
 
 import math
 import re
-import threading
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 from urllib.parse import quote
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Locator, Page, Route, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Route, expect
 
 from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring import AlarmEvent, AlarmRules, NotTested, Status
@@ -24,42 +22,11 @@ from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from service.web.app import STATIC
 from service.web.report_pages import ReportPages
-from service.web.server import serve
 from tests.service.web.conftest import PARAMETERS, Stage, monitored_axis, with_status
+from tests.service.web.page_parts import Daemon, alarm_row, parameter, tile
 
 pytestmark = pytest.mark.browser
 DASHBOARD = STATIC.with_name("dashboard")
-
-
-class Daemon:
-    """The web server of a stage, in a thread of its own."""
-
-    def __init__(self, stage: Stage, port: int = 0) -> None:
-        self._stop, self._ready = threading.Event(), threading.Event()
-        self.port, self._stage = 0, stage
-        stage.stopping = False
-        arguments = (stage.app(), "127.0.0.1", port, self._started, self._stop)
-        self._thread = threading.Thread(target=serve, args=arguments)
-        self._thread.start()
-        assert self._ready.wait(30)
-
-    def _started(self, port: int) -> None:
-        self.port = port
-        self._ready.set()
-
-    def stop(self) -> None:
-        self._stage.stopping = True  # streams of events end
-        self._stop.set()
-        self._thread.join(30)
-
-
-@pytest.fixture(scope="module")
-def browser(need: Callable[[str], str]) -> Iterator[Browser]:
-    chromium = need("chromium")
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture
@@ -68,49 +35,6 @@ def shipped_report(stage: Stage) -> Path:
     folder = shipped("demo/axiswatch.toml").parent
     stage.reports = ReportPages(folder, [axis.id for axis in stage.snapshot.axes])
     return folder
-
-
-@pytest.fixture
-def daemon(stage: Stage) -> Iterator[Daemon]:
-    started = Daemon(stage)
-    yield started
-    started.stop()
-
-
-@pytest.fixture
-def page(browser: Browser, daemon: Daemon) -> Iterator[Page]:
-    """A page that must not complain, nor ask any other host."""
-    complaints: list[str] = []
-    own = f"http://127.0.0.1:{daemon.port}"
-    opened = browser.new_page(base_url=own)
-    opened.on("pageerror", lambda error: complaints.append(str(error)))
-    opened.on("request", lambda r: None if r.url.startswith(own) else complaints.append(r.url))
-    opened.on(
-        "console", lambda m: complaints.append(m.text) if m.type == "error" and not _expected(m) else None
-    )
-    yield opened
-    opened.close()
-    assert complaints == []
-
-
-def _expected(message: ConsoleMessage) -> bool:
-    """What the browser itself reports of a request that was refused, or that nobody answered."""
-    return message.text.startswith("Failed to load resource")
-
-
-def tile(page: Page, axis: str) -> Locator:
-    """That of an axis in the overview."""
-    return page.locator("a.tile").filter(has_text=axis)
-
-
-def parameter(page: Page, axis: str, name: str) -> Locator:
-    """A row of a tile: name, estimate, deviation, bar, state."""
-    return tile(page, axis).locator(".row").filter(has=page.locator(".parameter", has_text=name))
-
-
-def alarm_row(page: Page, number: int = 1) -> Locator:
-    """A row of the table of alarms; 0 is its head."""
-    return page.get_by_role("table", name="Alarms").get_by_role("row").nth(number)
 
 
 def test_the_overview_shows_axes_with_estimates(page: Page) -> None:
@@ -158,55 +82,6 @@ def test_three_hundred_axes_are_on_one_screen(page: Page, stage: Stage) -> None:
     expect(page.get_by_title("demo.axis7", exact=True)).to_have_attribute("aria-label", label)
     outside = "[...document.querySelectorAll('a.tile')].filter((t) => t.getBoundingClientRect().bottom > 1080).length"
     assert page.evaluate(outside) == 0
-
-
-def test_an_axis_shows_estimates_plots_and_the_long_term_trend_where_it_is_known(page: Page) -> None:
-    page.goto("/")
-    tile(page, "demo.axis1").click()
-    panel = page.get_by_role("region", name="fm")
-    for words in (
-        "viscous friction of the motor",
-        "0.0783 ± 0.0050",
-        "0.06000",
-        "+30.5 %",
-        "72.5 % of threshold",
-    ):
-        expect(panel).to_contain_text(words)
-    for plot in ("fm: estimate with 95 % band", "fm: test statistic"):
-        expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
-    drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
-    expect(page.get_by_text(drift)).to_be_visible()
-    expect(
-        page.get_by_role("img", name="fm: means over its long-term history").locator("canvas")
-    ).to_be_visible()
-    page.goto("/#/axes/demo.axis2")
-    expect(page.get_by_text("Too little history for a trend yet.")).to_be_visible()
-
-
-def test_the_range_of_time_is_changed_by_presets_keys_and_mouse(page: Page) -> None:
-    page.goto("/#/axes/demo.axis1")
-    tools = page.get_by_role("group", name="Time range")
-    expect(tools).to_contain_text("2026-03-01 11:49:59 – 2026-03-01 11:59:59 (UTC)")
-    tools.get_by_role("button", name="1 h").click()
-    expect(tools).to_contain_text("2026-03-01 10:59:59")
-    tools.focus()
-    page.keyboard.press("ArrowLeft")
-    expect(tools).to_contain_text("2026-03-01 10:44:59 – 2026-03-01 11:44:59")
-    expect(tools.get_by_role("button", name="live")).to_have_attribute("aria-pressed", "false")
-    page.keyboard.press("+")
-    expect(tools).to_contain_text("2026-03-01 10:59:59 – 2026-03-01 11:29:59")
-    page.keyboard.press("Home")
-    expect(tools).to_contain_text("– 2026-03-01 11:59:59")
-    plot = page.get_by_role("img", name="fm: estimate").locator(".u-over")
-    plot.scroll_into_view_if_needed()
-    place = plot.bounding_box()
-    assert place is not None
-    middle = place["y"] + place["height"] / 2
-    page.mouse.move(place["x"] + 0.25 * place["width"], middle)
-    page.mouse.down()
-    page.mouse.move(place["x"] + 0.75 * place["width"], middle)
-    page.mouse.up()
-    expect(tools).to_contain_text(re.compile(r"11:37:\d\d – 2026-03-01 11:52:\d\d"))
 
 
 def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:

@@ -1,8 +1,10 @@
-// One axis: its alarms, and per parameter the estimate and its test over one shared range of time.
+// One axis: its alarms, its drive, and per parameter the estimate and its test over one shared range of time.
 import { useMemo, useState } from "preact/hooks";
 import { AlarmTable, useAlarms } from "./alarm_list";
 import type { Alarm, Axis, Parameter } from "./ask";
 import { AxisService } from "./axis_service";
+import { BodePanel } from "./bode_panel";
+import { DriveChain } from "./drive_chain";
 import { changesOf, Epochs, epochWords, useEpochs } from "./epochs";
 import { number, percent, span, withMargin } from "./format";
 import { useHistory } from "./history";
@@ -11,6 +13,7 @@ import { liveBuffer } from "./live_buffer";
 import { deviationText, estimateText, kindOf, numberWithUnit, stateOf, Words } from "./marks";
 import { evidence, isSilent } from "./need";
 import { Plot, type Range } from "./plot";
+import { SignalPanel } from "./signal_panel";
 import { columnsOf, marksOf, rangeOf, Z95, type Columns, type History } from "./series";
 import { t } from "./texts";
 import { TimeRange, type Span } from "./time_range";
@@ -37,6 +40,9 @@ export function AxisPage({ id }: { id: string }) {
       {alarms && alarms.alarms.some((alarm) => alarm.active) && (
         <section aria-label={t.axisAlarms}><AlarmTable alarms={alarms.alarms.filter((alarm) => alarm.active)} refresh={refresh} /></section>
       )}
+      <DriveChain axis={axis} alarms={alarms?.alarms ?? []} />
+      <SignalPanel key={id} axis={axis} />
+      <BodePanel key={`${id} bode`} axis={axis} />
       <TimeRange span={shown} now={now} onChange={show}>
         <p class="legend quiet">
           <span><i class="key line" /> {t.legendEstimate}</span>

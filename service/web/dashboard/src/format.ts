@@ -11,7 +11,7 @@ export const unit = (text: string): string =>
 const exponentOf = (x: number): number => (x === 0 ? 0 : Math.floor(Math.log10(Math.abs(x))));
 
 /** With the decimal sign of the language, and a real minus. */
-const local = (digits: string): string => {
+export const local = (digits: string): string => {
   const text = digits.replace("-", "−");
   return language() === "de" ? text.replace(".", ",") : text;
 };

@@ -1,8 +1,10 @@
-// A plot over time: lines with a band, alarms as marks. All plots of a page have one time range, which each can change.
+// A plot over time or frequency: lines with a band, alarms as marks. All plots over time that have `onRange` share one
+// range, which each can change.
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { ticks as tickTexts } from "./format";
+import { local, ticks as tickTexts } from "./format";
+import type { Sign } from "./resonances";
 import type { Mark } from "./series";
 import { language } from "./texts";
 
@@ -13,11 +15,15 @@ export interface Line {
   colour: string;
   dash?: number[];
   width?: number;
+  /** Points, and no line between them. */
+  points?: boolean;
 }
 
 export interface PlotProps {
   label: string;
   height: number;
+  /** What is along the plot: times [s since 1970], or frequencies [Hz] on a logarithmic axis. */
+  kind?: "time" | "frequency";
   time: number[];
   columns: (number | null)[][];
   lines: Line[];
@@ -26,10 +32,12 @@ export interface PlotProps {
   marks?: Mark[];
   /** Times of changes of the nominal values, drawn as lines. */
   changes?: number[];
+  /** Places along the plot, each with its mark at the top. */
+  signs?: Sign[];
   range: Range;
   /** The range of the values. */
   scale: Range;
-  onRange: (range: Range) => void;
+  onRange?: (range: Range) => void;
 }
 
 /** A colour of the style sheet, as it is in this place: alarms have the colour of their priority. */
@@ -41,7 +49,7 @@ export function Plot(props: PlotProps) {
   const plot = useRef<uPlot | null>(null);
   const latest = useRef(props);
   latest.current = props;
-  const shape = JSON.stringify([props.lines, props.band, props.height, language()]);
+  const shape = JSON.stringify([props.lines, props.band, props.height, props.kind, language()]);
   useEffect(() => {
     const node = place.current;
     if (!node) return undefined;
@@ -74,29 +82,35 @@ export function Plot(props: PlotProps) {
 const dataOf = (props: PlotProps): uPlot.AlignedData => [props.time, ...props.columns] as uPlot.AlignedData;
 
 function optionsOf(latest: { current: PlotProps }, node: HTMLElement): uPlot.Options {
-  const { height, lines, band } = latest.current;
+  const { height, lines, band, kind = "time", onRange } = latest.current;
+  const overTime = kind === "time";
   const colour = (name: string): string => colourOf(node, name);
   const axis = { stroke: colour("quiet"), grid: { stroke: colour("line"), width: 1 }, ticks: { stroke: colour("line") } };
   return {
     width: node.clientWidth,
     height,
     legend: { show: false },
-    cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, y: false, points: { size: 6 } },
-    scales: { x: { time: true, auto: false }, y: { auto: false } },
+    cursor: {
+      ...(overTime && !onRange ? {} : { sync: { key: kind } }),
+      drag: { x: onRange !== undefined, y: false, setScale: false }, y: false, points: { size: 6 },
+    },
+    scales: { x: { time: overTime, distr: overTime ? 1 : 3, auto: false }, y: { auto: false } },
     axes: [
-      { ...axis, size: 28, values: timeTexts },
+      { ...axis, size: 28, space: (_, __, from, to) => (overTime && to - from < 60 ? 80 : 50), values: overTime ? timeTexts : frequencyTexts },
       { ...axis, size: 74, values: (_, ticks) => tickTexts(ticks) },
     ],
-    series: [{}, ...lines.map(({ colour: name, dash, width: w = 1.5 }) => ({
-      stroke: name === "none" ? "transparent" : colour(name), width: w, ...(dash ? { dash } : {}), points: { show: alone }, spanGaps: false,
+    series: [{}, ...lines.map(({ colour: name, dash, width: w = 1.5, points }) => ({
+      stroke: name === "none" ? "transparent" : colour(name), width: w, ...(dash ? { dash } : {}), spanGaps: false,
+      ...(points ? { paths: () => null, points: { show: true, size: 6, width: 1.5 } } : { points: { show: alone } }),
     }))],
     ...(band ? { bands: [{ series: [band[1] + 1, band[0] + 1] as [number, number], fill: colour("band") }] } : {}),
     hooks: {
       drawClear: [(u) => drawMarks(u, latest.current.marks ?? []), (u) => drawChanges(u, latest.current.changes ?? [])],
+      draw: [(u) => drawSigns(u, latest.current.signs ?? [])],
       setSelect: [(u) => {
         const { left, width: w } = u.select;
         if (w < 4) return;
-        latest.current.onRange([u.posToVal(left, "x"), u.posToVal(left + w, "x")]);
+        latest.current.onRange?.([u.posToVal(left, "x"), u.posToVal(left + w, "x")]);
         u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
       }],
     },
@@ -107,6 +121,10 @@ function optionsOf(latest: { current: PlotProps }, node: HTMLElement): uPlot.Opt
 function alone(u: uPlot, series: number, from: number, to: number): boolean {
   return to - from < 3 || (u.data[series] ?? []).filter((x) => x !== null).length < 3;
 }
+
+/** Frequencies below the axis: at 1, 2 and 5 times a power of ten. */
+const frequencyTexts = (_: uPlot, ticks: number[]): string[] =>
+  ticks.map((f) => ([1, 2, 5].includes(Math.round(f / 10 ** Math.floor(Math.log10(f) + 1e-9))) ? local(String(Number(f.toPrecision(3)))) : ""));
 
 const two = (n: number): string => String(n).padStart(2, "0");
 
@@ -163,6 +181,27 @@ function drawChanges(u: uPlot, changes: number[]): void {
     ctx.moveTo(x, bbox.top);
     ctx.lineTo(x, bbox.top + bbox.height);
     ctx.stroke();
+  }
+  ctx.restore();
+}
+
+/** A line at each place, dashed for what is nominal, and its mark above it. */
+function drawSigns(u: uPlot, signs: Sign[]): void {
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.fillStyle = ctx.strokeStyle = colourOf(u.root, "text");
+  ctx.lineWidth = devicePixelRatio;
+  ctx.font = `${13 * devicePixelRatio}px sans-serif`;
+  ctx.textAlign = "center";
+  for (const { at, mark } of signs) {
+    const x = u.valToPos(at, "x", true);
+    if (x < bbox.left || x > bbox.left + bbox.width) continue;
+    ctx.setLineDash(mark === "○" ? [3 * devicePixelRatio, 4 * devicePixelRatio] : []);
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top + 16 * devicePixelRatio);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    ctx.fillText(mark, x, bbox.top + 12 * devicePixelRatio);
   }
   ctx.restore();
 }

@@ -1,11 +1,14 @@
 // The data layer of the dashboard: what is plotted, the order of the axes, how numbers and times are written.
 import { beforeEach, describe, expect, test } from "vitest";
 import type { Alarm, Axis, Body } from "../src/ask";
+import { chainOf, monitoredIn, placeless, type Component, type DriveModel } from "../src/chain";
 import { EventParser } from "../src/events";
 import * as format from "../src/format";
 import { liveBuffer } from "../src/live_buffer";
 import { itemsOf, matches, ordered } from "../src/need";
+import { farthest, signsOf } from "../src/resonances";
 import { columnsOf, marksOf, rangeOf, type History } from "../src/series";
+import { emptySignals, joined, type Signals } from "../src/signal_buffer";
 import { choose } from "../src/texts";
 import { GAP, layoutOf } from "../src/tile_layout";
 import { moved, scaled } from "../src/time_range";
@@ -225,5 +228,100 @@ describe("numbers and times", () => {
     expect(format.withMargin(0.07832, 0.00256)).toBe("0,0783 ± 0,0026");
     expect(format.percent(-0.00001)).toBe("0,0 %");
     expect(format.date(new Date(2026, 2, 1))).toBe("01.03.2026");
+  });
+});
+
+function component(kind: string, nodes: string[], ...names: string[]): Component {
+  return { name: `${kind} ${names.join(" ")}`.trim(), kind, nodes, parameters: names.map((name) => ({ role: name, text: name, names: [name] })) };
+}
+
+const nameOf = (c: Component): string => c.name;
+
+describe("the chain of a drive", () => {
+  const THREE = [
+    component("inertia", ["arm", "end"], "Ja"), component("spring-damper", ["gearbox", "arm"], "ka", "da"), component("gain", [], "kT"),
+    component("torque", ["motor"]), component("inertia", ["motor", "gear.a"], "Jm"), component("ideal-gear", ["gear.a", "gear.b"], "r"),
+    component("damper", ["motor", "ground"], "fm"), component("fixed", ["ground"]), component("spring", ["gear.b", "gearbox"], "kg"),
+    component("damper", ["gearbox", "gear.b"], "dg"), component("inertia", ["gearbox"], "Jg"), component("gravity", ["end"], "gc"),
+  ];
+
+  test("goes from the motor outwards; what turns together is one shaft, what is held by the ground acts on it", () => {
+    const rows = chainOf(THREE);
+    expect(rows.map((row) => row.stages.map(({ links, shaft }) => [links.map(nameOf), shaft.masses.map(nameOf), shaft.attached.map(nameOf)]))).toEqual([[
+      [[], ["inertia Jm"], ["gain kT", "torque", "damper fm"]],
+      [["ideal-gear r"], [], []],
+      [["spring kg", "damper dg"], ["inertia Jg"], []],
+      [["spring-damper ka da"], ["inertia Ja"], ["gravity gc"]],
+    ]]);
+  });
+
+  test("has friction where a damper is held by the ground", () => {
+    expect(chainOf(THREE)[0]?.stages[0]?.shaft.attached.map((c) => c.kind)).toEqual(["gain", "torque", "viscous-friction"]);
+  });
+
+  test("has a row for each branch, and loses nothing in a loop or behind no motor", () => {
+    const branched = [
+      component("torque", ["m"]), component("inertia", ["m"], "J"), component("spring", ["m", "a"], "k1"), component("spring", ["m", "b"], "k2"),
+      component("spring", ["b", "c"], "k3"), component("inertia", ["c"], "Jc"), component("spring", ["x", "y"], "k4"),
+    ];
+    const rows = chainOf(branched);
+    expect(rows.map((row) => row.stages.map((stage) => stage.links.map(nameOf)))).toEqual([
+      [[], ["spring k2"], ["spring k3"]], [["spring k1"]], [[], ["spring k4"]],
+    ]);
+    expect(rows[1]?.from).toBe(rows[0]?.stages[0]?.shaft);
+    const loop = [component("torque", ["a"]), ...["ab", "bc", "ca"].map((ends) => component("spring", [...ends], ends))];
+    expect(chainOf(loop)[0]?.stages).toHaveLength(3);
+    expect(chainOf([])).toEqual([]);
+  });
+
+  test("says which monitored parameters are in a component, also of merged ones, and which are nowhere", () => {
+    const monitored = [{ name: "1/Ja", names: ["Ja"] }, { name: "J", names: ["Jm", "Jg", "r"] }, { name: "delay", names: ["delay"] }];
+    const model: DriveModel = { axis: "a", drive: "d", components: THREE, monitored };
+    const of = (name: string) => monitoredIn(THREE.find((c) => c.name === name) as Component, model);
+    expect([of("inertia Ja"), of("inertia Jm"), of("ideal-gear r"), of("gravity gc")]).toEqual([["1/Ja"], ["J"], ["J"], []]);
+    expect(placeless(model)).toEqual(["delay"]);
+  });
+});
+
+describe("the signals of the last seconds", () => {
+  function answer(begin: number, count: number, changes: object = {}): Signals {
+    const k = Array.from({ length: count }, (_, i) => i);
+    return {
+      axis: "a", begin: iso(begin), end: iso(begin + 0.1 * (count - 1)), unit: "rad", outlier_limit: null, time_s: k.map((i) => 0.1 * i),
+      torque: k, measured: k, predicted: k, error: k.map(() => 0.5), learned: k.map(() => true), ...changes,
+    };
+  }
+
+  test("are joined, and only ten of them are kept", () => {
+    let c = joined(emptySignals(), answer(0, 10));
+    c = joined(c, answer(1, 100));
+    expect(c.time.at(-1)).toBeCloseTo(T0 + 10.9);
+    expect(c.time[0]).toBeCloseTo(T0 + 0.9);
+    expect(c.torque).toHaveLength(c.time.length);
+    expect([c.torque[0], c.torque[1]]).toEqual([9, 0]);
+    expect(joined(c, answer(0, 0, { begin: null, end: null }))).toBe(c);
+  });
+
+  test("have a gap where samples lack, and begin anew when the clock was set back", () => {
+    const c = joined(joined(emptySignals(), answer(0, 2)), answer(3, 2));
+    expect(c.measured).toEqual([0, 1, null, 0, 1]);
+    expect(joined(c, answer(-60, 2)).time[0]).toBeCloseTo(T0 - 60);
+  });
+
+  test("mark the errors that nothing was learned from", () => {
+    const c = joined(emptySignals(), answer(0, 3, { learned: [true, false, false], error: [1, 7, null] }));
+    expect([c.error, c.passed]).toEqual([[1, 7, null], [null, 7, null]]);
+  });
+});
+
+describe("what has changed in a Bode plot", () => {
+  test("are resonances that have moved by more than 1 %, and the largest change of the magnitude", () => {
+    const resonances = [{ nominal_hz: 10, present_hz: 10.05 }, { nominal_hz: 20, present_hz: 22 }, { nominal_hz: 30, present_hz: null }];
+    expect(signsOf(resonances)).toEqual([{ at: 10, mark: "○" }, { at: 20, mark: "○" }, { at: 22, mark: "▲" }, { at: 30, mark: "○" }]);
+    const curve = (magnitude_db: Numbers) => ({ magnitude_db, phase_deg: magnitude_db });
+    const bode = { axis: "a", unit: "rad per N m", frequency_hz: [1, 2, 3, 4], nominal: curve([0, 0, 0, null]), without_estimate: [], resonances };
+    expect(farthest({ ...bode, present: curve([1, -3, 2, 9]) })).toEqual({ hz: 2, db: -3 });
+    expect(farthest({ ...bode, present: curve([0.05, 0, 0, null]) })).toBeNull();
+    expect(farthest({ ...bode, present: null })).toBeNull();
   });
 });

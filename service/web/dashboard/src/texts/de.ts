@@ -186,6 +186,41 @@ export const de: Texts = {
   trendLegend: "Mittelwerte; gestrichelt: Trend mit Band von ± 2 Standardabweichungen von Niveau und Steigung; Balken: Grenze, wann sie erreicht wird (90 %)",
   noTrend: "Noch zu wenig Geschichte für einen Trend.",
 
+  drive: {
+    title: "Antrieb",
+    legend: "Vom Motor nach außen. Umrahmt: überwacht, mit der Abweichung vom Nennwert; ein Alarm hat das Zeichen seiner Priorität.",
+    branch: (from) => `Abzweig bei ${from}:`,
+    outside: "Überwacht, aber kein Teil der Zeichnung:",
+    kind: {
+      inertia: "Trägheit", spring: "Feder", damper: "Dämpfer", "spring-damper": "Feder und Dämpfer", "ideal-gear": "Getriebe",
+      "viscous-friction": "viskose Reibung", "coulomb-friction": "Coulomb-Reibung", gravity: "Gewicht", "torque-offset": "Momentenversatz",
+      torque: "Motormoment", "speed-sensor": "Drehzahlgeber", "angle-sensor": "Winkelgeber", gain: "Faktor des Moments",
+    },
+  },
+  signals: {
+    title: "Signale der letzten Sekunden",
+    waiting: "Ab jetzt bewahrt der Dienst die Messwerte auf; die ersten kommen in einer Sekunde.",
+    torque: "Motormoment [N m]",
+    motion: (unit) => `Gemessene und vorhergesagte Bewegung [${unit}]`,
+    error: (unit) => `Vorhersagefehler [${unit}]`,
+    measured: "gemessen; Fehler",
+    predicted: "vorhergesagt vom überwachten Modell",
+    limit: (x) => `Grenze für Ausreißer (${x})`,
+    passed: "aus diesem Messwert nichts gelernt",
+  },
+  bode: {
+    title: "Bode-Diagramm: Nenn- und heutiges Modell",
+    magnitude: (unit) => `Betrag [dB, von ${unit}]`,
+    phase: "Phase [°]",
+    nominal: "Nennmodell, seine Resonanzen",
+    present: "heutiges Modell, verschobene Resonanzen",
+    none: "Mit den heutigen Schätzwerten ergibt der Antrieb keinen Sinn: es gibt kein heutiges Modell.",
+    without: (names) => `Kein gültiger Schätzwert von ${names}: das heutige Modell hat den Nennwert.`,
+    change: (db, hz) => `Größte Änderung des Betrags: ${db} bei ${hz}`,
+    moved: (was, now, share) => `Resonanz: ${was} → ${now} (${share})`,
+    still: "Keine Resonanz hat sich um mehr als 1 % verschoben.",
+  },
+
   epochs: {
     title: "Epochen der Nennwerte",
     columns: { number: "Epoche", state: "Zustand", source: "Aus", since: "Gültig seit", who: "Wer", values: "Werte" },

@@ -186,6 +186,41 @@ export const en = {
   trendLegend: "means; dashed: trend, with a band of ± 2 standard deviations of level and slope; bar: limit, when it is reached (90 %)",
   noTrend: "Too little history for a trend yet.",
 
+  drive: {
+    title: "Drive",
+    legend: "From the motor outwards. Boxed: monitored, with the deviation from nominal; an alarm has the mark of its priority.",
+    branch: (from: string) => `Branch at ${from}:`,
+    outside: "Monitored, but no part of the drawing:",
+    kind: {
+      inertia: "inertia", spring: "spring", damper: "damper", "spring-damper": "spring and damper", "ideal-gear": "gear",
+      "viscous-friction": "viscous friction", "coulomb-friction": "Coulomb friction", gravity: "weight", "torque-offset": "torque offset",
+      torque: "motor torque", "speed-sensor": "speed sensor", "angle-sensor": "angle sensor", gain: "gain of the torque",
+    } as Record<string, string>,
+  },
+  signals: {
+    title: "Signals of the last seconds",
+    waiting: "The daemon keeps the samples from now on; the first ones come in a second.",
+    torque: "Motor torque [N m]",
+    motion: (unit: string) => `Measured and predicted motion [${unit}]`,
+    error: (unit: string) => `Prediction error [${unit}]`,
+    measured: "measured; error",
+    predicted: "predicted by the monitored model",
+    limit: (x: string) => `limit of outliers (${x})`,
+    passed: "nothing learned from this sample",
+  },
+  bode: {
+    title: "Bode plot: nominal and present model",
+    magnitude: (unit: string) => `Magnitude [dB, of ${unit}]`,
+    phase: "Phase [°]",
+    nominal: "nominal model, its resonances",
+    present: "present model, resonances that have moved",
+    none: "With the present estimates the drive makes no sense: there is no present model.",
+    without: (names: string) => `No valid estimate of ${names}: the present model has the nominal value.`,
+    change: (db: string, hz: string) => `Largest change of the magnitude: ${db} at ${hz}`,
+    moved: (was: string, now: string, share: string) => `Resonance: ${was} → ${now} (${share})`,
+    still: "No resonance has moved by more than 1 %.",
+  },
+
   epochs: {
     title: "Epochs of the nominal values",
     columns: { number: "Epoch", state: "State", source: "From", since: "In force since", who: "Who", values: "Values" },

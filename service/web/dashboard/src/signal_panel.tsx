@@ -1,0 +1,97 @@
+// Torque, motion, its prediction and the prediction error over the last seconds; asked for only while the panel is open.
+import type { ComponentChildren } from "preact";
+import { useEffect, useState } from "preact/hooks";
+import { ask, isSilence, type Axis } from "./ask";
+import { number, unit } from "./format";
+import { Plot, type Range } from "./plot";
+import { rangeOf } from "./series";
+import { emptySignals, joined, LENGTH_S, type SignalColumns, type Signals } from "./signal_buffer";
+import { t } from "./texts";
+
+const EVERY_MS = 1000;
+
+/** A panel that a button opens; what is in it is made only then. */
+export function Opened({ title, children }: { title: string; children: ComponentChildren }) {
+  const [open, set] = useState(false);
+  return (
+    <section class="panel" aria-label={title}>
+      <h2 class="opener"><button type="button" aria-expanded={open} onClick={() => set(!open)}>{open ? "▾" : "▸"} {title}</button></h2>
+      {open && children}
+    </section>
+  );
+}
+
+interface Shown {
+  columns: SignalColumns;
+  limit: number | null;
+  unit: string;
+  failure: string;
+}
+
+const NOTHING: Shown = { columns: emptySignals(), limit: null, unit: "", failure: "" };
+
+function useSignals(id: string): Shown {
+  const [shown, set] = useState(NOTHING);
+  useEffect(() => {
+    let dropped = false;
+    let timer = 0;
+    let latest = NOTHING;
+    let end: string | null = null;
+    const load = async (): Promise<void> => {
+      const since = end === null ? "" : `?since=${encodeURIComponent(end)}`;
+      try {
+        const answer = await ask<Signals>(`/api/v1/axes/${encodeURIComponent(id)}/signals${since}`);
+        end = answer.end ?? end;
+        latest = { columns: joined(latest.columns, answer), limit: answer.outlier_limit, unit: answer.unit, failure: "" };
+      } catch (error) {
+        latest = { ...latest, failure: isSilence(error) ? "" : (error as Error).message };
+      }
+      if (!dropped) set(latest);
+    };
+    const turn = async (): Promise<void> => {
+      if (!document.hidden) await load();
+      if (!dropped) timer = window.setTimeout(() => void turn(), EVERY_MS);
+    };
+    void turn();
+    return () => {
+      dropped = true;
+      clearTimeout(timer);
+    };
+  }, [id]);
+  return shown;
+}
+
+export const SignalPanel = ({ axis }: { axis: Axis }) => <Opened title={t.signals.title}><LastSeconds axis={axis} /></Opened>;
+
+function LastSeconds({ axis }: { axis: Axis }) {
+  const { columns: c, limit, unit: of, failure } = useSignals(axis.id);
+  const end = c.time.at(-1);
+  if (end === undefined) return <p class="quiet">{failure || t.signals.waiting}</p>;
+  const range: Range = [end - LENGTH_S, end];
+  const plot = { time: c.time, range };
+  const level = (x: number | null): (number | null)[] => c.time.map(() => x);
+  return (
+    <>
+      <p class="legend quiet">
+        <span><i class="key up" /> {t.signals.measured}</span>
+        <span><i class="key dashes" /> {t.signals.predicted}</span>
+        {limit !== null && <span><i class="key threshold" /> {t.signals.limit(`± ${number(limit)} ${unit(of)}`)}</span>}
+        <span><i class="key point" /> {t.signals.passed}</span>
+      </p>
+      <h3>{t.signals.torque}</h3>
+      <Plot label={t.signals.torque} height={110} {...plot} columns={[c.torque]} lines={[MEASURED]} scale={rangeOf([c.torque])} />
+      <h3>{t.signals.motion(unit(of))}</h3>
+      <Plot label={t.signals.motion(unit(of))} height={130} {...plot} columns={[c.measured, c.predicted]} lines={[MEASURED, PREDICTED]}
+        scale={rangeOf([c.measured, c.predicted])} />
+      <h3>{t.signals.error(unit(of))}</h3>
+      <Plot label={t.signals.error(unit(of))} height={130} {...plot}
+        columns={[level(limit), level(limit === null ? null : -limit), c.error, c.passed]} lines={[LIMIT, LIMIT, MEASURED, PASSED]}
+        scale={rangeOf([c.error], limit === null ? null : [-limit, limit])} />
+    </>
+  );
+}
+
+const MEASURED = { colour: "text", width: 1 };
+const PREDICTED = { colour: "predicted", dash: [6, 4] };
+const LIMIT = { colour: "alarm", dash: [2, 3], width: 1 };
+const PASSED = { colour: "alarm", points: true };

@@ -1,0 +1,61 @@
+"""The web server of a stage in a thread, and parts of the page that several tests look at."""
+
+import threading
+from pathlib import Path
+
+from playwright.sync_api import Locator, Page
+
+from service.web.app import STATIC
+from service.web.server import serve
+from tests.service.web.conftest import Stage
+
+AXE: Path = STATIC.with_name("dashboard") / "node_modules" / "axe-core" / "axe.min.js"
+"""Finds what people who do not see the page, or have no mouse, cannot use"""
+
+
+class Daemon:
+    """The web server of a stage, in a thread of its own."""
+
+    def __init__(self, stage: Stage, port: int = 0) -> None:
+        self._stop, self._ready = threading.Event(), threading.Event()
+        self.port, self._stage = 0, stage
+        stage.stopping = False
+        arguments = (stage.app(), "127.0.0.1", port, self._started, self._stop)
+        self._thread = threading.Thread(target=serve, args=arguments)
+        self._thread.start()
+        assert self._ready.wait(30)
+
+    def _started(self, port: int) -> None:
+        self.port = port
+        self._ready.set()
+
+    def stop(self) -> None:
+        self._stage.stopping = True  # streams of events end
+        self._stop.set()
+        self._thread.join(30)
+
+
+def tile(page: Page, axis: str) -> Locator:
+    """That of an axis in the overview."""
+    return page.locator("a.tile").filter(has_text=axis)
+
+
+def parameter(page: Page, axis: str, name: str) -> Locator:
+    """A row of a tile: name, estimate, deviation, bar, state."""
+    return tile(page, axis).locator(".row").filter(has=page.locator(".parameter", has_text=name))
+
+
+def alarm_row(page: Page, number: int = 1) -> Locator:
+    """A row of the table of alarms; 0 is its head."""
+    return page.get_by_role("table", name="Alarms").get_by_role("row").nth(number)
+
+
+def serious_faults(page: Page) -> list[tuple[str, list[str]]]:
+    """What axe finds on the page as it is: rules, and the elements that break them."""
+    page.evaluate(AXE.read_text(encoding="utf-8"))
+    found = page.evaluate("axe.run({ resultTypes: ['violations'] })")["violations"]
+    return [
+        (v["id"], [node["html"][:120] for node in v["nodes"]])
+        for v in found
+        if v["impact"] in ("serious", "critical")
+    ]

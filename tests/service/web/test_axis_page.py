@@ -1,0 +1,143 @@
+"""The page of an axis in a real browser: estimates over time, the drive, signals of the last seconds, Bode plot."""
+
+import re
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from monitor_core.detection import Alarm
+from monitor_core.modeling import reference_model
+from monitor_core.monitoring import AxisTrace, Trace
+from monitor_core.samples import SampleBlock
+from monitor_core.settings import Settings
+from service.config.drive_sources import model_called
+from service.pipeline.snapshot import MonitoredDrive
+from tests.service.web.conftest import NOON_US, Stage
+from tests.service.web.page_parts import serious_faults, tile
+
+pytestmark = pytest.mark.browser
+
+
+def test_an_axis_shows_estimates_plots_and_the_long_term_trend_where_it_is_known(page: Page) -> None:
+    page.goto("/")
+    tile(page, "demo.axis1").click()
+    panel = page.get_by_role("region", name="fm")
+    for words in (
+        "viscous friction of the motor",
+        "0.0783 ± 0.0050",
+        "0.06000",
+        "+30.5 %",
+        "72.5 % of threshold",
+    ):
+        expect(panel).to_contain_text(words)
+    for plot in ("fm: estimate with 95 % band", "fm: test statistic"):
+        expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
+    drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
+    expect(page.get_by_text(drift)).to_be_visible()
+    expect(
+        page.get_by_role("img", name="fm: means over its long-term history").locator("canvas")
+    ).to_be_visible()
+    page.goto("/#/axes/demo.axis2")
+    expect(page.get_by_text("Too little history for a trend yet.")).to_be_visible()
+
+
+def test_the_range_of_time_is_changed_by_presets_keys_and_mouse(page: Page) -> None:
+    page.goto("/#/axes/demo.axis1")
+    tools = page.get_by_role("group", name="Time range")
+    expect(tools).to_contain_text("2026-03-01 11:49:59 – 2026-03-01 11:59:59 (UTC)")
+    tools.get_by_role("button", name="1 h").click()
+    expect(tools).to_contain_text("2026-03-01 10:59:59")
+    tools.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(tools).to_contain_text("2026-03-01 10:44:59 – 2026-03-01 11:44:59")
+    expect(tools.get_by_role("button", name="live")).to_have_attribute("aria-pressed", "false")
+    page.keyboard.press("+")
+    expect(tools).to_contain_text("2026-03-01 10:59:59 – 2026-03-01 11:29:59")
+    page.keyboard.press("Home")
+    expect(tools).to_contain_text("– 2026-03-01 11:59:59")
+    plot = page.get_by_role("img", name="fm: estimate").locator(".u-over")
+    plot.scroll_into_view_if_needed()
+    place = plot.bounding_box()
+    assert place is not None
+    middle = place["y"] + place["height"] / 2
+    page.mouse.move(place["x"] + 0.25 * place["width"], middle)
+    page.mouse.down()
+    page.mouse.move(place["x"] + 0.75 * place["width"], middle)
+    page.mouse.up()
+    expect(tools).to_contain_text(re.compile(r"11:37:\d\d – 2026-03-01 11:52:\d\d"))
+
+
+def watch_the_reference(stage: Stage) -> None:
+    """The first axis has the drive of the paper; the friction of its motor has grown by 30 %."""
+    watched = MonitoredDrive(
+        reference_model("angle"), Settings(0.005, outlier_limit=6.0), model_called("three-mass").components
+    )
+    first, *others = stage.snapshot.axes
+    stage.snapshot = replace(stage.snapshot, axes=(replace(first, watched=watched), *others))
+
+
+def add_samples(stage: Stage) -> None:
+    """A second of samples, as the worker adds them; one of them is an outlier."""
+    observer = stage.live.observer()
+    assert observer is not None
+    k = np.arange(200)
+    y = np.sin(0.05 * k)
+    eps = np.where(k == 100, np.nan, 1e-3 * np.cos(k))
+    yhat = y - np.nan_to_num(eps, nan=0.01)
+    unread = dict.fromkeys(Trace._fields, np.zeros(0))
+    trace = Trace(**{**unread, "eps": eps, "yhat": yhat})
+    block = SampleBlock(NOON_US - 1_000_000 + 5000 * k, np.cos(0.05 * k), y)
+    observer("demo.axis1", block, AxisTrace(trace, (), None))
+
+
+def test_the_drive_is_a_chain_that_marks_the_parameter_with_an_alarm(
+    page: Page, stage: Stage, fm_alarm: Alarm
+) -> None:
+    watch_the_reference(stage)
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto("/#/axes/demo.axis1")
+    drive = page.get_by_role("region", name="Drive")
+    parts = drive.locator(".chain > li")
+    expect(parts).to_have_count(7)  # motor, gear, its shaft, spring, gearbox, spring, arm
+    expect(parts.first).to_contain_text("Jm 0.005896 kg")
+    expect(parts.last).to_contain_text("1/Ja")
+    marked = drive.locator(".part.out")
+    expect(marked).to_have_count(1)
+    for words in ("viscous friction", "fm", "+30.5 %", "alarm"):
+        expect(marked).to_contain_text(words)
+    expect(marked.get_by_role("img", name="medium priority")).to_be_visible()
+    expect(drive.get_by_text("not tested")).to_have_count(1)  # 1/Ja is not observed
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_signals_and_bode_plot_are_asked_for_once_they_are_opened(
+    scheme: Literal["light", "dark"], page: Page, stage: Stage
+) -> None:
+    watch_the_reference(stage)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url.rsplit("/", 1)[-1].split("?")[0]))
+    page.emulate_media(color_scheme=scheme)
+    page.goto("/#/axes/demo.axis1")
+    signals = page.get_by_role("button", name="Signals of the last seconds")
+    expect(signals).to_have_attribute("aria-expanded", "false")
+    assert not {"signals", "bode"} & set(asked)
+    signals.focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_text("The daemon keeps the samples from now on")).to_be_visible()
+    add_samples(stage)
+    for plot in ("Motor torque [N m]", "Measured and predicted motion [rad]", "Prediction error [rad]"):
+        expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
+    expect(page.get_by_text("limit of outliers (± 0.007")).to_be_visible()
+    page.get_by_role("button", name="Bode plot").click()
+    # The first answer loads a part of the program; the page asks again.
+    expect(page.get_by_text("Largest change of the magnitude: −2.")).to_be_visible(timeout=60_000)
+    for plot in ("Magnitude [dB, of rad/(N\u202fm)]", "Phase [°]"):
+        expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
+    assert serious_faults(page) == []
+    page.set_viewport_size({"width": 360, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 360
+    signals.click()
+    expect(page.get_by_role("img", name="Motor torque [N m]")).to_have_count(0)
