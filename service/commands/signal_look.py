@@ -32,6 +32,7 @@ LOOK_S = 10.0
 _WAIT_S = 10.0
 """For the frames, which the worker hands over between two blocks, and for another look that is under way"""
 _OLD_S = 5.0
+_NOTHING = "no frame has been taken from any bus yet: they are silent, or the daemon is still starting"
 
 
 class SignalLook:
@@ -84,7 +85,9 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     ingest = Ingest(config, axis.config.bus, {axis.id: needed(axis)})
     inputs, known = ingest.axes[axis.id], ingest.decoder.known
     own = _own(concatenate_frames([frames for bus, frames in kept if bus == axis.config.bus]), inputs, known)
-    missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), _span_s(kept)))
+    missing = (_NOTHING,)
+    if kept:
+        missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), _span_s(kept)))
     for _ in ingest.feed_values(own):
         pass
     stamps = inputs.stamps
@@ -109,7 +112,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
 def _span_s(kept: Frames) -> float:
     """How long the frames of all buses took; the daemon may have begun a moment ago."""
     times = [int(t_us) for _, frames in kept for t_us in (frames.t_us.min(), frames.t_us.max())]
-    return (max(times) - min(times)) / 1e6 if times else LOOK_S
+    return (max(times) - min(times)) / 1e6
 
 
 def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:

@@ -130,6 +130,15 @@ def test_an_axis_that_sends_nothing_is_told_by_its_message(
     assert f"never came on bus can0 in {SECONDS:.0f} s" in found.problems[0]
 
 
+def test_before_the_first_frame_no_message_is_blamed(
+    tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
+) -> None:
+    """As while the kernel is compiled at a first start: frames wait."""
+    config, _ = healthy
+    (problem,) = looked_at(tmp_path, config, []).problems
+    assert problem.startswith("no frame has been taken from any bus yet")
+
+
 def test_old_frames_are_not_taken_for_the_present(
     tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
 ) -> None:

@@ -309,7 +309,9 @@ SIGNAL_CHECK = SignalCheck(
 
 
 def robot_setup(look: Callable[[str], SignalCheck] = lambda _: SIGNAL_CHECK) -> RobotSetup:
-    """That of the demo, as it was commissioned."""
+    """That of the demo, as it was commissioned, with its first two axes."""
     file = shipped("demo/axiswatch.toml")
-    config = load(file, {})
+    full = load(file, {})
+    robot = full.robot[0].model_copy(update={"axis": full.robot[0].axis[:2]})
+    config = full.model_copy(update={"robot": (robot,)})
     return RobotSetup(lambda: config, file, look, lambda: {"alarms.sqlite": None})

@@ -5,6 +5,7 @@ import { AlarmList } from "./alarm_list";
 import { AlarmPage } from "./alarm_page";
 import { hasToken, type Alarm } from "./ask";
 import { AxisPage } from "./axis_page";
+import { CommissioningPage } from "./commissioning_page";
 import { span, zone } from "./format";
 import { silence, start, useLive, type Live } from "./live";
 import { isHidden } from "./need";
@@ -63,7 +64,8 @@ function toMain(event: MouseEvent): void {
 function Content({ page, name }: { page: string; name: string | undefined }) {
   if (page === "axes" && name) return <AxisPage key={name} id={name} />;
   if (page === "alarms") return name ? <AlarmPage key={name} id={name} /> : <AlarmList />;
-  return page === "system" ? <SystemPage /> : <Overview />;
+  if (page === "system") return name === "commissioning" ? <CommissioningPage /> : <SystemPage />;
+  return <Overview />;
 }
 
 interface HeaderProps {
