@@ -28,8 +28,15 @@ from service.commands.commissioning_remedies import (
 from service.commands.output_files import replace_text
 from service.commands.planned_motion import MotionRequest, planned
 from service.commands.signal_proposals import Review, configured
-from service.config.commissioned import Correction, Found, commissioned, corrected, pages_of
-from service.reports.commissioning_report import Outcome, motion_file, own_config
+from service.config.commissioned import (
+    Correction,
+    Found,
+    commissioned,
+    corrected,
+    motion_file,
+    pages_of,
+)
+from service.reports.commissioning_report import Outcome, own_config
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions

@@ -211,7 +211,8 @@ def _check_source(records: Sequence[str] | None, minutes: float | None, output: 
     Raises:
         typer.BadParameter: neither, both, or no time.
     """
-    from service.commands.live_recording import RECORDS, check_minutes, recorded
+    from service.commands.live_recording import check_minutes, recorded
+    from service.config.commissioned import RECORDS
 
     if records and minutes is not None:
         raise typer.BadParameter(

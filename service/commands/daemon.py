@@ -15,6 +15,7 @@ from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError
 from service.commands.service_manager import ServiceManager, status_line
 from service.commands.signal_handling import stopped_by_signals
+from service.commands.signal_look import SignalLook
 from service.config import Config
 from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
@@ -36,10 +37,14 @@ from service.texts import now_us
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages
+from service.web.robot_setup import RobotSetup
 from service.web.server import Certificate, is_remote, serve
 
 if TYPE_CHECKING:
     from service.links.running import Links
+
+ALARMS_FILE, CHECKPOINTS_FILE, HISTORY_FILE = "alarms.sqlite", "checkpoints.sqlite", "history.sqlite"
+"""In the state directory."""
 
 log = structlog.get_logger(__name__)
 
@@ -49,7 +54,7 @@ def run_daemon(
     record: Path | None = None,
     ready: Callable[[str], None] = lambda _url: None,
     stop: threading.Event | None = None,
-    reports: Path | None = None,
+    file: Path | None = None,
     complete: Callable[[], None] = lambda: None,
     insecure: bool = False,
     reloadable: Callable[[Callable[[Config], Reloaded]], None] = lambda _reload: None,
@@ -61,7 +66,7 @@ def run_daemon(
         record: frames are also written here, as received.
         ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
-        reports: folder in which ``commission`` has left its report, if it has.
+        file: of the configuration; beside it ``commission`` has left its report, if it has.
         complete: called once everything is compiled and all detectors run, from another thread.
         insecure: other machines may reach it without tokens or TLS.
         reloadable: called with what takes over another configuration.
@@ -81,7 +86,7 @@ def run_daemon(
     certificate = _certificate(config.web)
     access = _access(config, insecure)
     with ExitStack() as stack:
-        journal = Journal(config.service.state_dir / "alarms.sqlite")
+        journal = Journal(config.service.state_dir / ALARMS_FILE)
         stack.callback(journal.close)
         begun = at_start(config.axes, journal.epochs, now_us())
         core = FramePipeline(config, begun.axes)
@@ -94,7 +99,7 @@ def run_daemon(
         stack.callback(recording.close)
         history = _history(config)
         stack.callback(history.stop)
-        checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
+        checkpoints = Checkpoints(config.service.state_dir / CHECKPOINTS_FILE)
         stack.callback(checkpoints.close)
         saver = Checkpointer(checkpoints, core.monitors, config.service.checkpoint_interval_s, None, now_us)
         state = _State(journal, checkpoints, saver, begun, history)
@@ -106,6 +111,7 @@ def run_daemon(
         for reader in readers.values():
             stack.callback(reader.close)
 
+        reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
         links = _links(config, journal, lambda: worker.snapshot, stack)
         systemd = ServiceManager(
             os.environ, lambda: _turns(worker, readers), lambda: status_line(worker.snapshot)
@@ -120,14 +126,17 @@ def run_daemon(
             if links is not None:
                 links.start()
             baselines.start()
-            reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
             reloadable(reloading.reload)
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             systemd.ready()
             ready(url)
 
-        pages = None if reports is None else ReportPages(reports, [axis.id for axis in config.axes])
+        pages = setup = None
+        if file is not None:
+            pages = ReportPages(file.parent, [axis.id for axis in config.axes])
+            look = SignalLook(lambda: reloading.config, extracts, now_us)
+            setup = RobotSetup(lambda: reloading.config, file, look, lambda: state.problems(worker.snapshot))
         app = create_app(
             lambda: worker.snapshot,
             journal,
@@ -139,6 +148,7 @@ def run_daemon(
             baselines=baselines,
             stopping=stop.is_set,
             live=core.live,
+            setup=setup,
         )
         serve(app, config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
@@ -232,6 +242,15 @@ class _State(NamedTuple):
     begun: AtStart
     history: HistoryRecording
 
+    def problems(self, snapshot: Snapshot) -> dict[str, str | None]:
+        """Why its files cannot be written now, by their names."""
+        waiting = snapshot.alarms.waiting
+        return {
+            ALARMS_FILE: f"{waiting} alarms are not recorded yet" if waiting else None,
+            CHECKPOINTS_FILE: self.saver.problem,
+            HISTORY_FILE: snapshot.history.problem,
+        }
+
 
 def _worker(
     config: Config,
@@ -271,7 +290,7 @@ def _history(config: Config) -> HistoryRecording:
     }
     bounds = Bounds(ages_s, kept.history_mb * 1e6)
     return HistoryRecording(
-        lambda: HistoryStore(kept.state_dir / "history.sqlite", bounds), kept.history_interval_s
+        lambda: HistoryStore(kept.state_dir / HISTORY_FILE, bounds), kept.history_interval_s
     )
 
 

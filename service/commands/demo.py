@@ -90,7 +90,7 @@ def demo(
         commissioned = shipped(COMMISSIONED)
     with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as state_dir:
         monitored = _monitored(configuration(commissioned), robot, port, Path(state_dir))
-        _run(monitored, commissioned.parent, robot, wanted)
+        _run(monitored, commissioned, robot, wanted)
 
 
 def _robot(config: Config, axes: int) -> Config:
@@ -118,12 +118,12 @@ def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir:
     )
 
 
-def _run(config: Config, reports: Path, moved: Config, fault: Fault) -> None:
+def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
     """Run the daemon, and the robot in parallel once its bus is read; an error of either ends both.
 
     Args:
         config: of the daemon.
-        reports: folder of the report of its commissioning.
+        file: of its configuration; the report of its commissioning is beside it.
         moved: the robot.
         fault: that of the robot.
     """
@@ -142,7 +142,7 @@ def _run(config: Config, reports: Path, moved: Config, fault: Fault) -> None:
             ready.set()
 
         try:
-            run_daemon(config, ready=served, stop=stop, reports=reports, complete=detecting.set)
+            run_daemon(config, ready=served, stop=stop, file=file, complete=detecting.set)
         finally:
             stop.set()
             ready.set()

@@ -84,12 +84,12 @@ def look_at(
     for axis, inputs in _inputs(config):
         known = messages_of(config, axis.config.bus)
         traffic = known.counted(heard.traffic[axis.config.bus])
-        missing = tuple(_missing(axis, inputs, traffic, heard.seconds))
+        missing = tuple(missing_messages(axis, inputs, traffic, heard.seconds))
         found = loaded.get(axis.id)
         facts = "" if found is None else _facts(axis, inputs, found)
-        unusable = () if missing or found is not None else (_unusable(lost.get(axis.id, "")),)
+        unusable = () if missing or found is not None else (no_samples(lost.get(axis.id, "")),)
         faults, corrections = proposals.get(axis.id, ((), ()))
-        problems = missing or unusable or (*(tuple(_unmoved(axis, found)) or faults), *_lossy(found))
+        problems = missing or unusable or (*(tuple(unmoved(axis, found)) or faults), *lossy(found))
         if found is not None:
             stamps = remarks(axis.id, axis.config.sample_interval_s, heard.stamps[axis.id])
             facts = "; ".join([facts, *(words.removeprefix(f"{axis.id}: ") for words in stamps)])
@@ -157,7 +157,7 @@ def _ids(keys: Sequence[FrameKey] | Mapping[FrameKey, int]) -> str:
 # --- An axis ----------------------------------------------------------------------------------------------------------
 
 
-def _missing(
+def missing_messages(
     axis: NamedAxis, inputs: AxisInput, traffic: Mapping[FrameKey, int], seconds: float
 ) -> Iterator[str]:
     """Messages that never came; where no frame came at all the bus is named instead."""
@@ -172,7 +172,8 @@ def _missing(
             )
 
 
-def _unusable(reason: str) -> str:
+def no_samples(reason: str) -> str:
+    """What to do about frames that came and make no samples."""
     return (
         f"its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the messages"
     )
@@ -192,7 +193,7 @@ def _range(values: np.typing.NDArray[np.float64]) -> str:
     return f"{values.min():.3g} to {values.max():.3g}"
 
 
-def _unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
+def unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
     """An axis that stands, or a signal that is stuck: which of them, by the other signal."""
     if found is None:
         return
@@ -213,7 +214,7 @@ def _unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
         )
 
 
-def _lossy(found: Loaded | None) -> Iterator[str]:
+def lossy(found: Loaded | None) -> Iterator[str]:
     """Frames that are lost on their way to this machine, or never sent."""
     if found is None:
         return

@@ -18,9 +18,8 @@ from service.commands.live_look import Look, look_at
 from service.commands.progress import steps_bar
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
+from service.config.commissioned import RECORDS, motion_file
 
-RECORDS = "records"
-"""Folder of the records, in that of all that is written"""
 LEAST_S, MOST_S = 30.0, 86400.0
 """Of a record: the least that may identify an axis, and a day"""
 LOOK_S = 10.0
@@ -91,8 +90,6 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
 
 def _motions(config: Config, folder: Path) -> dict[Path, float]:
     """Planned motions of the axes, with their length [s]."""
-    from service.reports.commissioning_report import motion_file
-
     paths = [folder / motion_file(axis.id) for axis in config.axes]
     return {path: _length_s(path) for path in paths if path.exists()}
 

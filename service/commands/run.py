@@ -68,9 +68,7 @@ def run(
     configure_logs(log_format)
     hangup = _Hangup(config, port)
     with explained(), obeyed([signal.SIGHUP], hangup.look):
-        run_daemon(
-            with_port(read, port), record, reports=config.parent, insecure=insecure, reloadable=hangup.use
-        )
+        run_daemon(with_port(read, port), record, file=config, insecure=insecure, reloadable=hangup.use)
 
 
 class _Hangup:

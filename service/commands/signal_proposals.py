@@ -75,18 +75,35 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
         RecordError, DescriptionError, IngestError: a record cannot be read.
     """
     found: list[Correction] = []
-    wrong: tuple[str, ...] = ()
     while True:
         checked, used = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
-        new = next(_of(_TIME_CHECKS, checked), None)
-        if new is None:
-            wrong = tuple(faults(checked, used))
-            new = None if wrong else next(_of(_SIGNAL_CHECKS, checked), None)
+        new, wrong = _first(checked, used)
         if new is None or len(found) == _ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
             doubts = () if wrong else tuple(unknown_units(checked))
             standing = tuple(text for text in records if text not in used)
             return Review(tuple(found), wrong, doubts, unchecked(checked), standing)
         found.append(new)
+
+
+def first_review(config: Config, axis: NamedAxis, record: str) -> Review:
+    """What a record shows to be wrong at first: nothing is corrected, so that one mistake may hide another.
+
+    Raises:
+        RecordError, DescriptionError, IngestError: the record cannot be read.
+    """
+    checked, used = _checked(config, axis, [record])
+    new, wrong = _first(checked, used)
+    doubts = () if new or wrong else tuple(unknown_units(checked))
+    return Review((new,) if new else (), wrong, doubts, unchecked(checked))
+
+
+def _first(checked: Checked, used: tuple[str, ...]) -> tuple[Correction | None, tuple[str, ...]]:
+    """The first correction, or what no correction mends."""
+    new = next(_of(_TIME_CHECKS, checked), None)
+    if new is not None:
+        return new, ()
+    wrong = tuple(faults(checked, used))
+    return (None if wrong else next(_of(_SIGNAL_CHECKS, checked), None)), wrong
 
 
 def exchanged(

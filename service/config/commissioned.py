@@ -34,6 +34,15 @@ def pages_of(axis_id: str) -> tuple[str, str]:
     return f"{axis_id}-identification.html", f"{axis_id}-calibration.html"
 
 
+RECORDS, MOTIONS = "records", "motion"
+"""Folders of what was recorded on the buses, and of planned motions, beside the report"""
+
+
+def motion_file(axis_id: str) -> str:
+    """Name of the planned motion of an axis."""
+    return f"{MOTIONS}/{axis_id}.csv"
+
+
 class Correction(NamedTuple):
     """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why.
 

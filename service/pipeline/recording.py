@@ -30,6 +30,9 @@ _RETRY_S = 5.0
 _FORMAT = "%Y%m%dT%H%M%SZ"
 _NAME = re.compile(r"frames-(\d{8}T\d{6}Z)-(\d{8}T\d{6}Z)\.log")
 
+Frames = list[tuple[str, FrameBlock]]
+"""Blocks of one bus each, in the order of their receipt."""
+
 log = structlog.get_logger(__name__)
 
 
@@ -67,8 +70,8 @@ class FrameRing:
         """Time of the newest block; None without any."""
         return self._last_us(-1) if self._blocks else None
 
-    def between(self, from_us: int, until_us: int) -> list[tuple[str, FrameBlock]]:
-        """The frames of that time, as blocks of one bus, in the order of their receipt."""
+    def between(self, from_us: int, until_us: int) -> Frames:
+        """The frames of that time."""
         found = []
         for bus, frames in self._blocks:
             part = frames.select((frames.t_us >= from_us) & (frames.t_us <= until_us))
@@ -114,7 +117,7 @@ class RecordingFolder:
                 return file.name
         return None
 
-    def write(self, blocks: list[tuple[str, FrameBlock]]) -> Path:
+    def write(self, blocks: Frames) -> Path:
         """Write an extract, then remove the oldest ones that are too many.
 
         Raises:
@@ -178,7 +181,8 @@ class Extracts:
         self._begun: _Extract | None = None
         self._last_us = 0  # end of the last extract
         self._requests = queue.SimpleQueue[Future[Path]]()
-        self._jobs = queue.SimpleQueue[tuple[_Extract, list[tuple[str, FrameBlock]]] | None]()
+        self._looks = queue.SimpleQueue[tuple[float, Future[Frames]]]()
+        self._jobs = queue.SimpleQueue[tuple[_Extract, Frames] | None]()
         self._stopped = threading.Event()
         self._writer = threading.Thread(target=self._write_all, name="recordings", daemon=True)
         self._writer.start()
@@ -201,9 +205,19 @@ class Extracts:
         self._requests.put(asked)
         return asked
 
+    def latest(self, seconds: float) -> Future[Frames]:
+        """Ask, from any thread, for the last frames: those of so many seconds before the newest one."""
+        asked = Future[Frames]()
+        self._looks.put((seconds, asked))
+        return asked
+
     def tick(self) -> None:
-        """Hand over to the writer what is complete."""
+        """Hand over to the writer what is complete, and to others what they have asked for."""
         now_us = self._now_us()
+        while not self._looks.empty():
+            seconds, asked = self._looks.get()
+            until_us = self._ring.newest_us or now_us
+            asked.set_result(self._ring.between(until_us - round(seconds * 1e6), until_us))
         while not self._requests.empty():
             until_us = self._ring.newest_us or now_us
             self._hand_over(_Extract(until_us - self._before_us, until_us, self._requests.get(), asked=True))
@@ -223,6 +237,8 @@ class Extracts:
         self._writer.join()
         while not self._requests.empty():
             self._requests.get().set_exception(RecordError("the daemon has stopped"))
+        while not self._looks.empty():
+            self._looks.get()[1].set_exception(RecordError("the daemon has stopped"))
 
     def _covers(self, t_us: int) -> bool:
         return self._last_us - self._after_us - self._before_us <= t_us <= self._last_us
@@ -239,7 +255,7 @@ class Extracts:
                     extract.written.set_exception(RecordError(self.problem or ""))
                     break
 
-    def _write(self, extract: _Extract, blocks: list[tuple[str, FrameBlock]]) -> bool:
+    def _write(self, extract: _Extract, blocks: Frames) -> bool:
         """Whether nothing is left to do; otherwise the disk has refused the frames around an alarm."""
         try:
             if not blocks:

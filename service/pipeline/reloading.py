@@ -76,6 +76,11 @@ class Reloading:
             for name, ingest in pipeline.ingests.items()
         }
 
+    @property
+    def config(self) -> Config:
+        """The configuration that is in force."""
+        return self._config
+
     def reload(self, new: Config) -> Reloaded:
         """Take over a configuration that is right in itself; from any thread but the worker's.
 

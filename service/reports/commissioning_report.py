@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from monitor_core.wording import duration, listed
-from service.config.commissioned import Correction, Found
+from service.config.commissioned import Correction, Found, motion_file
 from service.reports.formats import Provenance, Table, percent, render
 
 READY = "ready"
@@ -76,15 +76,6 @@ class Outcome:
 def own_config(axis_id: str) -> str:
     """Name of the configuration of an axis of which nothing can be watched yet, from which a motion is planned."""
     return f"{axis_id}.toml"
-
-
-MOTIONS = "motion"
-"""Folder of planned motions, beside the report"""
-
-
-def motion_file(axis_id: str) -> str:
-    """Name of the planned motion of an axis."""
-    return f"{MOTIONS}/{axis_id}.csv"
 
 
 def motion_step(outcome: Outcome, config: Path) -> str:

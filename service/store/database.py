@@ -14,6 +14,7 @@ from typing import Literal
 Synchronous = Literal["FULL", "NORMAL"]
 """FULL: a commit outlives a power failure.  NORMAL: it outlives the process; about eight times as fast."""
 
+SQLITE_VERSION = sqlite3.sqlite_version
 BUSY_TIMEOUT_S = 5.0
 _DAMAGE = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 _COMPANIONS = ("-wal", "-shm")

@@ -46,6 +46,7 @@ from service.store.alarm_transitions import (
     taken_after,
 )
 from service.store.axis_services import SERVICE_MIGRATION, AxisServices, removal
+from service.store.audit import AuditEntry, Place, audited
 from service.store.database import Database
 from service.store.epochs import EPOCH_MIGRATION, Epochs
 
@@ -314,6 +315,11 @@ class Journal:
         """What has happened to an alarm, oldest first."""
         with self._db.read() as connection:
             return taken(connection, alarm_id)
+
+    def audit(self, limit: int, after: Place | None = None) -> list[AuditEntry]:
+        """The latest changes by persons and files, or those before a place, from the newest to the oldest."""
+        with self._db.read() as connection:
+            return audited(connection, limit, after)
 
     def transitions_after(self, number: int, limit: int) -> list[NumberedTransition]:
         """The first transitions of all alarms after that number, in the order in which they were committed."""

@@ -9,12 +9,14 @@ from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
 from service.web.axis_service_routes import router as service_router
 from service.web.drive_routes import router as drive_router
+from service.web.commissioning_routes import router as commissioning_router
 from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
 from service.web.history_routes import router as history_router
 from service.web.problem_details import described
 from service.web.recording_routes import router as recording_router
 from service.web.signal_routes import router as signal_router
+from service.web.system_routes import router as system_router
 
 _NOT_FOUND = described(404, "It does not exist")
 _LONGEST_S = 1.0
@@ -38,6 +40,8 @@ def router(state: AppState) -> APIRouter:
     api.include_router(service_router(state), tags=["alarms"])
     api.include_router(event_router(state), tags=["events"])
     api.include_router(recording_router(state.extracts), tags=["recordings"])
+    api.include_router(commissioning_router(state), tags=["commissioning"])
+    api.include_router(system_router(state), tags=["service"])
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:

@@ -30,6 +30,7 @@ from service.web.gate import Gate
 from service.web.problem_details import PROTECTED, UnknownResourceError, add_to_schema, answer
 from service.web.report_pages import ReportPages
 from service.web.report_pages import router as report_router
+from service.web.robot_setup import NoLookError, RobotSetup
 
 STATIC = Path(__file__).parent / "static"
 DESCRIPTION = """\
@@ -50,6 +51,7 @@ def create_app(
     baselines: Baselines | None = None,
     stopping: Callable[[], bool] = lambda: False,
     live: LiveSignals | None = None,
+    setup: RobotSetup | None = None,
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal.
 
@@ -65,11 +67,12 @@ def create_app(
         baselines: new epochs of axes; None: none can begin.
         stopping: whether the daemon ends.
         live: the last seconds of the axes; None: nobody adds to them.
+        setup: the configuration and its robot; None: neither is shown.
     """
     access = access or Access()
     state = AppState(
         snapshot, journal, access, now_us, reports, extracts, history, links, baselines, stopping,
-        live or LiveSignals(),
+        live or LiveSignals(), setup,
     )  # fmt: skip
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
@@ -196,6 +199,10 @@ def _answer_errors(app: FastAPI) -> None:
     async def no_baseline(_: Request, error: BaselineError) -> JSONResponse:
         statuses = {BaselineConflictError: 409, BaselineUnavailableError: 503}
         return answer(statuses.get(type(error), 422), str(error))
+
+    @app.exception_handler(NoLookError)
+    async def no_look(_: Request, error: NoLookError) -> JSONResponse:
+        return answer(503, str(error))
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:

@@ -16,6 +16,7 @@ from service.texts import now_us
 from service.web.access import Access
 from service.web.problem_details import UnknownResourceError
 from service.web.report_pages import ReportPages
+from service.web.robot_setup import RobotSetup
 
 VERSION = version("axiswatch")
 
@@ -36,6 +37,7 @@ class AppState:
     stopping: Callable[[], bool] = lambda: False
     """Whether the daemon ends: streams end then"""
     live: LiveSignals = field(default_factory=LiveSignals)
+    setup: RobotSetup | None = None
 
     def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
         """The axis of that id now, checked to monitor ``parameter`` if one is given.

@@ -5,6 +5,7 @@ Their names are known from the axes: nothing else of that folder is served.
 
 from collections.abc import Iterable
 from pathlib import Path
+from urllib.parse import quote
 
 from fastapi import APIRouter
 from fastapi.responses import FileResponse
@@ -35,7 +36,11 @@ class ReportPages:
     @property
     def address(self) -> str | None:
         """Where the first page is served; None: it is not there."""
-        return None if self.find(REPORT) is None else f"{_PREFIX}/{REPORT}"
+        return self.address_of(REPORT)
+
+    def address_of(self, name: str) -> str | None:
+        """Where the page of that name is served; None: it is not there."""
+        return None if self.find(name) is None else f"{_PREFIX}/{quote(name)}"
 
 
 def router(pages: ReportPages) -> APIRouter:

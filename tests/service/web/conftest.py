@@ -25,6 +25,8 @@ from monitor_core.monitoring import (
 )
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
+from service.config import load
+from service.config.drive_sources import shipped
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_monitors import Heat
 from service.pipeline.history_recording import HistoryRecording
@@ -43,6 +45,7 @@ from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages
+from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import serve
 
 if TYPE_CHECKING:
@@ -221,6 +224,7 @@ class Stage:
     access: Access | None = None
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
+    setup: RobotSetup | None = None
     stopping: bool = False
     live: LiveSignals = field(default_factory=LiveSignals)
     links: tuple[LinkSnapshot, ...] = (
@@ -239,6 +243,7 @@ class Stage:
             lambda: self.links,
             stopping=lambda: self.stopping,
             live=self.live,
+            setup=self.setup,
         )
 
     def client(self) -> TestClient:
@@ -297,6 +302,27 @@ def with_status(stage: Stage, **changes: Any) -> None:
     """The first axis alone, with another status."""
     axis = stage.snapshot.axes[0]
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=replace(axis.status, **changes)),))
+
+
+SIGNAL_CHECK = SignalCheck(
+    axis="demo.axis1", seconds=10.0, samples=2000, rate_hz=200.0, scatter_s=0.00041, missing=0.005, moves=True,
+    signals=[
+        SignalRange(signal="Axis1State.Torque", unit="N m", low=-1.5, high=1.25),
+        SignalRange(signal="Axis1State.Angle", unit="rad", low=0.5, high=2.0),
+    ],
+    problems=["the torque <b>is stuck</b>"],
+    proposals=["the units look like degrees. -> angle.factor = 0.0174533"],
+    doubts=[],
+)  # fmt: skip
+
+
+def robot_setup(look: Callable[[str], SignalCheck] = lambda _: SIGNAL_CHECK) -> RobotSetup:
+    """That of the demo, as it was commissioned, with its first two axes."""
+    file = shipped("demo/axiswatch.toml")
+    full = load(file, {})
+    robot = full.robot[0].model_copy(update={"axis": full.robot[0].axis[:2]})
+    config = full.model_copy(update={"robot": (robot,)})
+    return RobotSetup(lambda: config, file, look, lambda: {"alarms.sqlite": None})
 
 
 # --- The page in a real browser ---------------------------------------------------------------------------------------

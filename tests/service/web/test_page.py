@@ -16,13 +16,22 @@ from service.can.frames import Frame, FrameBlock
 from service.config.drive_sources import shipped
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.pipeline.recording import Extracts, RecordingFolder
+from service.pipeline.snapshot import AxisSnapshot
 from service.store.alarm_transitions import Note
 from service.store.journal import Entry
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from service.web.app import STATIC
 from service.web.report_pages import ReportPages
-from tests.service.web.conftest import PARAMETERS, Stage, monitored_axis, with_status
+from service.web.robot_setup import RobotSetup, SignalCheck
+from tests.service.web.conftest import (
+    PARAMETERS,
+    SIGNAL_CHECK,
+    Stage,
+    monitored_axis,
+    robot_setup,
+    with_status,
+)
 from tests.service.web.page_parts import Daemon, alarm_row, parameter, tile
 
 pytestmark = pytest.mark.browser
@@ -35,6 +44,14 @@ def shipped_report(stage: Stage) -> Path:
     folder = shipped("demo/axiswatch.toml").parent
     stage.reports = ReportPages(folder, [axis.id for axis in stage.snapshot.axes])
     return folder
+
+
+@pytest.fixture
+def configured(stage: Stage) -> Stage:
+    """With the configuration of the demo."""
+    stage.setup = robot_setup()
+    stage.reports = ReportPages(stage.setup.file.parent, [axis.id for axis in stage.snapshot.axes])
+    return stage
 
 
 def test_the_overview_shows_axes_with_estimates(page: Page) -> None:
@@ -75,7 +92,7 @@ def test_three_hundred_axes_are_on_one_screen(page: Page, stage: Stage) -> None:
     stage.snapshot = replace(stage.snapshot, axes=tuple(axes), buses=stage.snapshot.buses[:1], messages=())
     page.set_viewport_size({"width": 1920, "height": 1080})
     page.goto("/")
-    expect(page.locator("a.tile")).to_have_count(300)
+    expect(page.locator("a.tile")).to_have_count(300, timeout=60_000)
     label = re.compile(
         r"demo.axis7: .*kT 0\.993 ± 0\.035, −0\.7 %, tracking; 1/Ja .*not tested; fm .*, \+30\.5 %, alarm"
     )
@@ -414,30 +431,70 @@ NAMES = {
 }
 
 
-@pytest.mark.parametrize("width", [3840, 1280, 360])
-def test_names_are_text_and_all_fits_the_screen(
-    width: int, page: Page, stage: Stage, fm_alarm: Alarm
-) -> None:
+def setup_of(axes: list[AxisSnapshot]) -> RobotSetup:
+    """A configuration of axes with these names, which no file may have, and findings with them."""
+    setup = robot_setup()
+    config = setup.config()
+    model = config.robot[0].axis[0]
+    names = [(axis.robot, (model.model_copy(update={"name": axis.name}),)) for axis in axes]
+    robots = tuple(config.robot[0].model_copy(update={"name": name, "axis": own}) for name, own in names)
+    named = config.model_copy(update={"robot": robots})
+
+    def look(axis_id: str) -> SignalCheck:
+        signal = SIGNAL_CHECK.signals[0].model_copy(update={"signal": axis_id})
+        return SIGNAL_CHECK.model_copy(
+            update={"signals": [signal] * 2, "problems": [axis_id], "doubts": [axis_id]}
+        )
+
+    return replace(setup, config=lambda: named, look=look)
+
+
+@pytest.fixture
+def named(stage: Stage, fm_alarm: Alarm) -> int:
+    """Axes with these names wherever there is one, in findings and comments, too; the last of their alarms."""
     axes = []
     for name in NAMES.values():
         robot, _, own = name.rpartition(".")
         axes.append(replace(stage.snapshot.axes[0], id=name, robot=robot, name=own))
         number = stage.record(name, name, 0.06, fm_alarm)
+        stage.journal.act(number, AlarmEvent.COMMENT, Note(stage.now_us, name, name))
     stage.snapshot = replace(stage.snapshot, axes=tuple(axes), messages=tuple(NAMES.values()))
+    stage.setup = setup_of(axes)
+    return number
+
+
+@pytest.mark.parametrize("width", [3840, 1280, 360])
+def test_names_are_text_and_all_fits_the_screen(width: int, named: int, page: Page) -> None:
+    name = NAMES["long"]
+    own = name.rpartition(".")[2]
     page.set_viewport_size({"width": width, "height": 800})
     page.goto("/")
     for address in (
         "/#/",
         "/#/alarms",
-        f"/#/alarms/{number}",
+        f"/#/alarms/{named}",
         "/#/system",
+        "/#/system/commissioning",
         f"/#/axes/{quote(name, safe='')}",
     ):
         page.goto(address)
         expect(page.locator("main")).to_contain_text(own)
+        if address.startswith("/#/system"):
+            unfold(page)
+            table = "Signals now" if address.endswith("commissioning") else "Who has changed what"
+            expect(page.get_by_role("table", name=table)).to_contain_text(own)
         assert page.evaluate("document.documentElement.scrollWidth") <= width, address
         expect(page.locator("main img")).to_have_count(0)
     expect(page.get_by_role("heading", level=1)).to_have_text(name)
+
+
+def unfold(page: Page) -> None:
+    """All that a page shows only on demand."""
+    for place in (
+        *page.locator("main summary").all(),
+        *page.get_by_role("button", name="Check all axes").all(),
+    ):
+        place.click()
 
 
 def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> None:
@@ -535,15 +592,29 @@ def test_the_system_page_shows_buses_drops_and_clocks(page: Page) -> None:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_serious_fault(
-    scheme: Literal["light", "dark"], page: Page, stage: Stage, fm_alarm: Alarm
+    scheme: Literal["light", "dark"], configured: Stage, page: Page, fm_alarm: Alarm
 ) -> None:
-    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    number = configured.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     page.emulate_media(color_scheme=scheme)
     page.goto("/")
     page.evaluate((DASHBOARD / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8"))
-    for address in ("#/", "#/axes/demo.axis1", "#/alarms", f"#/alarms/{number}", "#/system"):
+    for address in (
+        "#/",
+        "#/axes/demo.axis1",
+        "#/alarms",
+        f"#/alarms/{number}",
+        "#/system",
+        "#/system/commissioning",
+    ):
         page.evaluate("(address) => { location.hash = address; }", address)
         expect(page.locator("main")).to_contain_text("demo.axis1")
+        for unfolded in (
+            *page.locator("main summary").all(),
+            *page.get_by_role("button", name="Check all axes").all(),
+        ):
+            unfolded.click()
+        if address.endswith("commissioning"):
+            expect(page.get_by_role("table", name="Signals now").get_by_role("row")).to_have_count(3)
         found = page.evaluate("axe.run({ resultTypes: ['violations'] })")["violations"]
         serious = [
             (v["id"], [node["html"][:120] for node in v["nodes"]])
@@ -557,3 +628,66 @@ def test_the_documentation_needs_no_other_host(page: Page) -> None:
     page.goto("/docs")
     page.get_by_text("GET /api/v1/axes/{axis}/trend").click()
     expect(page.get_by_text("maximum number of entries; neighbours are merged")).to_be_visible()
+
+
+def test_the_system_page_shows_files_configuration_and_who_has_changed_what(
+    configured: Stage, page: Page, fm_alarm: Alarm
+) -> None:
+    number = configured.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    note = Note(configured.now_us, "anna", "<b>seen</b>", "WO-17")
+    configured.journal.act(number, AlarmEvent.ACKNOWLEDGE, note)
+    page.clock.install()
+    page.goto("/#/system")
+    expect(page.get_by_role("table", name="Files")).to_contain_text("alarms.sqlite")
+    page.clock.run_for(11_000)
+    expect(page.get_by_text("of one core of")).to_be_visible()  # between two answers
+    unfold(page)
+    text = page.get_by_label("Configuration", exact=True)
+    expect(text).to_contain_text('nominal_file = "demo.axis1-nominal.toml"')
+    trail = page.get_by_role("table", name="Who has changed what")
+    for words in ("anna", "acknowledged", "demo.axis1", "Alarm 1 fm", "<b>seen</b>; work order WO-17"):
+        expect(trail).to_contain_text(words)
+
+
+def test_the_commissioning_is_checked_and_its_reports_open(configured: Stage, page: Page) -> None:
+    page.goto("/#/system")
+    page.get_by_role("link", name="Commissioning", exact=True).click()
+    expect(page.get_by_role("heading", name="Commissioning", exact=True)).to_be_visible()
+    expect(page.get_by_text("Axes without samples: see what comes with")).to_be_visible()
+    steps = page.get_by_role("table", name="Steps")
+    for words in ("1 of 2 axes", "axiswatch listen --config axiswatch.toml"):
+        expect(steps).to_contain_text(words)
+    expect(page.get_by_role("table", name="Signals now")).to_have_count(0)
+    page.get_by_role("button", name="Check all axes").click()
+    found = page.get_by_role("table", name="Signals now").get_by_role("row")
+    expect(found).to_have_count(3)
+    for words in (
+        "200.0",
+        "0.4100 ms",
+        "0.5 %",
+        "−1.500 … 1.250",
+        "Axis1State.Torque",
+        "the torque <b>is stuck</b>",
+    ):
+        expect(found.nth(1)).to_contain_text(words)
+    page.get_by_role("link", name="report: Nominal values, demo.axis2").click()
+    expect(page.get_by_role("heading", name="Identification of demo.axis2")).to_be_visible()
+
+
+def test_who_may_not_see_the_configuration_is_told_what_it_needs(
+    configured: Stage, browser: Browser, tmp_path: Path
+) -> None:
+    tokens = TokenFile(tmp_path / "tokens.json")
+    secret = tokens.new("wall", Scope.READ)
+    configured.access = Access(tokens)
+    daemon = Daemon(configured)
+    try:
+        page = browser.new_page(base_url=f"http://127.0.0.1:{daemon.port}")
+        page.goto("/#/system")
+        page.get_by_label("Token").fill(secret)
+        page.get_by_role("button", name="Use").click()
+        page.get_by_text("Configuration", exact=True).click()
+        expect(page.get_by_text("this needs a token with the scope admin")).to_be_visible()
+        page.close()
+    finally:
+        daemon.stop()

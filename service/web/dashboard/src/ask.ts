@@ -26,9 +26,9 @@ export function authorization(): Record<string, string> {
 }
 
 /** The body of an answer; with a body of its own, the request is a POST. */
-export async function ask<T>(path: string, body: unknown = null): Promise<T> {
+export async function ask<T>(path: string, body: unknown = null, patienceMs = PATIENCE_MS): Promise<T> {
   const headers = authorization();
-  const request: RequestInit = { signal: AbortSignal.timeout(PATIENCE_MS), cache: "no-store", headers };
+  const request: RequestInit = { signal: AbortSignal.timeout(patienceMs), cache: "no-store", headers };
   if (body !== null) {
     headers["Content-Type"] = "application/json";
     Object.assign(request, { method: "POST", body: JSON.stringify(body) });

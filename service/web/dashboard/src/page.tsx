@@ -6,6 +6,7 @@ import { AlarmPage } from "./alarm_page";
 import { SoundSwitch } from "./alarm_sound";
 import { hasToken, type Alarm } from "./ask";
 import { AxisPage } from "./axis_page";
+import { CommissioningPage } from "./commissioning_page";
 import { span, zone } from "./format";
 import { silence, start, useLive, type Live } from "./live";
 import { isHidden, keyOf } from "./need";
@@ -64,7 +65,8 @@ function toMain(event: MouseEvent): void {
 function Content({ page, name }: { page: string; name: string | undefined }) {
   if (page === "axes" && name) return <AxisPage key={name} id={name} />;
   if (page === "alarms") return name ? <AlarmPage key={name} id={name} /> : <AlarmList />;
-  return page === "system" ? <SystemPage /> : <Overview />;
+  if (page === "system") return name === "commissioning" ? <CommissioningPage /> : <SystemPage />;
+  return <Overview />;
 }
 
 interface HeaderProps {

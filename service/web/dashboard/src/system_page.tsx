@@ -1,16 +1,21 @@
-// The daemon itself: buses, what was dropped and why, clocks, recordings, versions.
-import { useEffect, useRef, useState } from "preact/hooks";
+// The daemon itself: its load, buses, what was dropped and why, files, clocks, recordings, versions.
+import { memo } from "preact/compat";
+import { useRef, useState } from "preact/hooks";
+import { Administration } from "./administration";
 import { Frames } from "./alarm_list";
-import { ask, isSilence, type Axis, type Body } from "./ask";
-import { count, number, span } from "./format";
+import { ask, type Axis, type Body } from "./ask";
+import { count, number, percent, span } from "./format";
 import { useLive, type Live } from "./live";
 import { axisLink, Time, Words } from "./marks";
+import { failure, reasons, Table, usePolled, type Cells } from "./table";
 import { t } from "./texts";
 
+const FEW = 24;
 const EVERY_MS = 10_000;
 
 export function SystemPage() {
   const live = useLive();
+  const [system] = usePolled<Body<"System">>("/api/v1/system");
   const { service } = live;
   if (service === null) return <p class="quiet">{t.waiting}</p>;
   return (
@@ -26,39 +31,21 @@ export function SystemPage() {
             <dt>{t.checkpoint}</dt><dd>{service.checkpoint === null ? t.none : <Time at={service.checkpoint} />}</dd>
             <dt>{t.answerTime}</dt><dd>{live.took === null ? "–" : `${live.took} ms`}</dd>
           </dl>
+          <p><a href="#/system/commissioning">{t.commissioning.title}</a></p>
         </section>
+        {system !== null && <Process system={system} />}
         <Load />
       </div>
       <h2>{t.buses}</h2>
       <Buses live={live} />
       {service.links.length > 0 && <Links links={service.links} />}
-      <h2>{t.dropsAxis}</h2>
-      <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={live.axes.map(samplesOf)} />
-      <h2>{t.clocks}</h2>
-      <Table label={t.clocks} columns={[t.columns.axis, t.clock, t.interval, t.scatter, t.restarts]} rows={live.axes.map(clockOf)} />
+      {system !== null && <Databases system={system} />}
+      <AxisTables axes={live.axes} beat={live.axes.length > FEW ? Math.floor(live.now / EVERY_MS) : live.now} />
       <Recordings />
+      <Administration />
     </>
   );
 }
-
-type Cells = preact.ComponentChildren[];
-
-function Table({ label, columns, rows }: { label: string; columns: string[]; rows: Cells[] }) {
-  return (
-    <div class="panel">
-      <table role="table" aria-label={label}>
-        <thead><tr>{columns.map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
-        <tbody>{rows.map((cells, i) => <tr key={i}>{cells.map((cell, k) => <td key={k}>{cell}</td>)}</tr>)}</tbody>
-      </table>
-    </div>
-  );
-}
-
-/** Counts that are not zero: "gated 1200, gap 2". */
-const reasons = (counts: Record<string, number>): Cells => {
-  const found = Object.entries(counts).filter(([, n]) => n > 0);
-  return [found.length === 0 ? "–" : found.map(([reason, n]) => <span key={reason} class="reason">{reason} {count(n)}</span>)];
-};
 
 function Buses({ live }: { live: Live }) {
   // Frames a second, between two answers.
@@ -108,6 +95,18 @@ function Links({ links }: { links: Body<"Link">[] }) {
   );
 }
 
+/** Of many axes not with each answer: hundreds of rows take a browser a while. */
+const AxisTables = memo(function AxisTables({ axes }: { axes: Axis[]; beat: number }) {
+  return (
+    <>
+      <h2>{t.dropsAxis}</h2>
+      <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={axes.map(samplesOf)} />
+      <h2>{t.clocks}</h2>
+      <Table label={t.clocks} columns={[t.columns.axis, t.clock, t.interval, t.scatter, t.restarts]} rows={axes.map(clockOf)} />
+    </>
+  );
+}, (a, b) => a.beat === b.beat && a.axes.length === b.axes.length);
+
 const Name = ({ id }: { id: string }) => <a href={axisLink(id)}><bdi>{id}</bdi></a>;
 
 function samplesOf(axis: Axis): Cells {
@@ -121,21 +120,42 @@ function clockOf(axis: Axis): Cells {
   return [<Name id={axis.id} />, t.clockKind[clock] ?? clock, ms(interval_s), ms(scatter_s), reasons(axis.clock)];
 }
 
-function usePolled<T>(path: string): [T | null, () => Promise<void>] {
-  const [found, set] = useState<T | null>(null);
-  const load = async (): Promise<void> => {
-    try {
-      set(await ask<T>(path));
-    } catch {
-      // The header says that there is no answer.
-    }
-  };
-  useEffect(() => {
-    void load();
-    const timer = setInterval(() => void load(), EVERY_MS);
-    return () => clearInterval(timer);
-  }, [path]);
-  return [found, load];
+/** Processor time between two answers, memory, and what the daemon was built with. */
+function Process({ system }: { system: Body<"System"> }) {
+  const before = useRef(system);
+  const shown = useRef<number | null>(null);
+  const passed = system.uptime_s - before.current.uptime_s;
+  if (passed > 0) shown.current = (system.cpu_s - before.current.cpu_s) / passed;
+  before.current = system;
+  const megabytes = (bytes: number | null): string => (bytes === null ? "–" : `${count(Math.round(bytes / 1e6))} MB`);
+  return (
+    <section class="panel">
+      <h2>{t.process.title}</h2>
+      <dl>
+        <dt>{t.process.cpu}</dt><dd>{shown.current === null ? "–" : t.process.ofCore(percent(shown.current, false), system.cores)}</dd>
+        <dt>{t.process.memory}</dt><dd>{megabytes(system.memory_bytes)}</dd>
+        <dt>{t.process.disk}</dt><dd>{megabytes(system.free_bytes)}</dd>
+        <dt>{t.process.versions}</dt><dd>{Object.entries(system.versions).map((words) => words.join(" ")).join(", ")}</dd>
+      </dl>
+    </section>
+  );
+}
+
+function Databases({ system }: { system: Body<"System"> }) {
+  const d = t.databases;
+  const rows = system.databases.map(({ name, size_bytes, written, problem }): Cells => [
+    <><bdi>{name}</bdi>{d.holds[name] && <small>{d.holds[name]}</small>}</>,
+    `${number(size_bytes / 1e6)} MB`,
+    written === null ? t.none : <Time at={written} />,
+    problem === null ? d.fine : <span class="pill warn"><Words>{problem}</Words></span>,
+  ]);
+  return (
+    <>
+      <h2>{d.title}</h2>
+      <Table label={d.title} columns={[t.file, t.fileSize, d.written, t.columns.state]} rows={rows} />
+      {system.damaged.length > 0 && <p class="banner warn">{d.damaged} <bdi>{system.damaged.join(", ")}</bdi></p>}
+    </>
+  );
 }
 
 function Load() {
@@ -155,7 +175,7 @@ function Load() {
 }
 
 function Recordings() {
-  const [found, load] = usePolled<Body<"Recordings">>("/api/v1/recordings");
+  const [found, , load] = usePolled<Body<"Recordings">>("/api/v1/recordings");
   const [problem, setProblem] = useState("");
   const record = async (): Promise<void> => {
     try {
@@ -163,7 +183,7 @@ function Recordings() {
       setProblem("");
       await load();
     } catch (error) {
-      setProblem(isSilence(error) ? t.noAnswer : (error as Error).message);
+      setProblem(failure(error));
     }
   };
   const rows = [...(found?.recordings ?? [])].reverse().map(({ name, size_bytes }): Cells => [

@@ -277,5 +277,49 @@ export const de: Texts = {
   raisedWeek: "In sieben Tagen ausgelöst",
   answerTime: "Antwortzeit des Dienstes",
 
+  configuration: {
+    title: "Konfiguration",
+    meaning: "was gilt, soweit es gesetzt wurde; Geheimnisse fehlen, auch die Dateien, in denen sie stehen.",
+  },
+  audit: {
+    title: "Wer was geändert hat", none: "Noch nichts.", older: "Ältere Änderungen", subject: "Von",
+    event: {
+      begun: "Einlernen begonnen", "taken over": "gültig", verified: "geprüft", cancelled: "abgebrochen", refused: "abgelehnt",
+      replaced: "ersetzt", "rolled back": "zurückgenommen",
+    },
+  },
+  process: {
+    title: "Last der Maschine", cpu: "Prozessor", ofCore: (share, cores) => `${share} eines Kerns von ${cores}`,
+    memory: "Speicher", disk: "Frei auf der Platte", versions: "Versionen",
+  },
+  databases: {
+    title: "Dateien", written: "Zuletzt geschrieben", fine: "in Ordnung", damaged: "Beschädigte Dateien, die beiseitegelegt wurden:",
+    holds: {
+      "alarms.sqlite": "Alarme, Epochen, wer was geändert hat", "checkpoints.sqlite": "Zustand der Überwachung",
+      "history.sqlite": "Geschichte der Schätzwerte", "outbox.sqlite": "wie weit die Anlagenverbindungen sind",
+    },
+  },
+  commissioning: {
+    title: "Inbetriebnahme", complete: "Alle Schritte sind getan: Jede Achse hat eigene Nennwerte und Schwellen.",
+    next: {
+      configure: "Als Nächstes:", signals: "Achsen ohne Messwerte: Was ankommt, zeigt", record: "Als Nächstes:",
+      identify: "Achsen ohne eigene Nennwerte: aufzeichnen und identifizieren mit",
+      calibrate: "Achsen ohne eigene Schwellen: kalibrieren mit", run: "Als Nächstes:",
+    },
+    signals: "Signale jetzt", check: "Alle Achsen prüfen", again: "Nochmals prüfen", stop: "Anhalten", checking: "Prüft",
+    meaning: "Die letzten zehn Sekunden jeder Achse, so geprüft wie bei der Inbetriebnahme. Die Achse sollte sich bewegen.",
+    rate: "Messwerte/s", missing: "Fehlen", torque: "Moment", motionRange: "Bewegung", findings: "Befund",
+    fine: "wie erwartet", stands: "sie bewegt sich nicht", problem: "Problem", proposal: "Änderung", doubt: "offen",
+    steps: "Schritte", folder: "Befehle für ein Terminal, im Ordner", step: "Schritt", command: "Befehl",
+    name: {
+      configure: "Konfigurieren", signals: "Signale ansehen", record: "Aufzeichnen", identify: "Identifizieren", calibrate: "Kalibrieren",
+      run: "Betreiben",
+    },
+    axes: (n, of) => `${n} von ${of} Achsen`,
+    records: (n) => (n === 1 ? "1 Aufzeichnung hier" : `${n} Aufzeichnungen hier`),
+    results: "Ergebnisse", nominal: "Nennwerte", thresholds: "Schwellen", motion: "Geplante Bewegung",
+    done: "eigene", open: "noch nicht", report: "Bericht",
+  },
+
   schemaLoading: "Lädt /openapi.json.",
 };

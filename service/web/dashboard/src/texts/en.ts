@@ -277,6 +277,50 @@ export const en = {
   raisedWeek: "Raised in seven days",
   answerTime: "Answer time of the daemon",
 
+  configuration: {
+    title: "Configuration",
+    meaning: "what is in force, as far as it was set; secrets are left out, and so are the files that hold them.",
+  },
+  audit: {
+    title: "Who has changed what", none: "Nothing yet.", older: "Older changes", subject: "Of",
+    event: {
+      begun: "learning begun", "taken over": "in force", verified: "verified", cancelled: "cancelled", refused: "refused",
+      replaced: "replaced", "rolled back": "rolled back",
+    } as Record<string, string>,
+  },
+  process: {
+    title: "Load of the machine", cpu: "Processor", ofCore: (share: string, cores: number) => `${share} of one core of ${cores}`,
+    memory: "Memory", disk: "Free on the disk", versions: "Versions",
+  },
+  databases: {
+    title: "Files", written: "Last written", fine: "in order", damaged: "Damaged files that were put aside:",
+    holds: {
+      "alarms.sqlite": "alarms, epochs, who has changed what", "checkpoints.sqlite": "state of the monitors",
+      "history.sqlite": "history of the estimates", "outbox.sqlite": "how far the plant links are",
+    } as Record<string, string>,
+  },
+  commissioning: {
+    title: "Commissioning", complete: "All steps are done: every axis has its own nominal values and thresholds.",
+    next: {
+      configure: "Next:", signals: "Axes without samples: see what comes with", record: "Next:",
+      identify: "Axes without nominal values of their own: record and identify them with",
+      calibrate: "Axes without thresholds of their own: calibrate them with", run: "Next:",
+    } as Record<string, string>,
+    signals: "Signals now", check: "Check all axes", again: "Check again", stop: "Stop", checking: "Checking",
+    meaning: "The last ten seconds of each axis, looked at as commissioning does. The axis should move.",
+    rate: "Samples/s", missing: "Missing", torque: "Torque", motionRange: "Motion", findings: "Findings",
+    fine: "as expected", stands: "it does not move", problem: "problem", proposal: "change", doubt: "open",
+    steps: "Steps", folder: "Commands for a terminal, in the folder", step: "Step", command: "Command",
+    name: {
+      configure: "Configure", signals: "Look at the signals", record: "Record", identify: "Identify", calibrate: "Calibrate",
+      run: "Run",
+    } as Record<string, string>,
+    axes: (n: number, of: number) => `${n} of ${of} axes`,
+    records: (n: number) => (n === 1 ? "1 record here" : `${n} records here`),
+    results: "Results", nominal: "Nominal values", thresholds: "Thresholds", motion: "Planned motion",
+    done: "own", open: "not yet", report: "report",
+  },
+
   schemaLoading: "Loading /openapi.json.",
 };
 

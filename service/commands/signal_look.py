@@ -1,0 +1,180 @@
+"""A look at the signals of one axis while the daemon runs: its last frames, by the checks of ``commission``.
+
+The frames are those that the daemon keeps for recordings, so that a look costs nothing while nobody looks.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import TimeoutError as NotGivenError
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from service.can.frame_recorder import FrameRecorder
+from service.can.frames import FrameBlock, concatenate_frames
+from service.can.messages import MessageSet
+from service.can.user_errors import RecordError
+from service.config import Config, NamedAxis
+from service.config.schema import SignalConfig
+from service.pipeline.recording import Extracts, Frames
+from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
+
+if TYPE_CHECKING:
+    from service.ingest.axis_input import AxisInput
+    from service.ingest.identification_records import Loaded
+
+LOOK_S = 10.0
+_WAIT_S = 10.0
+"""For the frames, which the worker hands over between two blocks, and for another look that is under way"""
+_OLD_S = 5.0
+_NOTHING = "no frame has been taken from any bus yet: they are silent, or the daemon is still starting"
+
+
+class SignalLook:
+    """Looks at the signals of an axis, one look at a time.
+
+    Args:
+        config: returns the configuration in force.
+        extracts: keep the last frames; None: nothing does.
+        now_us: wall clock.
+    """
+
+    def __init__(
+        self, config: Callable[[], Config], extracts: Extracts | None, now_us: Callable[[], int]
+    ) -> None:
+        self._config, self._extracts, self._now_us = config, extracts, now_us
+        self._lock = threading.Lock()
+
+    def __call__(self, axis_id: str) -> SignalCheck:
+        """What the last frames show of an axis.
+
+        Raises:
+            NoLookError: no frames are kept, or the worker does not hand them over.
+        """
+        if self._extracts is None:
+            raise NoLookError("recordings_mb in [service] is 0: no frames are kept that could be looked at")
+        config = self._config()
+        axis = next((axis for axis in config.axes if axis.id == axis_id), None)
+        if axis is None:
+            raise NoLookError(f"the configuration has no axis {axis_id} any more")
+        if not self._lock.acquire(timeout=_WAIT_S):
+            raise NoLookError("other signals are being looked at; try again")
+        try:
+            kept = self._extracts.latest(LOOK_S).result(_WAIT_S)
+            return _checked(config, axis, kept, self._now_us())
+        except NotGivenError:
+            raise NoLookError(f"the worker has not handed over frames within {_WAIT_S:.0f} s") from None
+        except RecordError as error:
+            raise NoLookError(str(error)) from None
+        finally:
+            self._lock.release()
+
+
+def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> SignalCheck:
+    from service.commands.live_look import lossy, missing_messages, no_samples, unmoved
+    from service.commands.signal_proposals import first_review
+    from service.config.conditions import needed
+    from service.ingest.bus_samples import Ingest
+    from service.ingest.timestamp_jitter import remarks
+
+    ingest = Ingest(config, axis.config.bus, {axis.id: needed(axis)})
+    inputs, known = ingest.axes[axis.id], ingest.decoder.known
+    own = _own(concatenate_frames([frames for bus, frames in kept if bus == axis.config.bus]), inputs, known)
+    missing = (_NOTHING,)
+    if kept:
+        missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), _span_s(kept)))
+    for _ in ingest.feed_values(own):
+        pass
+    stamps = inputs.stamps
+    problems = [*_silent(own, now_us), *missing]
+    with TemporaryDirectory(prefix="axiswatch-look-") as folder:
+        path = Path(folder) / "look.log"
+        loaded, lost = _loaded(config, axis, own, path)
+        if loaded is None:
+            return _found(axis, None, None, problems or [no_samples(lost)])
+        problems += [*unmoved(axis, loaded), *lossy(loaded)]
+        noted = remarks(axis.id, axis.config.sample_interval_s, stamps)
+        proposals, doubts = [words.removeprefix(f"{axis.id}: ") for words in noted], tuple[str, ...]()
+        if not missing and not any(unmoved(axis, loaded)):
+            review = first_review(config, axis, str(path))
+            # The name of a file that is gone tells nobody anything.
+            problems += [words.replace(str(path), "the last seconds") for words in review.faults]
+            proposals += [f"{c.reason}. -> {c.change}" for c in review.corrections]
+            doubts = review.doubts
+    return _found(axis, loaded, stamps.scatter_s, problems, proposals, doubts)
+
+
+def _span_s(kept: Frames) -> float:
+    """How long the frames of all buses took; the daemon may have begun a moment ago."""
+    times = [int(t_us) for _, frames in kept for t_us in (frames.t_us.min(), frames.t_us.max())]
+    return (max(times) - min(times)) / 1e6
+
+
+def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:
+    """The frames that carry signals of the axis."""
+    keys = {q.key for q in (*inputs.sampled, *(held.quantity for held in inputs.held))}
+    wanted = [number for number in np.unique(frames.ids) if any(known.carries(key, number) for key in keys)]
+    return frames.select(np.isin(frames.ids, wanted))
+
+
+def _silent(own: FrameBlock, now_us: int) -> Iterator[str]:
+    """Frames that are kept, and are old: what follows is how it was."""
+    if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
+        yield f"nothing has come for {age_s:.0f} s: what follows is how it was before"
+
+
+def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> tuple[Loaded | None, str]:
+    """The samples of the axis; or why there are none."""
+    from service.ingest.identification_records import load
+
+    try:
+        with FrameRecorder(path) as recorder:
+            recorder.write(axis.config.bus, own)
+        return load(str(path), config, axis.id), ""
+    except RecordError as error:
+        return None, str(error).replace(str(path), "the last seconds")
+
+
+def _found(
+    axis: NamedAxis,
+    loaded: Loaded | None,
+    scatter_s: float | None,
+    problems: Sequence[str],
+    proposals: Sequence[str] = (),
+    doubts: Sequence[str] = (),
+) -> SignalCheck:
+    own: dict[str, Any] = {"seconds": 0.0, "samples": 0, "rate_hz": None, "missing": None, "moves": None}
+    signals = list[SignalRange]()
+    if loaded is not None:
+        from service.commands.checked_axis import moves
+
+        record, lost = loaded.record, loaded.source.dropped.get("missing", 0)
+        own = {
+            "seconds": float(record.t[-1] - record.t[0]),
+            "samples": len(record),
+            "rate_hz": 1 / record.mean_interval_s,
+            "missing": lost / (lost + len(record)),
+            "moves": moves(record.y, axis.config.output),
+        }
+        unit = {"angle": "rad", "speed": "rad/s"}[axis.config.output]
+        measured = record.y[record.measured]
+        signals = [_range(axis.config.torque, "N m", record.u), _range(axis.config.motion, unit, measured)]
+    return SignalCheck(
+        axis=axis.id,
+        scatter_s=scatter_s,
+        signals=signals,
+        problems=list(problems),
+        proposals=list(proposals),
+        doubts=list(doubts),
+        **own,
+    )
+
+
+def _range(source: SignalConfig, unit: str, values: Floats) -> SignalRange:
+    low, high = float(values.min()), float(values.max())
+    return SignalRange(signal=f"{source.message}.{source.signal}", unit=unit, low=low, high=high)

@@ -1,0 +1,75 @@
+"""A configuration as persons may read it who have no business with its secrets: without these, as TOML."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import tomlkit
+from pydantic import BaseModel
+
+from service.config.found_file import FoundFile
+from service.config.robot_defaults import DEFAULTS
+from service.config.schema import Config
+
+HIDDEN = "..."
+_SECRET = re.compile(r"secret|password|passwd|passphrase|token|credential|(^|_)key$", re.IGNORECASE)
+"""Keys whose values are not shown, even where they only name a file or a variable that holds a secret."""
+
+
+def public_text(config: Config, folder: Path) -> str:
+    """What is set in a configuration, by its file or the environment, without secrets.
+
+    Keys that keep their default are left out.  Values of [robot.defaults] stand in the axes.  Of a file that was read
+    only its name is shown, of the address of a webhook only the host.
+
+    Args:
+        config: that is in force.
+        folder: of its file; names of files within it are relative to it.
+    """
+    return tomlkit.dumps(_shown_table(config, folder))
+
+
+def _shown_table(table: BaseModel, folder: Path) -> dict[str, Any]:
+    keys = [key for key in type(table).model_fields if key in table.model_fields_set and key != DEFAULTS]
+    found = {key: _shown_value(key, getattr(table, key), folder) for key in keys}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _shown_value(key: str, value: Any, folder: Path) -> Any:
+    if value is None:
+        return None
+    if _SECRET.search(key):
+        return HIDDEN
+    if isinstance(value, FoundFile):
+        return _name(value.path, folder)
+    if isinstance(value, Path):
+        return _name(value, folder)
+    if isinstance(value, BaseModel):
+        return _shown_table(value, folder)
+    if isinstance(value, dict):
+        items = {str(name): _shown_value(str(name), item, folder) for name, item in value.items()}
+        return {name: item for name, item in items.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_shown_value(key, item, folder) for item in value]
+    return _without_credentials(value) if isinstance(value, str) else value
+
+
+def _without_credentials(text: str) -> str:
+    """Of an address its host only: who knows the rest may often do what it is for."""
+    if "://" not in text:
+        return text
+    try:
+        parts = urlsplit(text)
+        host = parts.hostname
+    except ValueError:
+        return HIDDEN
+    return f"{parts.scheme}://{host}/{HIDDEN}" if host else HIDDEN
+
+
+def _name(path: Path, folder: Path) -> str:
+    inside = os.path.relpath(path, folder)
+    return os.path.normpath(path) if inside.startswith("..") else Path(inside).as_posix()

@@ -1,0 +1,48 @@
+"""Who has changed what when: what persons have done about alarms, and what has happened to epochs."""
+
+import sqlite3
+from typing import Literal, NamedTuple
+
+from service.store.alarm_transitions import CONFIGURATION, SERVICE
+
+Subject = Literal["alarm", "epoch"]
+
+
+class AuditEntry(NamedTuple):
+    """A change, with its place in the order of all: ``(at_us, subject, id)``."""
+
+    at_us: int
+    subject: Subject
+    id: int
+    who: str
+    event: str
+    axis: str
+    number: int
+    """Of the alarm, or of the epoch of the axis"""
+    parameter: str
+    """Of the alarm; empty: of an epoch"""
+    comment: str
+    work_order: str
+
+
+Place = tuple[int, str, int]
+_QUERY = f"""
+    SELECT {", ".join(AuditEntry._fields)} FROM (
+        SELECT t.at_us, 'alarm' AS subject, t.id, t.who, t.event, a.axis, t.alarm_id AS number, a.parameter,
+            t.comment, t.work_order
+        FROM alarm_transition t JOIN alarm a ON a.id = t.alarm_id
+        WHERE t.who NOT IN ('{SERVICE}', '{CONFIGURATION}')
+        UNION ALL
+        SELECT at_us, 'epoch', id, who, event, axis, number, '', comment, work_order
+        FROM epoch_event WHERE who <> '{SERVICE}')
+    WHERE (at_us, subject, id) < (?, ?, ?) ORDER BY at_us DESC, subject DESC, id DESC LIMIT ?
+"""
+_LATEST: Place = (2**63 - 1, "", 0)
+
+
+def audited(connection: sqlite3.Connection, limit: int, after: Place | None) -> list[AuditEntry]:
+    """The latest changes, or those that come after a place, from the newest to the oldest.
+
+    What the daemon does by itself is left out, and so are alarms that rules of the configuration hide.
+    """
+    return [AuditEntry(*row) for row in connection.execute(_QUERY, [*(after or _LATEST), limit])]

@@ -1,0 +1,148 @@
+"""REST under /api/v1/commissioning: how far the robot is commissioned, and a live check of the signals of an axis.
+
+Nothing is started: the steps are commands, since a record and an identification take minutes and change files.
+"""
+
+import shlex
+from pathlib import Path
+from typing import Literal
+
+from fastapi import APIRouter
+from pydantic import Field
+from starlette.exceptions import HTTPException
+
+from service.config import NamedAxis
+from service.config.commissioned import RECORDS, REPORT, motion_file, pages_of
+from service.web.app_state import OLDEST_SAMPLE_S, AppState, sample_age_s
+from service.web.models import Body
+from service.web.problem_details import described
+from service.web.report_pages import ReportPages
+from service.web.robot_setup import RobotSetup, SignalCheck
+
+_NOT_FOUND = described(404, "The axis does not exist")
+_NO_SETUP = described(503, "The daemon does not know its configuration")
+_NO_LOOK = described(503, "No frames are kept, or others look at signals for too long")
+
+StepName = Literal["configure", "signals", "record", "identify", "calibrate", "run"]
+
+
+class CommissioningStep(Body):
+    """A step of the commissioning of the robot."""
+
+    name: StepName
+    done: int = Field(description="axes for which it is done; of record: files")
+    total: int | None = Field(description="axes; null: of record, where one may do")
+    command: str = Field(description="what does it, to be typed in the folder")
+
+
+class AxisCommissioning(Body):
+    """What commissioning has left of an axis."""
+
+    axis: str
+    identified: bool = Field(description="its nominal values are from a nominal_file")
+    calibrated: bool = Field(description="its thresholds are from a thresholds_file")
+    identification: str | None = Field(description="address of the report; null: it is not there")
+    calibration: str | None = Field(description="address of the report; null: it is not there")
+    motion: str | None = Field(description="file of a planned motion, in the folder; null: none is planned")
+
+
+class Commissioning(Body):
+    """How far the robot is commissioned."""
+
+    folder: str = Field(description="of the configuration")
+    steps: list[CommissioningStep] = Field(description="in their order")
+    next: StepName | None = Field(description="the first step that is not done; null: all are")
+    report: str | None = Field(description="address of the summary; null: there is none")
+    axes: list[AxisCommissioning]
+
+
+def router(state: AppState) -> APIRouter:
+    """The routes below /api/v1/commissioning."""
+    api = APIRouter(prefix="/commissioning")
+
+    @api.get("", summary="Steps of the commissioning", responses=_NO_SETUP)
+    def commissioning() -> Commissioning:
+        """The steps of `axiswatch commission` with their state, their reports and their commands."""
+        if state.setup is None:
+            raise HTTPException(503, "the configuration of this daemon is not known")
+        setup = state.setup
+        axes = setup.config().axes
+        folder = setup.file.absolute().parent
+        steps = _steps(state, setup, axes, folder)
+        return Commissioning(
+            folder=str(folder),
+            steps=steps,
+            next=next((step.name for step in steps if step.done < (step.total or 0)), None),
+            report=None if state.reports is None else state.reports.address,
+            axes=[_axis(axis, folder, state.reports) for axis in axes],
+        )
+
+    @api.get(
+        "/{axis}/signals", summary="Live check of the signals of an axis", responses=_NOT_FOUND | _NO_LOOK
+    )
+    def signals(axis: str) -> SignalCheck:
+        """Rate, jitter, losses, ranges of the last ten seconds, and what is wrong with them, in words."""
+        found = state.axis(axis)
+        if state.setup is None:
+            raise HTTPException(503, "the configuration of this daemon is not known")
+        return state.setup.look(found.id)
+
+    return api
+
+
+def _steps(
+    state: AppState, setup: RobotSetup, axes: tuple[NamedAxis, ...], folder: Path
+) -> list[CommissioningStep]:
+    name, total = setup.file.name, len(axes)
+    silent = sum(_is_silent(state, axis.id) for axis in axes)
+    records = len(list((folder / RECORDS).glob("*.log")))
+    models = [axis.config.model for axis in axes]
+    # Where a commissioned robot lacks something, all of it is written again, beside the same configuration.
+    where = "." if (folder / REPORT).is_file() else "commissioned"
+    commission = shlex.join(
+        ["axiswatch", "commission", "--config", name, "--minutes", "10", "--output", where]
+    )
+    own = shlex.quote(name)
+    return [
+        CommissioningStep(
+            name="configure", done=total, total=total, command=f"axiswatch check --config {own}"
+        ),
+        CommissioningStep(
+            name="signals", done=total - silent, total=total, command=f"axiswatch listen --config {own}"
+        ),
+        CommissioningStep(name="record", done=records, total=None, command=commission),
+        CommissioningStep(
+            name="identify",
+            done=sum(m.nominal_file is not None for m in models),
+            total=total,
+            command=commission,
+        ),
+        CommissioningStep(
+            name="calibrate",
+            done=sum(m.thresholds_file is not None for m in models),
+            total=total,
+            command=commission,
+        ),
+        CommissioningStep(name="run", done=total, total=total, command=f"axiswatch run --config {own}"),
+    ]
+
+
+def _is_silent(state: AppState, axis_id: str) -> bool:
+    axis = state.snapshot().axis(axis_id)
+    age_s = None if axis is None else sample_age_s(axis, state.now_us())
+    return age_s is None or age_s > OLDEST_SAMPLE_S
+
+
+def _axis(axis: NamedAxis, folder: Path, reports: ReportPages | None) -> AxisCommissioning:
+    identification, calibration = (
+        None if reports is None else reports.address_of(name) for name in pages_of(axis.id)
+    )
+    model, motion = axis.config.model, motion_file(axis.id)
+    return AxisCommissioning(
+        axis=axis.id,
+        identified=model.nominal_file is not None,
+        calibrated=model.thresholds_file is not None,
+        identification=identification,
+        calibration=calibration,
+        motion=motion if (folder / motion).is_file() else None,
+    )

@@ -1,0 +1,49 @@
+// A table, and what it shows asked for again from time to time.
+import { useEffect, useState } from "preact/hooks";
+import { ask, isSilence } from "./ask";
+import { count } from "./format";
+import { t } from "./texts";
+
+const EVERY_MS = 10_000;
+
+export type Cells = preact.ComponentChildren[];
+
+export function Table({ label, columns, rows }: { label: string; columns: string[]; rows: Cells[] }) {
+  return (
+    <div class="panel" role="region" aria-label={label} tabIndex={0}>
+      <table role="table" aria-label={label}>
+        <thead><tr>{columns.map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
+        <tbody>{rows.map((cells, i) => <tr key={i}>{cells.map((cell, k) => <td key={k}>{cell}</td>)}</tr>)}</tbody>
+      </table>
+    </div>
+  );
+}
+
+/** Counts that are not zero: "gated 1200, gap 2". */
+export const reasons = (counts: Record<string, number>): Cells => {
+  const found = Object.entries(counts).filter(([, n]) => n > 0);
+  return [found.length === 0 ? "–" : found.map(([reason, n]) => <span key={reason} class="reason">{reason} {count(n)}</span>)];
+};
+
+/** Why a request has failed, in words. */
+export const failure = (error: unknown): string => (isSilence(error) ? t.noAnswer : (error as Error).message);
+
+/** An answer, why there is none, and what asks at once; the last answer stays. */
+export function usePolled<T>(path: string): [T | null, string, () => Promise<void>] {
+  const [found, set] = useState<T | null>(null);
+  const [problem, setProblem] = useState("");
+  const load = async (): Promise<void> => {
+    try {
+      set(await ask<T>(path));
+      setProblem("");
+    } catch (error) {
+      setProblem(failure(error));
+    }
+  };
+  useEffect(() => {
+    void load();
+    const timer = setInterval(() => void load(), EVERY_MS);
+    return () => clearInterval(timer);
+  }, [path]);
+  return [found, problem, load];
+}
