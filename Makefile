@@ -80,6 +80,6 @@ $(READY): pyproject.toml requirements.lock
 	@touch $@
 
 # The editable install above has built the dashboard; when its sources change, it is built again.
-$(PAGE): $(shell git ls-files service/web/dashboard 2>/dev/null) hatch_build.py docs/openapi.json | $(READY)
+$(PAGE): $(shell git ls-files service/web/dashboard service/reports/templates/tokens.css 2>/dev/null) hatch_build.py docs/openapi.json | $(READY)
 	@echo "building the dashboard: some ten seconds"
 	@$(BIN)/python hatch_build.py

@@ -16,6 +16,8 @@ ROOT = Path(__file__).parent
 SOURCE = ROOT / "service" / "web" / "dashboard"
 TYPES = SOURCE / "src" / "schema.d.ts"
 """Written by the build"""
+TOKENS = ROOT / "service" / "reports" / "templates" / "tokens.css"
+"""Colours, type and spacing, which the reports share"""
 PAGE = ROOT / "service" / "web" / "static" / "index.html"
 
 
@@ -31,7 +33,7 @@ class DashboardHook(BuildHookInterface[Any]):
 def is_current() -> bool:
     """Whether the dashboard is built, and newer than all that it is built from."""
     sources = [path for name in ("src", "public") for path in (SOURCE / name).rglob("*") if path != TYPES]
-    sources += [*SOURCE.glob("*.*"), ROOT / "docs" / "openapi.json"]
+    sources += [*SOURCE.glob("*.*"), ROOT / "docs" / "openapi.json", TOKENS]
     newest = max(path.stat().st_mtime for path in sources if path.is_file())
     return PAGE.is_file() and PAGE.stat().st_mtime >= newest
 

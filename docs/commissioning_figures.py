@@ -14,7 +14,7 @@ from service.config.drive_sources import shipped
 from service.ingest.records import read_record
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.excitation_report import UNITS
-from service.reports.plot_style import ALARM, FOUND, QUIET, as_svg, figure
+from service.reports.plot_style import LIMIT, TEXT, ZONE, as_svg, figure
 from service.reports.replay_overview import overview_picture
 from service.reports.replay_result import Replay, Replayed
 from service.simulation.healthy_table import table_lines
@@ -52,10 +52,10 @@ def motion_figure() -> str:
     with figure(4.2) as drawn:
         panels = drawn.subplots(2, 1, sharex=True)
         for panel, name in zip(panels, ("torque", "speed"), strict=True):
-            panel.axvspan(*counted, color=QUIET, alpha=0.25, lw=0)
-            panel.plot(t, getattr(motion, name), color=FOUND, lw=0.7)
+            panel.axvspan(*counted, color=ZONE, alpha=0.6, lw=0)
+            panel.plot(t, getattr(motion, name), color=TEXT, lw=0.7)
             for limit in (-limits[name], limits[name]):
-                panel.axhline(limit, color=ALARM, lw=1.0, ls="--")
+                panel.axhline(limit, **LIMIT)
             panel.set(ylabel=f"{name} [{UNITS[name]}]", xlim=t[[0, -1]])
         panels[-1].set_xlabel("time [s]")
         label = f"the planned motion of {axis.id}: torque and speed, with their limits"

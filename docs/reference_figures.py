@@ -15,7 +15,7 @@ from monitor_core.excitation import FAULT_AT, SAMPLES, experiments
 from monitor_core.modeling import INTERVAL_S, MONITORED, reference_model
 from monitor_core.monitoring import AxisBatch, Trace, standard_deviation
 from monitor_core.settings import Settings
-from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_svg, figure
+from service.reports.plot_style import BAND, DOTTED, DOWN, ESTIMATE, LIMIT, NOMINAL, QUIET, as_svg, figure
 from service.reports.replay_course import SIGMAS
 
 if TYPE_CHECKING:
@@ -31,8 +31,7 @@ _SEEDS_OF_P0 = range(1000, 1050)
 _P0_SAMPLES = 4000
 _EVERY = 8
 """Samples between two points of a drawn line."""
-_COLOURS = (FOUND, SIMULATED, OTHER)
-_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (2, 1)))
+_LOOKS = (ESTIMATE, DOWN, DOTTED)
 
 
 class Reference(NamedTuple):
@@ -81,8 +80,8 @@ def figure_5(found: Reference) -> str:
             _draw_estimate(home, found, found.homecoming, i, 0)
             _draw_estimate(follows, found, found.faults, i, i)
             t = _times()
-            home.plot(t, np.ones_like(t), color=INK, lw=1, ls=(0, (5, 3)), label="true value")
-            follows.plot(t, np.where(t < FAULT_AT * INTERVAL_S, 1.0, FACTOR), color=INK, lw=1, ls=(0, (5, 3)))
+            home.plot(t, np.ones_like(t), **NOMINAL, label="true value")
+            follows.plot(t, np.where(t < FAULT_AT * INTERVAL_S, 1.0, FACTOR), **NOMINAL)
             home.set_ylabel(f"{MONITORED[i]} / nominal")
         panels[0, 0].set_title("Started 20 % above the true value")
         panels[0, 1].set_title("The true value rises by 20 % after 5 s")
@@ -100,9 +99,9 @@ def _draw_estimate(axes: Axes, found: Reference, trace: Trace, i: int, column: i
     theta = trace.theta[at, i, column] / theta0
     band = f"± {SIGMAS:g} standard deviations"
     axes.fill_between(
-        _times(), theta - SIGMAS * sd, theta + SIGMAS * sd, color=FOUND, alpha=0.2, lw=0, label=band
+        _times(), theta - SIGMAS * sd, theta + SIGMAS * sd, color=BAND, alpha=0.45, lw=0, label=band
     )
-    axes.plot(_times(), theta, color=FOUND, lw=1.4, label="estimate")
+    axes.plot(_times(), theta, **ESTIMATE, label="estimate")
 
 
 def figure_6(found: Reference) -> str:
@@ -112,9 +111,9 @@ def figure_6(found: Reference) -> str:
         for j, axes in enumerate(panels):
             for i, name in enumerate(MONITORED):
                 g = found.faults.g[::_EVERY, 0, i, j] / found.model.scale[i]
-                axes.plot(_times(), g, color=_COLOURS[i], ls=_DASHES[i], lw=1.6, label=f"g of {name}")
+                axes.plot(_times(), g, **_LOOKS[i], label=f"g of {name}")
             h = found.settings.alpha2
-            axes.axhline(h, color=ALARM, lw=1.1, ls=(0, (5, 2)), label="h")
+            axes.axhline(h, **LIMIT, label="h")
             axes.axvline(FAULT_AT * INTERVAL_S, color=QUIET, lw=1, ls=(0, (1, 2)), label="change")
             top = float(found.faults.g[:, 0, j, j].max()) / found.model.scale[j]
             axes.set(title=f"{MONITORED[j]} +20 %", xlabel="time [s]", xlim=(0, SAMPLES * INTERVAL_S))

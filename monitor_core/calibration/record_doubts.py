@@ -90,8 +90,8 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
         if shorter is not None:
             ways.append(f"set memory_s = {shorter:g}{' and joint_state = true' if joint else ''}")
         raise CalibrationError(
-            f"the records hold {len(tested) * h:.3g} s, and P(0) was not found in them: that takes ten memories of"
-            f" {memory * h:.3g} s of motion; {', or '.join(ways)}",
+            f"the records hold {len(tested) * h:.3g} s, which is too short for the tests to begin: that takes ten"
+            f" memories of {memory * h:.3g} s of motion; {', or '.join(ways)}",
             memory_s=shorter,
             joint_state=joint,
         )

@@ -39,7 +39,9 @@ _ABSURD = 1e30
 _MOST = (0.01, 0.99)
 """Quantiles between which 98 % of a column lies"""
 _FAR = 100.0
-"""Values farther than this from the middle, in units of the range of 98 % of them, are faults of the file."""
+"""Values farther than this from the middle, in units of the range of 98 % of them, are faults of the file, .."""
+_FEW = 3
+""".. unless at least so many rows in a row have them: an axis that nearly always stands has moved."""
 _TURNED = 0.2
 """Of the torque that must be explained beyond that by a torque of the right sign, to take one of the wrong sign."""
 SURE, LIKELY = 0.6, 0.2
@@ -114,7 +116,7 @@ def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:
 
 
 def _absurd(v: Floats) -> Bools:
-    """Which values (N,) are too large for any quantity, or lie far outside of all others."""
+    """Which values (N,) are too large for any quantity, or lie far outside of all others in a few rows."""
     absurd = np.asarray(abs(v) >= _ABSURD)
     finite = v[np.isfinite(v) & ~absurd]
     if not finite.size:
@@ -123,7 +125,11 @@ def _absurd(v: Floats) -> Bools:
     if low == high:
         return absurd
     with np.errstate(over="ignore"):
-        return np.asarray(absurd | (abs(v - np.median(finite)) > _FAR * (high - low)))
+        far = ~absurd & (abs(v - np.median(finite)) > _FAR * (high - low))
+    steps = np.flatnonzero(np.diff(far, prepend=False, append=False))
+    for start, end in zip(steps[::2], steps[1::2], strict=True):
+        absurd[start:end] = end - start < _FEW
+    return absurd
 
 
 def changes(v: Floats) -> bool:

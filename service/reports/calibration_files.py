@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 from monitor_core.calibration import FOUND_SHARE, DetectorResult, TrialResult
 from monitor_core.detection import Limit
 from monitor_core.settings import Threshold
-from monitor_core.wording import duration
 from service.config.found_file import FORMAT
 from service.config.thresholds_file import ThresholdsFile, made_with
 from service.reports import calibration_report as content
 from service.reports.calibration_report import DETECTORS, Calibration, promises
-from service.reports.formats import fields_of, json_text, percent, render, safe, toml_table
-from service.reports.plot_style import FOUND, GRID, SIMULATED, as_svg, figure
+from service.reports.formats import Table, fields_of, json_text, render, safe, toml_table
+from service.reports.plot_style import LIMIT, PANEL, QUIET, TEXT, Look, as_svg, figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -185,10 +184,10 @@ def as_html(calibration: Calibration) -> str:
         "calibration.html",
         title=f"Calibration of {calibration.axis.id}",
         calibration=calibration,
-        key_figures=list(_key_figures(calibration)),
+        answer=content.answer(calibration),
         promises=list(content.promises(calibration)),
         power_pictures=list(_power_pictures(calibration)) if calibration.detectors[0].caught else [],
-        smallest=content.smallest(calibration),
+        smallest=_smallest_with_meaning(calibration),
         detectors=[
             (
                 detector.detector,
@@ -204,16 +203,12 @@ def as_html(calibration: Calibration) -> str:
     )
 
 
-def _key_figures(calibration: Calibration) -> Iterator[tuple[str, str]]:
-    first, result = calibration.detectors[0], calibration.result
-    most, low, _ = first.between_s
-    yield f"1 in {duration(most)}", f"false alarms of the {DETECTORS[first.detector]}, most likely"
-    wanted = f"wanted: no more than 1 in {duration(result.budget_s)}"
-    yield f"1 in {duration(low)}", f"at worst, with 95 % certainty; {wanted}"
-    for name in result.model.monitored:
-        sizes = [abs(v) for v in first.smallest(name) if v is not None]
-        size = percent(max(sizes)) if len(sizes) == 2 else "-"
-        yield size, f"smallest change of {name}, up and down, found within {result.within_s:.3g} s"
+def _smallest_with_meaning(calibration: Calibration) -> Table:
+    """As on the terminal, and what each parameter is."""
+    (first, *titles), rows = content.smallest(calibration)
+    meanings = [p.meaning for p in calibration.result.model.parameters]
+    with_meaning = [(name, about, *sizes) for (name, *sizes), about in zip(rows, meanings, strict=True)]
+    return Table((first, "what it is", *titles), with_meaning)
 
 
 def _power_pictures(calibration: Calibration) -> Iterator[tuple[str, str]]:
@@ -228,9 +223,9 @@ def _power_picture(calibration: Calibration, name: str, number: int) -> str:
     """Faults of one parameter: probability of detection in time, and delay."""
     with figure(_HEIGHT) as drawn:
         left, right = drawn.subplots(1, 2)
-        for result, colour in zip(calibration.detectors, (FOUND, SIMULATED), strict=False):
-            _curves(result, name, left, right, colour)
-        left.axhline(100 * FOUND_SHARE, color=GRID, lw=1)
+        for result, look in zip(calibration.detectors, _LOOKS, strict=False):
+            _curves(result, name, left, right, look)
+        left.axhline(100 * FOUND_SHARE, **LIMIT)
         left.set_ylim(-3, 103)
         left.set_title(f"found within {calibration.result.within_s:.3g} s [%]")
         right.set_ylim(bottom=0)
@@ -238,18 +233,25 @@ def _power_picture(calibration: Calibration, name: str, number: int) -> str:
         for axes in (left, right):
             axes.set_xlabel(f"change of {name} [% of its size]")
         handles, labels = left.get_legend_handles_labels()
-        drawn.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+        drawn.legend(handles, labels, loc="outside upper left", ncols=len(labels))
         words = f"Faults of parameter {number + 1}: share found and delay by size"
         return as_svg(drawn, words, f"power{number}")
 
 
-def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, colour: str) -> None:
+_LOOKS: tuple[Look, Look] = (
+    {"color": TEXT, "marker": "o", "ms": 5},
+    {"color": QUIET, "marker": "s", "ms": 5, "mfc": PANEL},
+)
+"""Of the detector that alarms, and of the other one"""
+
+
+def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, look: Look) -> None:
     """Curves of one detector; there is no delay where it detects nothing."""
     mine = [trial for trial in result.caught if trial.fault.parameter == name]
     mine.sort(key=lambda trial: trial.fault.size)
     sizes = [100 * trial.fault.size for trial in mine]
     shares = [100 * trial.found_within(result.within_s) for trial in mine]
-    left.plot(sizes, shares, "o-", color=colour, ms=4, label=DETECTORS[result.detector])
-    for share, style in ((0.5, "o-"), (0.9, "s--")):
+    left.plot(sizes, shares, **look, label=DETECTORS[result.detector])
+    for share, dashes in ((0.5, "-"), (FOUND_SHARE, (0, (4, 2)))):
         delays = [v if math.isfinite(v := trial.delay(share)) else math.nan for trial in mine]
-        right.plot(sizes, delays, style, color=colour, ms=4)
+        right.plot(sizes, delays, **look, ls=dashes)

@@ -14,7 +14,7 @@ from monitor_core.calibration import CalibrationResult, DetectorResult, TrialRes
 from monitor_core.detection import DetectorName
 from monitor_core.monitoring import RMS_SPEED, Range
 from monitor_core.samples import SampleBlock
-from monitor_core.wording import duration
+from monitor_core.wording import duration, listed
 from service.config import NamedAxis
 from service.ingest.calibration_records import Source
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
@@ -76,6 +76,22 @@ _VERB: dict[DetectorName, tuple[str, str]] = {
     "multimodel": ("alarms", "runs in shadow mode"),
 }
 _SELDOM = 0.05
+
+
+def answer(calibration: Calibration) -> str:
+    """First of all: from which change of each parameter on the detector that alarms is in time."""
+    first, result = calibration.detectors[0], calibration.result
+    if not first.caught:
+        return "What would be found was not tried."
+    found, lost = [], []
+    for name in result.model.monitored:
+        sizes = [size for size in first.smallest(name) if size is not None]
+        if len(sizes) == 2:
+            found.append(f"{name} from {percent(max(map(abs, sizes)))}")
+        else:
+            lost.append(" ".join([name, *(f"(only {percent(size, signed=True)})" for size in sizes)]))
+    words = f"Found within {result.within_s:.3g} s: {f'changes of {listed(found)}' if found else 'nothing'}."
+    return f"{words} Not found so soon, of what was tried: {listed(lost)}." if lost else words
 
 
 def promises(calibration: Calibration) -> Iterator[str]:

@@ -164,6 +164,8 @@ def overview(outcomes: Sequence[Outcome]) -> Table:
 
 def as_html(outcomes: Sequence[Outcome], next_step: str, config: Path, provenance: Provenance) -> str:
     """The page, beside the pages of each axis; ``config``: of the commissioned robot."""
+    known = [outcome.notes for outcome in outcomes if outcome.notes]
+    common = [note for note in known[0] if all(note in notes for notes in known)] if len(known) > 1 else []
     ready = sum(outcome.state == READY for outcome in outcomes)
     return render(
         "commissioning.html",
@@ -171,6 +173,7 @@ def as_html(outcomes: Sequence[Outcome], next_step: str, config: Path, provenanc
         outcomes=outcomes,
         ready=ready,
         next_step=next_step,
+        common=common,
         motions=[motion_step(outcome, config) for outcome in outcomes],
         overview=overview(outcomes),
         tables=[smallest(outcome) for outcome in outcomes],

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from monitor_core.excitation import Experiment, warnings
 from monitor_core.wording import percent
+from service.reports.plot_style import on_light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +95,7 @@ def _gained(experiment: Experiment) -> Iterator[str]:
 # --- The picture: its motion within the limits, and its spectrum ------------------------------------------------------
 
 
-_INK, _LIMIT, _BAND = "#1f4e79", "#b3261e", "#e8eef4"
+_INK, _LIMIT, _BAND = (on_light(name) for name in ("text", "alarm", "zone"))
 
 
 def as_picture(experiment: Experiment, title: str, form: str) -> bytes:
@@ -124,7 +125,7 @@ def _course(rows: np.ndarray, experiment: Experiment) -> None:
         axes.plot(t, getattr(motion, name), linewidth=0.8, color=_INK)
         if np.isfinite(limits[name]):
             for limit in (-limits[name], limits[name]):
-                axes.axhline(limit, color=_LIMIT, linewidth=1.2, linestyle="--")
+                axes.axhline(limit, color=_LIMIT, linewidth=1.2, linestyle=(0, (2, 3)))
         axes.set_ylabel(f"{name} [{unit}]")
         axes.margins(x=0)
         axes.set_title(_used(experiment, name), loc="right", fontsize=9)

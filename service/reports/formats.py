@@ -173,11 +173,15 @@ def one_line(text: str) -> str:
 
 
 TEMPLATES = Path(__file__).parent / "templates"
+_CODE = re.compile(r"`([^`]*)`")
 _NOT_HTML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def render(template: str, **values: Any) -> str:
-    """The page that a template makes of these values; pictures are ``safe`` HTML."""
+    """The page that a template makes of these values; pictures are ``safe`` HTML.
+
+    The filter ``marked`` shows what stands between backticks in a sentence as what is typed.
+    """
     return _environment().get_template(template).render(**values)
 
 
@@ -192,12 +196,13 @@ def safe(html: str) -> str:
 def _environment() -> Environment:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
+    from markupsafe import escape as escape_html
 
     def clean(value: Any) -> Any:
         is_text = isinstance(value, str) and not isinstance(value, Markup)
         return _NOT_HTML.sub("", value) if is_text else value
 
-    return Environment(
+    environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         finalize=clean,
@@ -206,3 +211,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters["marked"] = lambda words: safe(
+        _CODE.sub(r"<code>\1</code>", clean(str(escape_html(words))))
+    )
+    return environment

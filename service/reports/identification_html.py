@@ -10,7 +10,6 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import (
-    LEVEL,
     UNITS,
     Bode,
     Correlation,
@@ -21,7 +20,20 @@ from monitor_core.identification import (
 from service.reports import identification_report as content
 from service.reports.formats import percent, render, safe
 from service.reports.identification_report import IdentificationReport
-from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure
+from service.reports.plot_style import (
+    BAND,
+    DOTTED,
+    DOWN,
+    ESTIMATE,
+    LIMIT,
+    MEASURED,
+    NOMINAL,
+    QUIET,
+    TEXT,
+    Look,
+    as_svg,
+    figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +57,7 @@ def as_html(report: IdentificationReport) -> str:
         title=f"Identification of {report.axis_id}",
         report=report,
         predictor=content.predictor_words(report),
-        key_figures=list(_key_figures(report)),
+        watched=content.watched_table(result),
         parameters=[
             (row, cells, _bar(row), (row.relative_sd or 0.0) > _POOR)
             for row, cells in zip(rows, parameters.rows, strict=True)
@@ -66,19 +78,6 @@ def as_html(report: IdentificationReport) -> str:
             for i, name in enumerate(names)
         ],
     )
-
-
-def _key_figures(report: IdentificationReport) -> Iterator[tuple[str, str]]:
-    result, verdict = report.result, report.result.verdict
-    rows = [row for row in result.rows() if row.sd is not None]
-    worst = max((row.relative_sd or 0.0 for row in rows if not row.is_about_zero), default=0.0)
-    zero = ", ".join(row.name for row in rows if row.is_about_zero)
-    yield verdict.quality.value, f"fit: how the drive explains the {verdict.measure.value}"
-    yield f"{verdict.validation.per_cent:.0f} %", f"explained {content.BASIS[verdict.basis]}"
-    yield f"{verdict.own.per_cent:.0f} %", "explained of the fitted records"
-    yield percent(worst), f"largest standard deviation of a parameter{f'; about 0: {zero}' if zero else ''}"
-    independent = result.estimate.independence.p_value >= 1 - LEVEL
-    yield "yes" if independent else "no", "does the drive explain all that the torque does?"
 
 
 def _bar(row: ParameterRow) -> str | None:
@@ -123,9 +122,9 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
         part = _lively(trace)
         _lines(detail, trace, part)
         detail.set(title="In detail", ylabel=quantity, xlim=trace.t[part][[0, -1]])
-        run.plot(trace.t, trace.y - trace.simulated, color=SIMULATED, lw=0.9)
+        run.plot(trace.t, trace.y - trace.simulated, color=TEXT, lw=0.8)
         run.set(title="Errors of the simulation", ylabel="error")
-        ahead.plot(trace.t, trace.y - trace.predicted, color=FOUND, lw=0.9)
+        ahead.plot(trace.t, trace.y - trace.predicted, color=TEXT, lw=0.8)
         ahead.set(title="Errors one step ahead", ylabel="error", xlabel="time [s]")
         for axes in (full, run, ahead):
             axes.set_xlim(trace.t[0], trace.t[-1])
@@ -134,10 +133,9 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
 
 def _lines(axes: Axes, trace: Trace, part: slice) -> None:
     t = trace.t[part]
-    axes.plot(t, trace.y[part], color=MEASURED, lw=2.6, label="measured")
-    axes.plot(t, trace.simulated[part], color=SIMULATED, lw=1.2, label="simulated")
-    dashes, label = (0, (4, 2)), "predicted one step ahead"
-    axes.plot(t, trace.predicted[part], color=FOUND, lw=1.0, ls=dashes, label=label)
+    axes.plot(t, trace.y[part], **MEASURED, label="measured")
+    axes.plot(t, trace.simulated[part], **ESTIMATE, label="simulated")
+    axes.plot(t, trace.predicted[part], **DOWN, label="predicted one step ahead")
 
 
 def _lively(trace: Trace) -> slice:
@@ -162,11 +160,12 @@ def residual_picture(report: IdentificationReport) -> str:
 
 
 def _stems(axes: Axes, c: Correlation, title: str) -> None:
-    axes.axhspan(-c.limit, c.limit, color=FOUND, alpha=0.16, lw=0)
+    for limit in (-c.limit, c.limit):
+        axes.axhline(limit, **LIMIT)
     outside = np.abs(c.values) > c.limit
-    for which, colour in ((~outside, FOUND), (outside, SIMULATED)):
+    for which, colour in ((~outside, BAND), (outside, TEXT)):
         axes.vlines(c.lags[which], 0, c.values[which], color=colour, lw=2)
-    axes.axhline(0, color=INK, lw=0.8)
+    axes.axhline(0, color=QUIET, lw=0.8)
     largest = max(4 * c.limit, 1.15 * float(np.abs(c.values).max(initial=0.0)), 1e-3)
     axes.set(title=title, xlabel="lag [samples]", ylabel="correlation", ylim=(-largest, largest))
     axes.grid(axis="x", visible=False)
@@ -181,9 +180,9 @@ def bode_picture(bode: Bode) -> str:
         if bode.measured is not None:
             _measured(gain, phase, bode.measured, bode.drive)
         if bode.before is not None:
-            _dashed(gain, phase, bode.before, BEFORE, (0, (1, 2)))
+            _plain(gain, phase, bode.before, NOMINAL)
         if bode.black_box is not None:
-            _dashed(gain, phase, bode.black_box, OTHER, (0, (5, 2)))
+            _plain(gain, phase, bode.black_box, DOTTED)
         _banded(gain, phase, bode.drive)
         lowest, highest = float(np.nanmin(bode.drive.db)), float(np.nanmax(bode.drive.db))
         gain.set(
@@ -207,32 +206,29 @@ def _omega(response: FrequencyResponse) -> Floats:
 
 
 def _banded(gain: Axes, phase: Axes, response: FrequencyResponse) -> None:
-    w, sd = _omega(response), np.degrees(_SIGMAS * response.sd_phase)
-    gain.fill_between(w, *response.band_db(_SIGMAS), color=FOUND, alpha=0.25, lw=0)
-    gain.plot(
-        w, response.db, color=FOUND, lw=1.8, label=f"{response.name} (band: {_SIGMAS:g} standard deviations)"
-    )
-    degrees = np.degrees(response.phase)
-    phase.fill_between(w, degrees - sd, degrees + sd, color=FOUND, alpha=0.25, lw=0)
-    phase.plot(w, degrees, color=FOUND, lw=1.8)
+    w, degrees = _omega(response), np.degrees(response.phase)
+    sd = np.degrees(_SIGMAS * response.sd_phase)
+    for axes, low, high in ((gain, *response.band_db(_SIGMAS)), (phase, degrees - sd, degrees + sd)):
+        axes.fill_between(w, low, high, color=BAND, alpha=0.45, lw=0)
+    label = f"{response.name} (band: {_SIGMAS:g} standard deviations)"
+    gain.plot(w, response.db, **ESTIMATE, label=label)
+    phase.plot(w, degrees, **ESTIMATE)
 
 
-def _dashed(
-    gain: Axes, phase: Axes, response: FrequencyResponse, colour: str, dashes: tuple[float, tuple[float, ...]]
-) -> None:
-    gain.plot(_omega(response), response.db, color=colour, ls=dashes, label=response.name)
-    phase.plot(_omega(response), np.degrees(response.phase), color=colour, ls=dashes)
+def _plain(gain: Axes, phase: Axes, response: FrequencyResponse, look: Look) -> None:
+    gain.plot(_omega(response), response.db, **look, label=response.name)
+    phase.plot(_omega(response), np.degrees(response.phase), **look)
 
 
 def _measured(gain: Axes, phase: Axes, response: FrequencyResponse, near: FrequencyResponse) -> None:
     """Points with their deviations; the phase by whole turns nearest to the drive's."""
     w = _omega(response)
     low, high = response.band_db(_SIGMAS)
-    gain.vlines(w, low, high, color=MEASURED, lw=0.8, alpha=0.5)
-    gain.plot(w, response.db, ".", color=MEASURED, ms=3.5, label=response.name)
+    gain.vlines(w, low, high, color=BAND, lw=0.8, alpha=0.5)
+    gain.plot(w, response.db, ".", color=BAND, ms=4, label=response.name)
     degrees = np.degrees(np.angle(response.G))
     expected = np.interp(w, _omega(near), np.degrees(near.phase))
-    phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=MEASURED, ms=3.5)
+    phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=BAND, ms=4)
 
 
 def _plain_decades(axis: XAxis) -> None:

@@ -333,6 +333,18 @@ def outlook_words(report: IdentificationReport) -> str:
     return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
 
 
+def watched_table(result: IdentificationResult) -> Table:
+    """A row for each monitored parameter: what it is, and from which change on it can be watched."""
+    drive = result.estimate.drive
+    rows = []
+    for w in result.watched:
+        base, inverse = split_name(w.name)
+        meaning = "delay of the torque" if w.name == DELAY else drive.parameter(base).meaning
+        change = _change(w, result) if w.obstacle is None else "cannot be watched"
+        rows.append((w.name, f"reciprocal of: {meaning}" if inverse else meaning, change))
+    return Table(("parameter", "what it is", "changes from"), rows)
+
+
 def _change(w: Watched, result: IdentificationResult) -> str:
     given = result.options.sizes.get(w.name)
     if given is None or w.name == DELAY:

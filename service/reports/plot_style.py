@@ -1,4 +1,7 @@
-"""Pictures by matplotlib as SVG inside a page: colours are the page's, so they are right in the light and the dark."""
+"""Pictures by matplotlib as SVG inside a page, as the dashboard draws: grey lines told apart by their dashes.
+
+Colours are the page's (templates/tokens.css), so they are right in the light, in the dark and on paper.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,37 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from service.reports.formats import TEMPLATES
+
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, GRID, MEASURED, FOUND, SIMULATED, OTHER, BEFORE, ALARM, QUIET = (f"#01010{k}" for k in range(1, 10))
+TEXT, QUIET, GRID, BAND, ZONE, PANEL, ALARM, ALARM_BACK = (f"#01010{k}" for k in range(1, 9))
 """Stand for colours of the page, which COLOURS names."""
-_NAMES = ("ink", "line", "measured", "found", "simulated", "other", "before", "bad", "quiet")
+_NAMES = ("text", "quiet", "line", "band", "zone", "panel", "alarm", "alarm-back")
 COLOURS = {f"#01010{k}": name for k, name in enumerate(_NAMES, 1)}
+
+
+def on_light(name: str) -> str:
+    """A colour of the page as it is in the light, for a picture that stands alone."""
+    tokens = (TEMPLATES / "tokens.css").read_text(encoding="utf-8")
+    return str(re.findall(rf"--{name}: (#\w+);", tokens)[0])
+
+
+Look = dict[str, Any]
+ESTIMATE: Look = {"color": TEXT, "lw": 1.3}
+NOMINAL: Look = {"color": QUIET, "lw": 1.3, "ls": (0, (4, 2.7))}
+LIMIT: Look = {"color": ALARM, "lw": 1.0, "ls": (0, (2, 3))}
+UP: Look = {"color": TEXT, "lw": 1.2}
+DOWN: Look = {"color": QUIET, "lw": 1.2, "ls": (0, (5.3, 2))}
+"""Lines of the dashboard (axis_page.tsx): estimate and nominal value, a threshold, the tests for both directions."""
+DOTTED: Look = {"color": QUIET, "lw": 1.3, "ls": (0, (1, 1.5))}
+MEASURED: Look = {"color": BAND, "lw": 2.6}
+"""Further lines: what is beside the main one, what was measured."""
+ALARM_OPEN, ONSET = "alarm, from onset to end", "interval of the onset"
+"""In legends."""
 WIDTH = 9.0
 """Of a picture, inches; the page scales it."""
 _HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
@@ -27,9 +52,9 @@ _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 9.5,
-    "text.color": INK,
+    "text.color": TEXT,
     "axes.edgecolor": GRID,
-    "axes.labelcolor": INK,
+    "axes.labelcolor": TEXT,
     "axes.facecolor": "none",
     "axes.grid": True,
     "axes.spines.top": False,
@@ -41,9 +66,10 @@ _STYLE: dict[Any, Any] = {
     "figure.facecolor": "none",
     "grid.color": GRID,
     "grid.linewidth": 0.6,
-    "xtick.color": INK,
-    "ytick.color": INK,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
     "legend.frameon": False,
+    "hatch.linewidth": 0.6,
     "lines.linewidth": 1.2,
     "path.simplify_threshold": 0.5,  # of a pixel: a long line looks the same, with far fewer points
 }

@@ -16,7 +16,7 @@ from service.reports.replay_result import Replayed, ReplayedAxis
 
 REASONS: Mapping[str, str] = {
     "used": "learned from",
-    "seeding": "taken to find P(0)",
+    "seeding": "taken to find how uncertain the first estimates are",
     "settling": "while the predictor settled, after its start or after lost samples",
     "gated": "while operating conditions forbade it, or were not known",
     "outlier": "far from their prediction, passed over",
@@ -56,7 +56,7 @@ def as_html(replayed: Replayed) -> str:
         title=f"Replay of {f'{first} and {more} more' if more else first}",
         replayed=replayed,
         outcome=_outcome(replayed),
-        key_figures=_key_figures(replayed),
+        coverage=_coverage(replayed),
         tested_picture=safe(overview_picture(replayed.axes)),
         not_tested=[words for axis in replayed.axes for words in content.not_tested(axis)],
         notes=[note for axis in replayed.axes for note in axis.notes],
@@ -83,22 +83,18 @@ def _outcome(replayed: Replayed) -> tuple[str, str, str]:
     if untested:
         about = content.of_what(replayed.axes)
         return "bad", "Not tested", f"are parameters of {', '.join(untested)}. No alarm{about}."
-    return ("warn", "No alarm.", rest.strip()) if rest else ("good", "No alarm.", "")
+    return ("warn", "No alarm.", rest.strip()) if rest else ("", "No alarm.", "")
 
 
-def _key_figures(replayed: Replayed) -> tuple[tuple[str, str], ...]:
+def _coverage(replayed: Replayed) -> str:
+    """How much there was, and how much of it was of use."""
     samples = sum(axis.status.samples for axis in replayed.axes)
     used = sum(axis.status.counters["used"] for axis in replayed.axes)
     longest = max((1e-6 * _course(axis).timeline.end_us for axis in replayed.axes), default=0.0)
     dropped = sum(_without_missing(axis.snapshot.dropped) for axis in replayed.axes)
     dropped += sum(map(_without_missing, replayed.frames_dropped.values()))
-    alarms, axes = sum(len(axis.alarms) for axis in replayed.axes), len(replayed.axes)
-    return (
-        (str(alarms), f"alarm{_s(alarms)}, on {axes} ax{'e' if axes > 1 else 'i'}s"),
-        (duration(longest), "of samples; pauses do not count"),
-        (f"{100 * used / samples:.1f} %", f"of {samples} samples were learned from"),
-        (str(dropped), "frames, values or rows came and gave no sample"),
-    )
+    words = f"{duration(longest)} of samples, pauses left out; {100 * used / samples:.1f} % of {samples} were of use"
+    return f"{words}, and {dropped} frames, values or rows gave no sample." if dropped else f"{words}."
 
 
 def _without_missing(dropped: Mapping[str, int]) -> int:

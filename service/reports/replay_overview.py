@@ -6,7 +6,18 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from monitor_core.wording import duration
-from service.reports.plot_style import ALARM, FOUND, INK, QUIET, as_svg, figure, legend_of
+from service.reports.plot_style import (
+    ALARM,
+    ALARM_OPEN,
+    BAND,
+    ONSET,
+    PANEL,
+    QUIET,
+    TEXT,
+    as_svg,
+    figure,
+    legend_of,
+)
 from service.reports.replay_course import Course, TimeUnit, runs_of, time_unit
 from service.reports.replay_result import ReplayedAxis
 
@@ -17,8 +28,8 @@ _ROW, _FRAME = 0.26, 1.25
 """Heights of a row and of what is around all of them, inches."""
 _HALF = 0.3
 """Of the height of a bar, in rows."""
-_LINES = ("tested", "not tested", "alarm open", "onset, with its interval")
-_TESTED, _NOT_TESTED, _OPEN, _ONSET = _LINES
+_LINES = ("tested", "not tested", ALARM_OPEN, ONSET)
+_TESTED, _NOT_TESTED, _, _ = _LINES
 
 
 def overview_picture(axes: Sequence[ReplayedAxis]) -> str:
@@ -32,7 +43,7 @@ def overview_picture(axes: Sequence[ReplayedAxis]) -> str:
         panel = drawn.subplots(1, 1)
         for row, (axis, course, name) in enumerate(rows):
             _draw_tested(panel, row, course, name, unit)
-            _draw_alarms(panel, row, axis, course, name, unit)
+            _draw_alarms(panel, row, axis, name, unit)
         panel.set_yticks(range(len(rows)), [f"{axis.snapshot.name} {name}" for axis, _, name in rows])
         tested = {(a.id, p.name): p.tested_s for a in axes for p in a.status.parameters}
         shares = panel.secondary_yaxis("right")
@@ -58,31 +69,19 @@ def _rows(axes: Sequence[ReplayedAxis]) -> Iterator[tuple[ReplayedAxis, Course, 
 
 
 def _draw_tested(panel: Axes, row: int, course: Course, name: str, unit: TimeUnit) -> None:
-    """Grey over the whole length, and over it where the parameter was tested."""
+    """Hatched grey over the length of the record, and over it where the parameter was tested."""
     edges, place = course.edges / unit.seconds, (row - _HALF, 2 * _HALF)
-    panel.broken_barh([(0.0, float(edges[-1]))], place, color=QUIET, alpha=0.3, lw=0, label=_NOT_TESTED)
+    all_of_it = [(0.0, float(edges[-1]))]
     panel.broken_barh(
-        list(runs_of(course.tested(name), edges)), place, color=FOUND, alpha=0.75, lw=0, label=_TESTED
+        all_of_it, place, facecolor=PANEL, edgecolor=QUIET, hatch="////", lw=0.5, label=_NOT_TESTED
     )
+    panel.broken_barh(list(runs_of(course.tested(name), edges)), place, color=BAND, lw=0, label=_TESTED)
 
 
-def _draw_alarms(
-    panel: Axes, row: int, axis: ReplayedAxis, course: Course, name: str, unit: TimeUnit
-) -> None:
-    """Those of this parameter, and of no parameter, such as a fault of a sensor."""
-    line, end_s = course.timeline, 1e-6 * course.timeline.end_us
-    for alarm in axis.alarms:
-        if alarm.parameter != name and alarm.parameter in course.h:
-            continue
-        times = (alarm.raised_us, alarm.ended_us, alarm.onset_us, alarm.onset_low_us, alarm.onset_high_us)
-        raised, ended, onset, low, high = (
-            None if s is None else s / unit.seconds for s in map(line.find, times)
-        )
-        if raised is not None:
-            last = end_s / unit.seconds if ended is None else ended
-            bar = [(raised, max(last - raised, 0.0))]
-            panel.broken_barh(bar, (row - _HALF, 2 * _HALF), color=ALARM, lw=0, label=_OPEN)
-        if onset is not None:
-            panel.plot([onset, onset], [row - 0.45, row + 0.45], color=INK, lw=1.4, label=_ONSET)
-            if low is not None and high is not None:
-                panel.plot([low, high], [row, row], color=INK, lw=1.4)
+def _draw_alarms(panel: Axes, row: int, axis: ReplayedAxis, name: str, unit: TimeUnit) -> None:
+    for alarm in axis.alarm_spans([name], unit):
+        bar, place = [(alarm.start, alarm.end - alarm.start)], (row - _HALF, 2 * _HALF)
+        panel.broken_barh(bar, place, color=ALARM, lw=0, label=ALARM_OPEN)
+        panel.text(alarm.start, row, f" {alarm.arrow}", color=PANEL, va="center", fontsize=8)
+        if alarm.onset is not None:
+            panel.plot(alarm.onset, [row - 0.42] * 2, "|-", color=TEXT, ms=6, label=ONSET)

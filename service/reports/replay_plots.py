@@ -13,13 +13,18 @@ from monitor_core.wording import duration
 from service.reports import replay_course as kinds
 from service.reports.plot_style import (
     ALARM,
-    BEFORE,
-    FOUND,
-    GRID,
-    INK,
-    OTHER,
+    ALARM_BACK,
+    ALARM_OPEN,
+    BAND,
+    DOWN,
+    ESTIMATE,
+    LIMIT,
+    NOMINAL,
+    ONSET,
     QUIET,
-    SIMULATED,
+    TEXT,
+    UP,
+    ZONE,
     add_percent,
     as_svg,
     figure,
@@ -37,20 +42,26 @@ _MOST_PAUSES, _MOST_NAMED = 60, 8
 _ESTIMATE, _G, _FATE, _LEGEND = 1.75, 1.05, 0.2, 0.9
 """Heights, inches."""
 _LINES = (
-    *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "nominal ± ν"),
-    *("g of an increase", "g of a decrease", "h", "onset, with its interval"),
-    *("alarm raised", "alarm open", "nothing learned", "pause, cut out"),
+    *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "limits"),
+    *("test for an increase", "test for a decrease", ALARM_OPEN, ONSET),
+    *("alarm raised", "nothing learned", "pause, cut out"),
 )
 """In the order of the legend."""
-_ESTIMATED, _BAND, _NOMINAL, _TOLERATED, _UP, _DOWN, _H, _ONSET, _RAISED, _OPEN, _NOTHING, _PAUSE = _LINES
+_ESTIMATED, _BAND, _NOMINAL, _LIMIT, _UP, _DOWN, _, _, _RAISED, _NOTHING, _PAUSE = _LINES
 _FATES = (
     (SETTLE, "settling"),
-    (SEED, "finding P(0)"),
+    (SEED, "first uncertainty"),
     (GATED, "gated"),
     (IDLE, "nothing to learn"),
     (DOUBTED, "outliers"),
 )
-_CAUSES = ((INK, "-"), (OTHER, "-"), (BEFORE, "-"), (SIMULATED, (0, (3, 1))), (FOUND, (0, (3, 1))))
+_CAUSES = (
+    (TEXT, "-"),
+    (QUIET, (0, (5.3, 2))),
+    (TEXT, (0, (1, 1.2))),
+    (QUIET, (0, (6, 2, 1, 2))),
+    (BAND, "-"),
+)
 """Colours and dashes of the causes that are named in their panel: the likeliest ones."""
 _WORTH_A_NAME = 0.3
 """g / h that a cause must have reached to be named."""
@@ -104,21 +115,23 @@ class _Drawing:
             panels[-1].set(xlabel=f"time since the first sample [{self._unit.name}]", xlim=(0.0, end))
             legend_of(drawn, panels, _LINES)
             names = ", ".join(p.name for p in chosen)
-            return as_svg(drawn, f"{self._axis.id}: course of the estimates of {names}, and of g", salt)
+            return as_svg(
+                drawn, f"{self._axis.id}: course of the estimates of {names}, and of their tests", salt
+            )
 
     # --- estimates, g of the CUSUM tests, g of the multi-model detector ----------------------------------
 
     def _draw_estimate(self, axes: Axes, p: ParameterStatus) -> None:
         course, t = self._course, self._middles
         band = course.low(kinds.BELOW, p.name), course.high(kinds.ABOVE, p.name)
-        axes.fill_between(t, *band, color=FOUND, alpha=0.2, lw=0, label=_BAND)
+        axes.fill_between(t, *band, color=BAND, alpha=0.45, lw=0, label=_BAND)
         below, above = course.low(kinds.TOLERATED_BELOW, p.name), course.high(kinds.TOLERATED_ABOVE, p.name)
-        axes.plot(t, below, color=BEFORE, lw=0.9, ls=(0, (1, 2)))
-        axes.plot(t, above, color=BEFORE, lw=0.9, ls=(0, (1, 2)), label=_TOLERATED)
-        axes.plot(*self._zigzag(kinds.NOMINAL, p.name), color=INK, lw=1, ls=(0, (5, 3)), label=_NOMINAL)
+        axes.plot(t, below, **LIMIT)
+        axes.plot(t, above, **LIMIT, label=_LIMIT)
+        axes.plot(*self._zigzag(kinds.NOMINAL, p.name), **NOMINAL, label=_NOMINAL)
         between = course.low(kinds.ESTIMATE, p.name), course.high(kinds.ESTIMATE, p.name)
-        axes.fill_between(t, *between, color=FOUND, alpha=0.45, lw=0)
-        axes.plot(t, course.mean(p.name), color=FOUND, lw=1.3, label=_ESTIMATED)
+        axes.fill_between(t, *between, color=BAND, alpha=0.7, lw=0)
+        axes.plot(t, course.mean(p.name), **ESTIMATE, label=_ESTIMATED)
         label = p.name if p.unit == "1" else f"{p.name} [{p.unit}]"
         axes.set(ylabel=label, ylim=self._limits(p.name))
         axes.set_title(f"{p.name}: {p.meaning}")
@@ -145,15 +158,12 @@ class _Drawing:
 
     def _draw_g(self, axes: Axes, name: str) -> None:
         h = self._course.h[name]
-        for kind, colour, dashes, label in (
-            (kinds.UP, FOUND, "-", _UP),
-            (kinds.DOWN, SIMULATED, (0, (3, 1)), _DOWN),
-        ):
+        for kind, look, label in ((kinds.UP, UP, _UP), (kinds.DOWN, DOWN, _DOWN)):
             t, g = self._zigzag(kind, name)
-            axes.plot(t, g / h, color=colour, lw=1.2, ls=dashes, label=label)
-        axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=_H)
+            axes.plot(t, g / h, **look, label=label)
+        axes.axhline(1, **LIMIT, label=_LIMIT)
         top = self._course.largest(kinds.UP, kinds.DOWN, name=name) / h
-        axes.set(ylabel="CUSUM\ng / h", ylim=(0, 1.15 * max(top, 1.0)))
+        axes.set(ylabel="CUSUM\ntest", ylim=(0, 1.15 * max(top, 1.0)))
 
     def _draw_causes(self, axes: Axes) -> None:
         """The evidence for each cause; the largest ones are named."""
@@ -174,8 +184,8 @@ class _Drawing:
             handlelength=1.6,
             borderpad=0.1,
         )
-        axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=_H)
-        axes.set(ylabel="multi-model\ng / h", title="causes")
+        axes.axhline(1, **LIMIT, label=_LIMIT)
+        axes.set(ylabel="multi-model\ntest", title="causes")
         top = largest[ranked[0]]
         if top <= _LINEAR:
             axes.set(ylim=(0, 1.15 * max(top, 1.0)))
@@ -195,23 +205,19 @@ class _Drawing:
     # --- alarms, pauses, what was not learned from -------------------------------------------------------
 
     def _mark_alarms(self, panels: Sequence[Axes], *names: str) -> None:
-        """Those of these causes, and those of no parameter, such as a fault of a sensor."""
-        line, scale = self._course.timeline, self._unit.seconds
-        for alarm in self._axis.alarms:
-            if alarm.parameter not in names and alarm.parameter in self._course.h:
-                continue
-            onset, raised, ended = (line.find(t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us))
-            low, high = (line.find(t) for t in (alarm.onset_low_us, alarm.onset_high_us))
+        """As on the dashboard: a tinted span from onset to end, a bar and an arrow at its top; behind the lines."""
+        for alarm in self._axis.alarm_spans(names, self._unit):
             for axes in panels:
-                if onset is not None:
-                    axes.axvline(onset / scale, color=ALARM, lw=1.1, ls=(0, (1, 1.5)), label=_ONSET)
-                if low is not None and high is not None:
-                    axes.axvspan(low / scale, high / scale, color=ALARM, alpha=0.15, lw=0)
-                if raised is not None:
-                    axes.axvline(raised / scale, color=ALARM, lw=1.3, label=_RAISED)
-                    end = 1e-6 * line.end_us if ended is None else ended
-                    span = raised / scale, max(end, raised) / scale
-                    axes.axvspan(*span, color=ALARM, alpha=0.07, lw=0, label=_OPEN)
+                above, span = axes.get_xaxis_transform(), (alarm.start, alarm.end)
+                axes.axvspan(*span, color=ALARM_BACK, alpha=0.6, lw=0, zorder=0.5, label=ALARM_OPEN)
+                axes.plot(span, (1, 1), color=ALARM, lw=4, transform=above, solid_capstyle="butt")
+                axes.axvline(alarm.start, color=ALARM, lw=1.3)
+                axes.axvline(alarm.raised, color=ALARM, lw=1, ls=(0, (6, 2, 1, 2)), label=_RAISED)
+                axes.text(alarm.start, 0.94, f" {alarm.arrow}", color=ALARM, va="top", transform=above)
+                if alarm.onset is not None:
+                    axes.plot(
+                        alarm.onset, (0.07, 0.07), "|-", color=ALARM, ms=7, transform=above, label=ONSET
+                    )
 
     def _mark_pauses(self, axes: Axes, named: bool) -> None:
         stretches = self._course.timeline.stretches[1:]
@@ -229,7 +235,7 @@ class _Drawing:
         if runs:
             transform = axes.get_xaxis_transform()
             axes.broken_barh(
-                runs, (0, 1), color=GRID, alpha=0.55, lw=0, transform=transform, zorder=0, label=_NOTHING
+                runs, (0, 1), color=ZONE, alpha=0.6, lw=0, transform=transform, zorder=0, label=_NOTHING
             )
 
     def _fates(self, chosen: Sequence[ParameterStatus]) -> Iterator[tuple[str, Marks]]:

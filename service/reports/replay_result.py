@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.monitoring import AxisStatus, AxisTrace, NotTested
 from monitor_core.samples import SampleBlock
@@ -16,8 +19,23 @@ from service.pipeline.alarm_recording import Quantity, as_recorded, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot
 from service.reports.formats import Provenance
-from service.reports.replay_course import Course
+from service.reports.replay_course import Course, TimeUnit
 from service.store.journal import Entry, RecordedAlarm
+
+ARROWS = {"up": "\N{BLACK UP-POINTING TRIANGLE}", "down": "\N{BLACK DOWN-POINTING TRIANGLE}"}
+
+
+class AlarmSpan(NamedTuple):
+    """Where an alarm is on the line of its axis, in a unit of time."""
+
+    start: float
+    """The onset, or when it was raised where the onset is not on the line"""
+    raised: float
+    end: float
+    """Or the last sample"""
+    onset: Floats | None
+    """The two ends of the interval in which the onset lies; None: not known"""
+    arrow: str
 
 
 class ReplayedAxis(NamedTuple):
@@ -46,6 +64,22 @@ class ReplayedAxis(NamedTuple):
     def status(self) -> AxisStatus:
         """At the end."""
         return self.snapshot.status
+
+    def alarm_spans(self, names: Collection[str], unit: TimeUnit) -> Iterator[AlarmSpan]:
+        """Where alarms of these causes are, and those of no parameter, such as a fault of a sensor."""
+        if self.course is None:
+            return
+        line = self.course.timeline
+        for alarm in self.alarms:
+            raised, onset, end = (line.find(t) for t in (alarm.raised_us, alarm.onset_us, alarm.ended_us))
+            if raised is None or (alarm.parameter not in names and alarm.parameter in self.course.h):
+                continue
+            start = raised if onset is None else onset
+            end = max(1e-6 * line.end_us if end is None else end, start)
+            ends = [t for t in map(line.find, (alarm.onset_low_us, alarm.onset_high_us)) if t is not None]
+            onset_in = np.array(ends) / unit.seconds if len(ends) == 2 else None
+            start, raised, end = start / unit.seconds, raised / unit.seconds, end / unit.seconds
+            yield AlarmSpan(start, raised, end, onset_in, ARROWS[alarm.direction])
 
 
 class Replayed(NamedTuple):

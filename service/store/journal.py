@@ -45,8 +45,8 @@ from service.store.alarm_transitions import (
     taken,
     taken_after,
 )
-from service.store.axis_services import SERVICE_MIGRATION, AxisServices, removal
 from service.store.audit import AuditEntry, Place, audited
+from service.store.axis_services import SERVICE_MIGRATION, AxisServices, removal
 from service.store.database import Database
 from service.store.epochs import EPOCH_MIGRATION, Epochs
 

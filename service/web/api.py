@@ -8,8 +8,8 @@ from service.web import models, views
 from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import AppState, Latest
 from service.web.axis_service_routes import router as service_router
-from service.web.drive_routes import router as drive_router
 from service.web.commissioning_routes import router as commissioning_router
+from service.web.drive_routes import router as drive_router
 from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
 from service.web.history_routes import router as history_router

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import os
+import pty
 import signal
+import sys
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from service.commands import live_recording
+from service.commands import commission, live_recording
 from service.commands.checked_axis import moves
 from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.commands.live_look import Look, look_at
 from service.commands.live_recording import recorded
 from service.config import load
+from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands import can_logs
 from tests.service.commands.live_robots import configured, moving
@@ -279,6 +283,32 @@ def test_a_planned_motion_is_to_be_run_while_it_records(folder: Path, config: Pa
     looked, _, _ = result.stdout.partition("Recording 1.8 s into")
     assert "Planned: made/motion/cell.a1.csv (36 s). Let the controller run it while this records." in looked
     assert "That takes longer than the recording: see --minutes." in looked
+
+
+@pytest.mark.parametrize(("typed", "minutes"), [("y", [3.0, 1]), ("n", [3.0]), ("", [3.0])])
+def test_a_planned_motion_may_be_recorded_at_once(
+    typed: str, minutes: list[float], folder: Path, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At a terminal, a real one here, it asks; yes records again, for as long as the motion takes."""
+    found = Outcome("cell.a1", watched=("kT",), nominal_file="n.toml")
+    moved = replace(found, lost=("fm",), excite=("--find", "fm"), motion="motion/cell.a1.csv", motion_s=36.0)
+    recorded, results = list[float](), iter([[moved], [found]])
+    monkeypatch.setattr(
+        live_recording,
+        "record_live",
+        lambda _config, _text, _folder, seconds, _yes: recorded.append(seconds / 60),
+    )
+    monkeypatch.setattr(live_recording, "recorded", lambda _folder: [])
+    monkeypatch.setattr(commission, "_orders", lambda *_: (["an order"], []))
+    monkeypatch.setattr(commission, "_reviewed", lambda *_: {})
+    monkeypatch.setattr(commission, "_carried_out", lambda *_: next(results))
+    monkeypatch.setattr(commission, "_write", lambda *_: None)
+    ours, theirs = pty.openpty()
+    with os.fdopen(ours, "wb", buffering=0) as keyboard, os.fdopen(theirs, encoding="utf-8") as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        keyboard.write(f"{typed}\n".encode())
+        commission.commission(config, output=folder / "made", minutes=3.0)
+    assert recorded == minutes
 
 
 def test_an_axis_that_no_record_has_does_not_hinder_the_others(
