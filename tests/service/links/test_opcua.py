@@ -8,6 +8,7 @@ import subprocess
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager
+from copy import copy
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -335,6 +336,8 @@ def test_an_alarm_is_seen_acknowledged_and_over(plant: Plant) -> None:
             assert await act(reader, event, ACKNOWLEDGE, "") == "BadUserAccessDenied"
             assert await act(client, event, ACKNOWLEDGE, "", b"another") == "BadEventIdUnknown"
             assert await act(client, event, ACKNOWLEDGE, "x" * 2001) == "BadInvalidArgument"
+            nothing = replace_id(event, "alarm/" + "9" * 5000)
+            assert await act(client, nothing, ACKNOWLEDGE, "") == "BadNodeIdInvalid"
             assert await act(client, event, ADD_COMMENT, "") == "BadInvalidArgument"
             assert await act(client, event, ACKNOWLEDGE, "heard it, too") == "Good"
             await until(lambda: len(seen.events) == 2)
@@ -363,6 +366,13 @@ def test_an_alarm_is_seen_acknowledged_and_over(plant: Plant) -> None:
         ]
 
     asyncio.run(follow())
+
+
+def replace_id(event: Any, name: str) -> Any:
+    """An event of another condition."""
+    other = copy(event)
+    other.NodeId = ua.NodeId(name, event.NodeId.NamespaceIndex)
+    return other
 
 
 def shelf(event: Any) -> tuple[str, bool, bool]:
