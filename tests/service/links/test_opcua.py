@@ -46,7 +46,7 @@ from tests.service.links.test_mqtt import free_port
 from tests.service.web.conftest import NOON_US, monitored_axis, waiting_axis, whole_snapshot
 
 T = TypeVar("T")
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 CODES = ua.StatusCodes
 ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
 ADD_COMMENT = ua.NodeId(ua.ObjectIds.ConditionType_AddComment)
