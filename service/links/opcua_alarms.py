@@ -4,6 +4,7 @@ A condition is an alarm of the journal.  It is no node: clients name it by the C
 10000-9 allows.  What they do is recorded in the journal, and comes back as a transition, for all of them.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 
@@ -40,6 +41,7 @@ _METHODS = {
 }
 _NOT_POSSIBLE = {AlarmEvent.ACKNOWLEDGE: ua.StatusCodes.BadConditionBranchAlreadyAcked}
 _CONDITION = "alarm/"
+_CONDITION_ID = re.compile(rf"{_CONDITION}([0-9]{{1,18}})")
 
 log = structlog.get_logger(__name__)
 
@@ -122,7 +124,7 @@ class Conditions:
             return _code(ua.StatusCodes.BadInvalidArgument)
         if number not in self._events:
             return _code(ua.StatusCodes.BadNodeIdUnknown)
-        if event_id not in self._events[number]:
+        if not isinstance(event_id, bytes) or event_id not in self._events[number]:
             return _code(ua.StatusCodes.BadEventIdUnknown)
         try:
             self._journal.act(number, event, Note(self._now_us(), who, comment))
@@ -178,9 +180,8 @@ def _put_shelf(event: AlarmCondition, shelved: bool) -> None:
 
 def _alarm_id(node: ua.NodeId) -> int | None:
     """The number of the alarm of a ConditionId; None: it is none."""
-    text = str(node.Identifier)
-    number = text.removeprefix(_CONDITION)
-    return int(number) if number != text and number.isascii() and number.isdecimal() else None
+    found = _CONDITION_ID.fullmatch(str(node.Identifier))
+    return None if found is None else int(found[1])
 
 
 def _comment(argument: object) -> str | None:

@@ -123,13 +123,13 @@ class Tree:
     async def update(self, snapshot: Snapshot, now_us: int) -> int:
         """Follow the axes, and write the values that have changed; their number."""
         await self._follow(snapshot)
-        alive, count, now = is_alive(snapshot, now_us), 0, _time(now_us)
+        count, now = 0, _time(now_us)
+        code = _GOOD if is_alive(snapshot, now_us) else _OLD
         for axis in snapshot.axes:
             sampled = now if axis.status.time_us is None else _time(axis.status.time_us)
-            count += await self._write(_axis_readings(axis, now_us), sampled, now)
+            count += await self._write(_axis_readings(axis, now_us, code), sampled, now)
             await asyncio.sleep(0)  # clients need not wait for all axes
         for bus in snapshot.buses:
-            code = _GOOD if alive else _OLD
             place = f"Controllers/{bus.name}"
             readings = (
                 Reading(f"{place}/Connected", _BOOLEAN, bus.up, code),
@@ -304,12 +304,13 @@ def _attributes(title: str, data_type: ua.NodeId, meaning: str) -> ua.VariableAt
     return attributes
 
 
-def _axis_readings(axis: AxisSnapshot, now_us: int) -> Iterator[Reading]:
-    silent = is_silent(axis, now_us)
-    code = _OLD if silent else _GOOD
+def _axis_readings(axis: AxisSnapshot, now_us: int, alive: int) -> Iterator[Reading]:
+    """What is read of an axis.  ``alive``: status code of what does not depend on samples."""
+    waits = axis.status.time_us is None
+    code = _OLD if is_silent(axis, now_us) and not waits else alive
     alarms = ", ".join(dict.fromkeys(e.parameter for e in axis.open_alarms if e.kind != "forecast"))
     for key, text in (("GatedBy", axis.gated_by), ("Epoch", axis.epoch.state), ("OpenAlarms", alarms)):
-        yield Reading(f"{axis.id}/{key}", _STRING, text, code)
+        yield Reading(f"{axis.id}/{key}", _STRING, text, alive)
     for p in axis.status.parameters:
         place, known = f"{axis.id}/{p.name}", quality(axis, p, now_us)
         yield _number(place, p.estimate, known)

@@ -80,21 +80,26 @@ ca_file = "{folder}/ca.crt"
 host = "broker.plant.example"
 user = "cell1"
 password_file = "{folder}/mqtt.secret"
+[links.opcua]
+certificate = "{folder}/opcua.crt"
+key = "{folder}/opcua.key"
 
 [[bus]]"""
 
 
 def test_files_of_links_are_in_it_and_their_secrets_are_left_out(robot: Path, tmp_path: Path) -> None:
     edit(robot, ("[[bus]]", LINKS.format(folder=tmp_path)))
-    for file in (robot.parent / "orders.secret", tmp_path / "mqtt.secret", tmp_path / "ca.crt"):
+    outside = ("mqtt.secret", "ca.crt", "opcua.crt", "opcua.key")
+    for file in (robot.parent / "orders.secret", *(tmp_path / name for name in outside)):
         file.write_text("0123456789abcdef")
     archive = tmp_path / "robot.tar.gz"
     done = axiswatch("backup", "--config", robot, "--output", archive)
     assert done.exit_code == 0
     assert {name for name in names(archive) if not name.endswith(("dbc", "toml", "localhost.crt"))} == {
-        "outside/4-ca.crt"
+        "outside/4-ca.crt",
+        "outside/6-opcua.crt",
     }
-    for secret in ("orders.secret", "outside/5-mqtt.secret"):
+    for secret in ("orders.secret", "outside/5-mqtt.secret", "outside/7-opcua.key"):
         assert f"left out, as it is secret: {secret}; --secrets includes it" in done.stderr
     shown("backup", "--config", robot, "--output", archive, "--secrets", "--force")
     assert {"orders.secret", "outside/5-mqtt.secret"} < names(archive)

@@ -8,6 +8,7 @@ import subprocess
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import ExitStack, asynccontextmanager
+from copy import copy
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -27,7 +28,7 @@ except ImportError:
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from asyncua.crypto.uacrypto import CertProperties
 
-from monitor_core.monitoring import AlarmEvent, NotTested, Observation, Status
+from monitor_core.monitoring import AlarmEvent, AlarmRules, NotTested, Observation, Status
 from service.config.schema_links import LinksConfig
 from service.links.link_secrets import LinkSecretError
 from service.links.opcua_access import identity
@@ -35,6 +36,7 @@ from service.links.opcua_tree import quality, unit_of_measure
 from service.links.running import Links
 from service.pipeline.epoch_progress import AxisEpoch
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from service.store.tokens import TOKENS_FILE, Scope, TokenFile
 from service.texts import now_us
@@ -44,7 +46,7 @@ from tests.service.links.test_mqtt import free_port
 from tests.service.web.conftest import NOON_US, monitored_axis, waiting_axis, whole_snapshot
 
 T = TypeVar("T")
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 CODES = ua.StatusCodes
 ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
 ADD_COMMENT = ua.NodeId(ua.ObjectIds.ConditionType_AddComment)
@@ -182,6 +184,7 @@ def test_the_tree_is_browsed_by_its_names_and_read(plant: Plant) -> None:
             silent = client.get_node(ua.NodeId("demo.axis2/fm", index))
             found = await silent.read_data_value(raise_on_bad_status=False)
             assert (found.Value.Value, found.StatusCode.name) == (None, "BadWaitingForInitialData")
+            assert await client.get_node(ua.NodeId("demo.axis2/fm/Status", index)).read_value() == "waiting"
 
     asyncio.run(look())
 
@@ -204,11 +207,18 @@ def test_what_has_changed_is_sent_and_nothing_else(plant: Plant) -> None:
             subscription = await client.create_subscription(50, seen)
             await subscription.subscribe_data_change(nodes)
             await until(lambda: len(seen.values) == 3)
+            written = [(await node.read_data_value()).ServerTimestamp for node in nodes]
             changed(estimate=0.08)
             await until(lambda: len(seen.values) == 4)
             changed(estimate=0.09)
             await until(lambda: len(seen.values) == 5)
             assert seen.values[3:] == [("demo.axis1/fm", 0.08), ("demo.axis1/fm", 0.09)]
+            again = [(await node.read_data_value()).ServerTimestamp for node in nodes]
+            assert [old == new for old, new in zip(written, again, strict=True)] == [
+                False,
+                True,
+                True,
+            ]
 
     try:
         asyncio.run(look())
@@ -326,6 +336,8 @@ def test_an_alarm_is_seen_acknowledged_and_over(plant: Plant) -> None:
             assert await act(reader, event, ACKNOWLEDGE, "") == "BadUserAccessDenied"
             assert await act(client, event, ACKNOWLEDGE, "", b"another") == "BadEventIdUnknown"
             assert await act(client, event, ACKNOWLEDGE, "x" * 2001) == "BadInvalidArgument"
+            nothing = replace_id(event, "alarm/" + "9" * 5000)
+            assert await act(client, nothing, ACKNOWLEDGE, "") == "BadNodeIdInvalid"
             assert await act(client, event, ADD_COMMENT, "") == "BadInvalidArgument"
             assert await act(client, event, ACKNOWLEDGE, "heard it, too") == "Good"
             await until(lambda: len(seen.events) == 2)
@@ -336,9 +348,15 @@ def test_an_alarm_is_seen_acknowledged_and_over(plant: Plant) -> None:
             assert await act(client, event, ACKNOWLEDGE, "") == "BadConditionBranchAlreadyAcked"
             assert await act(client, event, ADD_COMMENT, "gearbox ordered") == "Good"
             await until(lambda: len(seen.events) == 3)
-            record(plant.journal, replace(alarm, ended_us=alarm.updated_us), "demo.axis1")
+            assert shelf(seen.events[2]) == ("Unshelved", False, True)
+            until_us = now_us() + 3_600_000_000
+            plant.journal.act(number, AlarmEvent.SHELVE, Note(now_us(), "anna"), until_us)
             await until(lambda: len(seen.events) == 4)
-            event = seen.events[3]
+            assert shelf(seen.events[3]) == ("Timed Shelved", True, True)
+            plant.journal.act(number, AlarmEvent.UNSHELVE, Note(now_us(), "anna"))
+            record(plant.journal, replace(alarm, ended_us=alarm.updated_us), "demo.axis1")
+            await until(lambda: len(seen.events) == 6)
+            event = seen.events[5]
             assert (getattr(event, "ActiveState/Id"), event.Retain) == (False, False)
             assert await act(client, event, ADD_COMMENT, "late") == "BadNodeIdUnknown"
         steps = [(t.event, t.who, t.comment) for t in plant.journal.transitions(number)]
@@ -350,14 +368,30 @@ def test_an_alarm_is_seen_acknowledged_and_over(plant: Plant) -> None:
     asyncio.run(follow())
 
 
+def replace_id(event: Any, name: str) -> Any:
+    """An event of another condition."""
+    other = copy(event)
+    other.NodeId = ua.NodeId(name, event.NodeId.NamespaceIndex)
+    return other
+
+
+def shelf(event: Any) -> tuple[str, bool, bool]:
+    """The state of the shelf of an alarm, whether it is hidden, and acknowledged."""
+    name = getattr(event, "ShelvingState/CurrentState").Text
+    return name, event.SuppressedOrShelved, getattr(event, "AckedState/Id")
+
+
 async def retained(client: Any, seen: Seen) -> list[Any]:
-    """The conditions that a refresh brings."""
-    subscription = await events_of(client, seen)
+    """The conditions that a refresh brings, up to its end."""
+    ends = ua.ObjectIds.RefreshEndEventType
+    subscription = await client.create_subscription(50, seen)
+    await subscription.subscribe_alarms_and_conditions(evtypes=[ua.ObjectIds.AlarmConditionType, ends])
     condition_type = client.get_node(ua.ObjectIds.ConditionType)
     refresh = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh)
     number = ua.Variant(subscription.subscription_id, ua.VariantType.UInt32)
     await condition_type.call_method(refresh, number)
-    return await until(lambda: seen.events)
+    await until(lambda: [e for e in seen.events if e.EventType == ua.NodeId(ends)])
+    return [e for e in seen.events if e.EventType != ua.NodeId(ends)]
 
 
 # --- Who may do what ------------------------------------------------------------------------------------------------
@@ -508,24 +542,39 @@ def test_a_port_that_is_taken_is_reported_and_what_is_active_is_there_after_a_st
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("service.links.delivery.FIRST_RETRY_S", 0.1)
+    before, rules = Journal(tmp_path / "alarms.sqlite"), AlarmRules("low")
+    alarm, gone = just_raised(), replace(just_raised(), parameter="fm")
+    acknowledged, returned = record(before, alarm, "demo.axis1"), record(before, gone, "demo.axis1")
+    before.act(acknowledged, AlarmEvent.ACKNOWLEDGE, Note(now_us(), "anna"))
+    record(before, replace(gone, ended_us=gone.updated_us), "demo.axis1")
+    record(before, alarm, "demo.axis7", rules)  # of a priority that is left out
+    before.close()
 
-    async def active(plant: Plant) -> list[Any]:
+    async def active(plant: Plant) -> dict[str, tuple[bool, bool]]:
         async with plant.client() as client:
-            return await retained(client, Seen())
+            events = await retained(client, Seen())
+            return {
+                e.NodeId.Identifier: (getattr(e, "ActiveState/Id"), getattr(e, "AckedState/Id"))
+                for e in events
+            }
 
     port, threads = free_port(), [thread.name for thread in threading.enumerate()].count("opcua")
     with ExitStack() as stack, socket.create_server(("127.0.0.1", port)) as other:
-        plant = linked(stack, tmp_path, port, anonymous=True)
+        plant = linked(stack, tmp_path, port, anonymous=True, priorities=["medium", "high"])
         link = plant.links.snapshots()[0]
         assert (link.connected, link.problem.split(":")[0]) == (
             False,
             f"cannot listen on 127.0.0.1 port {port}",
         )
-        number = record(plant.journal, just_raised(), "demo.axis2")
+        new = record(plant.journal, just_raised(), "demo.axis2")
         wait_for(lambda: plant.links.snapshots()[0].pending == 1, PATIENCE_S)
         other.close()
         wait_for(lambda: plant.links.snapshots()[0].connected, PATIENCE_S)
         wait_for(lambda: plant.links.snapshots()[0].delivered == 1, PATIENCE_S)
-        assert [e.NodeId.Identifier for e in asyncio.run(active(plant))] == [f"alarm/{number}"]
+        assert asyncio.run(active(plant)) == {
+            f"alarm/{acknowledged}": (True, True),
+            f"alarm/{returned}": (False, False),
+            f"alarm/{new}": (True, False),
+        }
     assert [thread.name for thread in threading.enumerate()].count("opcua") == threads
     socket.create_server(("127.0.0.1", port)).close()
