@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.detection.alarm import Onset
-from tests.core.lasting_changes import courses
+from monitor_core.monitoring import AlarmChange, AlarmLife, AlarmRules, due, is_present
+from tests.core.lasting_changes import chattering, courses
 
 LASTING_S, REPAIRED_S = 240.0, 90.0
 times = st.integers(-(10**18), 10**18)
@@ -44,3 +45,28 @@ def test_a_lasting_change_is_one_alarm_with_its_size(seed: int) -> None:
         assert sized.size_sd is not None
         print(f"{course.parameter}: {sized.size:.4g} +- {sized.size_sd:.2g}, true {course.size:.4g}")
         assert abs(sized.size - course.size) < 3 * sized.size_sd
+
+
+def test_a_chattering_axis_has_one_alarm_that_is_announced_once(seed: int) -> None:
+    """kT changes each half minute, and comes back: one alarm of the tracker, which the off-delay raises once."""
+    changes = chattering(seed, times=6, there_s=20.0, away_s=10.0)
+    assert len({change.alarm.key for change in changes}) == 1
+    times_back = [change.kind for change in changes].count("reopened")
+    assert times_back >= 3
+    assert events_of(changes, 30.0) == ["raise", "clear"]
+    assert events_of(changes, 0.0).count("raise") == 1 + times_back
+
+
+def events_of(changes: list[AlarmChange], off_delay_s: float) -> list[str]:
+    """The transitions of the alarm of these changes, each looked at when it happens, and a minute later."""
+    rules, events = AlarmRules(off_delay_s=off_delay_s), list[str]()
+    life, ended_us = AlarmLife(), changes[0].alarm.ended_us
+    times = [max(a.updated_us, a.since_us, a.ended_us or 0) for _, a in changes]
+    forms = [(a.ended_us, t) for (_, a), t in zip(changes, times, strict=True)]
+    for now_ended_us, now_us in (*forms, (forms[-1][0], times[-1] + 60_000_000)):
+        for seen_us in (ended_us, now_ended_us):  # until now, and from now on
+            found = due(life, is_present(life, seen_us, now_us, rules), rules)
+            events += [str(change.event) for change in found]
+            life = found[-1].after if found else life
+        ended_us = now_ended_us
+    return events
