@@ -124,13 +124,13 @@ def courses(seed: int, lasting_s: float, repaired_s: float) -> Iterator[Course]:
 
 
 def chattering(seed: int, times: int, there_s: float, away_s: float) -> list[AlarmChange]:
-    """All that is reported of a change of kT by a fifth that comes and goes so often."""
+    """All that is reported of a change of kT by a fifth that comes and goes so often, and is then repaired."""
     changes = []
     axis, watched = after_healthy_minutes(seed)
     for _ in range(times):
         changes += _update(watched, axis, there_s, {"kT": 1.2})
         changes += _update(watched, axis, away_s)
-    return changes
+    return changes + _update(watched, axis, 60.0)
 
 
 def after_healthy_minutes(seed: int) -> tuple[MismatchPlant, AxisMonitor]:
