@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -141,7 +141,7 @@ def after_healthy_minutes(seed: int) -> tuple[MismatchPlant, AxisMonitor]:
     return copy.deepcopy(plant), watched
 
 
-@cache
+@lru_cache(1)
 def _healthy_minutes(seed: int) -> tuple[MismatchPlant, AxisMonitor]:
     plant, healthy = MismatchPlant(truth(), np.random.default_rng(seed)), monitor()
     plant.take(WARM_S)
