@@ -45,7 +45,7 @@ _GAUGES = {
     },
     "axis parameter direction": {
         "cusum": f"CUSUM g for an increase (up) and a decrease (down), {_SI} times samples.",
-        "alarm_active": "1 while an alarm is open or latched, else 0.",
+        "alarm_active": "1 while an alarm is open, waits for its off-delay or is latched, else 0.",
         "alarm_named": "1 while an alarm is open and has been named, else 0.",
         "alarm_hidden": "1 while all active alarms of that name are shelved, suppressed or out of service, else 0.",
     },
@@ -284,16 +284,16 @@ def _alarms(snapshot: Snapshot) -> Iterator[_Family]:
     axes = snapshot.axes
     every = [(axis, cause) for axis in axes for cause in axis.causes]
 
-    latched = {
+    lasting = {  # latched, or the off-delay is not over
         (a.axis, a.parameter, a.direction)
         for a in snapshot.alarms.standing
-        if a.life.below is AlarmState.LATCHED and a.kind != "forecast"
+        if a.active and a.ended_us is not None and a.kind != "forecast"
     }
 
     sides = [(axis, cause, d) for axis, cause in every for d in DIRECTIONS]
     named = [((a.id, cause, d), _is_open(a, cause, d, "named")) for a, cause, d in sides]
     changed = (_is_open(a, cause, d, "changed") for a, cause, d in sides)
-    active = ((name, n or c or name in latched) for (name, n), c in zip(named, changed, strict=True))
+    active = ((name, n or c or name in lasting) for (name, n), c in zip(named, changed, strict=True))
     yield _Family("alarm_active", active)
     yield _Family("alarm_named", named)
     causes = {axis.id: _causes(axis) for axis in axes}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -114,16 +115,38 @@ def monitor() -> AxisMonitor:
 def courses(seed: int, lasting_s: float, repaired_s: float) -> Iterator[Course]:
     """Each of the changes, lasting for so long, from the same healthy minutes; then repaired for so long."""
     values = truth()
-    plant, healthy = MismatchPlant(values, np.random.default_rng(seed)), monitor()
-    plant.take(WARM_S)
-    assert not _update(healthy, plant, HEALTHY_S), "a false alarm"
     for name, factor in CHANGES:
-        axis, watched = copy.deepcopy(plant), monitor()
-        watched.from_arrays(healthy.to_arrays())
+        axis, watched = after_healthy_minutes(seed)
         begin_us = (watched.status().time_us or 0) + round(INTERVAL_S * 1e6)
         course = Course(name, true_size(values, name, factor), begin_us, begin_us + round(lasting_s * 1e6))
         course.changes += _update(watched, axis, lasting_s, {name: factor})
         yield replace(course, changes=course.changes + _update(watched, axis, repaired_s))
+
+
+def chattering(seed: int, times: int, there_s: float, away_s: float) -> list[AlarmChange]:
+    """All that is reported of a change of kT by a fifth that comes and goes so often, and is then repaired."""
+    changes = []
+    axis, watched = after_healthy_minutes(seed)
+    for _ in range(times):
+        changes += _update(watched, axis, there_s, {"kT": 1.2})
+        changes += _update(watched, axis, away_s)
+    return changes + _update(watched, axis, 60.0)
+
+
+def after_healthy_minutes(seed: int) -> tuple[MismatchPlant, AxisMonitor]:
+    """A copy of the axis and its monitor."""
+    plant, healthy = _healthy_minutes(seed)
+    watched = monitor()
+    watched.from_arrays(healthy.to_arrays())
+    return copy.deepcopy(plant), watched
+
+
+@lru_cache(1)
+def _healthy_minutes(seed: int) -> tuple[MismatchPlant, AxisMonitor]:
+    plant, healthy = MismatchPlant(truth(), np.random.default_rng(seed)), monitor()
+    plant.take(WARM_S)
+    assert not _update(healthy, plant, HEALTHY_S), "a false alarm"
+    return plant, healthy
 
 
 def _update(

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 from structlog.testing import capture_logs
 
-from monitor_core.monitoring import Status
+from monitor_core.monitoring import AlarmEvent, Status
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config
@@ -22,6 +22,7 @@ from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Worker
 from service.simulation.robot import Fault
+from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint, Checkpoints
 from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
@@ -128,6 +129,19 @@ def test_each_axis_gives_points_of_the_history_while_it_is_tested(bench: Bench) 
         last = axis.status.time_us // 1_000_000
         times = answer.t.tolist()
         assert times == list(range(times[0], last + 1)), "from when P(0) is known on"
+
+
+def test_an_axis_out_of_service_is_shown_from_the_next_start_on(tmp_path: Path) -> None:
+    removed = Note(NOW_US, "anna", "new gearbox")
+    before = Bench(tmp_path, demo(tmp_path, 2), Waiting([]))
+    assert [axis.out_of_service for axis in before.worker.snapshot.axes] == [None, None]
+    before.journal.services.change("demo.axis1", AlarmEvent.REMOVE, removed)
+    before.close()
+    after = Bench(tmp_path, demo(tmp_path, 2), Waiting([]))
+    assert [axis.out_of_service for axis in after.worker.snapshot.axes] == [removed, None]
+    message = "out of service, with alarms that are recorded but not announced: demo.axis1 (anna)"
+    assert after.worker.snapshot.messages[:2] == (message, COMPILING)
+    after.close()
 
 
 def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[Frame]) -> None:

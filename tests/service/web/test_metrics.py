@@ -88,10 +88,11 @@ def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(
     assert hidden == {"kT"}
     assert found[("axiswatch_alarms_not_recorded",)] == 3
     assert found["axiswatch_alarm_active", "demo.axis1", "up", "kT"] == 0
-    # A latched alarm is active, though the monitor has none.
-    latched = replace(alarms.standing[1], state=AlarmState.LATCHED, returns_to=None)
-    stage.snapshot = replace(stage.snapshot, alarms=alarms._replace(standing=(latched,)))
-    assert values(own(stage))["axiswatch_alarm_active", "demo.axis1", "up", "kT"] == 1
+    # A latched alarm is active, and one whose off-delay is not over, though the monitor has none.
+    for state in (AlarmState.LATCHED, AlarmState.ACKNOWLEDGED):
+        lasting = replace(alarms.standing[1], state=state, returns_to=None, ended_us=stage.snapshot.taken_us)
+        stage.snapshot = replace(stage.snapshot, alarms=alarms._replace(standing=(lasting,)))
+        assert values(own(stage))["axiswatch_alarm_active", "demo.axis1", "up", "kT"] == 1
     # A shelf that is over hides nothing, though its end cannot be recorded.
     noon_us = stage.snapshot.taken_us
     journal.act(1, AlarmEvent.SHELVE, Note(noon_us - 9, "anna"), noon_us)
