@@ -2,10 +2,10 @@
 import { useEffect, useState } from "preact/hooks";
 import { ask, isSilence, type Axis, type Body } from "./ask";
 import { number, percent, unit } from "./format";
+import { Opened } from "./opened";
 import { Plot, type Range } from "./plot";
 import { farthest, isMoved, signsOf } from "./resonances";
 import { rangeOf } from "./series";
-import { Opened } from "./signal_panel";
 import { t } from "./texts";
 
 const EVERY_MS = 5000;
