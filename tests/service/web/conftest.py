@@ -226,7 +226,7 @@ class Stage:
     history: HistoryRecording | None = None
     setup: RobotSetup | None = None
     stopping: bool = False
-    live: LiveSignals = field(default_factory=LiveSignals)
+    live: LiveSignals = field(default_factory=lambda: LiveSignals(lambda: 0.0))  # its clock stands still
     links: tuple[LinkSnapshot, ...] = (
         LinkSnapshot("orders", "webhook", False, "HTTP status 503", 3, 41, {"age": 2, "refused": 1}),
     )

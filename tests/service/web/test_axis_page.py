@@ -2,18 +2,16 @@
 
 import re
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
 from monitor_core.detection import Alarm
-from monitor_core.modeling import reference_model
+from monitor_core.modeling import drive_drawings, reference_model
 from monitor_core.monitoring import AxisTrace, Trace
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from service.config.drive_sources import model_called
 from service.pipeline.snapshot import MonitoredDrive
 from tests.service.web.conftest import NOON_US, Stage
 from tests.service.web.page_parts import serious_faults, tile
@@ -73,7 +71,9 @@ def test_the_range_of_time_is_changed_by_presets_keys_and_mouse(page: Page) -> N
 def watch_the_reference(stage: Stage) -> None:
     """The first axis has the drive of the paper; the friction of its motor has grown by 30 %."""
     watched = MonitoredDrive(
-        reference_model("angle"), Settings(0.005, outlier_limit=6.0), model_called("three-mass").components
+        reference_model("angle"),
+        Settings(0.005, outlier_limit=6.0),
+        drive_drawings.three_mass().flat().components,
     )
     first, *others = stage.snapshot.axes
     stage.snapshot = replace(stage.snapshot, axes=(replace(first, watched=watched), *others))
@@ -112,20 +112,17 @@ def test_the_drive_is_a_chain_that_marks_the_parameter_with_an_alarm(
     expect(drive.get_by_text("not tested")).to_have_count(1)  # 1/Ja is not observed
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_signals_and_bode_plot_are_asked_for_once_they_are_opened(
-    scheme: Literal["light", "dark"], page: Page, stage: Stage
-) -> None:
+def test_signals_and_bode_plot_are_asked_for_once_they_are_opened(page: Page, stage: Stage) -> None:
     watch_the_reference(stage)
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url.rsplit("/", 1)[-1].split("?")[0]))
-    page.emulate_media(color_scheme=scheme)
     page.goto("/#/axes/demo.axis1")
     signals = page.get_by_role("button", name="Signals of the last seconds")
     expect(signals).to_have_attribute("aria-expanded", "false")
     assert not {"signals", "bode"} & set(asked)
     signals.focus()
-    page.keyboard.press("Enter")
+    with page.expect_response(lambda response: "/signals" in response.url):
+        page.keyboard.press("Enter")
     expect(page.get_by_text("The daemon keeps the samples from now on")).to_be_visible()
     add_samples(stage)
     for plot in ("Motor torque [N m]", "Measured and predicted motion [rad]", "Prediction error [rad]"):
@@ -136,6 +133,8 @@ def test_signals_and_bode_plot_are_asked_for_once_they_are_opened(
     expect(page.get_by_text("Largest change of the magnitude: −2.")).to_be_visible(timeout=60_000)
     for plot in ("Magnitude [dB, of rad/(N\u202fm)]", "Phase [°]"):
         expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
+    assert serious_faults(page) == []
+    page.emulate_media(color_scheme="dark")
     assert serious_faults(page) == []
     page.set_viewport_size({"width": 360, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= 360

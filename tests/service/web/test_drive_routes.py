@@ -9,10 +9,10 @@ import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.drive import AxisModel
-from monitor_core.modeling import reference_model
+from monitor_core.modeling import drive_drawings, reference_model
 from monitor_core.modeling.resonances import resonances
 from monitor_core.settings import Settings
-from service.config.drive_sources import model_called, model_of_drawing
+from service.config.drive_sources import model_of_drawing
 from service.pipeline.snapshot import MonitoredDrive
 from tests.service.web.conftest import PARAMETERS, Stage
 
@@ -44,7 +44,7 @@ def watch(stage: Stage, watched: MonitoredDrive, **estimates: float) -> None:
 
 
 def reference(**settings: Any) -> MonitoredDrive:
-    return MonitoredDrive(MODEL, Settings(0.005, **settings), model_called("three-mass").components)
+    return MonitoredDrive(MODEL, Settings(0.005, **settings), drive_drawings.three_mass().flat().components)
 
 
 def test_every_parameter_is_in_a_component_that_has_its_place(client: TestClient, stage: Stage) -> None:
@@ -52,7 +52,7 @@ def test_every_parameter_is_in_a_component_that_has_its_place(client: TestClient
     answer = client.get(f"{AXIS}/model").json()
     assert (answer["axis"], answer["drive"]) == ("demo.axis1", "three-mass")
     by_name = {c["name"]: c for c in answer["components"]}
-    spring, gear, motor, arm = (by_name[name] for name in ("armSpring", "gear", "motor", "arm"))
+    spring, gear, motor, arm = (by_name[name] for name in ("arm_spring", "gear", "motor", "arm"))
     assert (spring["kind"], gear["kind"]) == ("spring-damper", "ideal-gear")
     assert [(p["role"], p["text"]) for p in spring["parameters"]] == [("c", "ka"), ("d", "da")]
     assert gear["parameters"] == [{"role": "ratio", "text": "1/r", "names": ["r"]}]

@@ -2,13 +2,14 @@
 import { useEffect, useState } from "preact/hooks";
 import { ask, isSilence, type Axis, type Body } from "./ask";
 import { number, percent, unit } from "./format";
+import { Opened } from "./opened";
 import { Plot, type Range } from "./plot";
 import { farthest, isMoved, signsOf } from "./resonances";
 import { rangeOf } from "./series";
-import { Opened } from "./signal_panel";
 import { t } from "./texts";
 
 const EVERY_MS = 5000;
+const AGAIN_MS = 500; // the first answer of a daemon may take longer than the page waits
 
 export const BodePanel = ({ axis }: { axis: Axis }) => <Opened title={t.bode.title}><BodePlots axis={axis} /></Opened>;
 
@@ -16,16 +17,27 @@ function BodePlots({ axis }: { axis: Axis }) {
   const [bode, set] = useState<Body<"Bode"> | null>(null);
   const [failure, fail] = useState("");
   useEffect(() => {
-    const load = async (): Promise<void> => {
+    let timer = 0;
+    let dropped = false;
+    const load = async (): Promise<number> => {
+      if (document.hidden) return EVERY_MS;
       try {
         set(await ask<Body<"Bode">>(`/api/v1/axes/${encodeURIComponent(axis.id)}/bode`));
+        return EVERY_MS;
       } catch (error) {
         fail(isSilence(error) ? "" : (error as Error).message); // the header says for how long there is no answer
+        return isSilence(error) ? AGAIN_MS : EVERY_MS;
       }
     };
-    void load();
-    const timer = setInterval(() => document.hidden || void load(), EVERY_MS);
-    return () => clearInterval(timer);
+    const turn = async (): Promise<void> => {
+      const wait = await load();
+      if (!dropped) timer = window.setTimeout(() => void turn(), wait);
+    };
+    void turn();
+    return () => {
+      dropped = true;
+      clearTimeout(timer);
+    };
   }, [axis.id]);
   if (bode === null) return <p class="quiet">{failure || t.waiting}</p>;
   const f = bode.frequency_hz;

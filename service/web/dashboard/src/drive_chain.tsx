@@ -87,7 +87,7 @@ function Label({ p, name, alarms }: { p: Parameter | undefined; name: string; al
   return (
     <span class={`watched ${p ? kindOf(p) : ""} prio-${active?.priority ?? "none"}`}>
       {active && <AlarmMark alarm={active} />}
-      <b><bdi>{name}</bdi></b>{p && p.status !== "waiting" && ` ${deviationText(p)}`}
+      <b><bdi>{name}</bdi></b>{p && p.status !== "waiting" && <> <span class="nowrap">{deviationText(p)}</span></>}
       {p && (alarm || !p.tested) && <em>{stateOf(p)}</em>}
     </span>
   );

@@ -1,25 +1,14 @@
 // Torque, motion, its prediction and the prediction error over the last seconds; asked for only while the panel is open.
-import type { ComponentChildren } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { ask, isSilence, type Axis } from "./ask";
 import { number, unit } from "./format";
+import { Opened } from "./opened";
 import { Plot, type Range } from "./plot";
 import { rangeOf } from "./series";
 import { emptySignals, joined, LENGTH_S, type SignalColumns, type Signals } from "./signal_buffer";
 import { t } from "./texts";
 
 const EVERY_MS = 1000;
-
-/** A panel that a button opens; what is in it is made only then. */
-export function Opened({ title, children }: { title: string; children: ComponentChildren }) {
-  const [open, set] = useState(false);
-  return (
-    <section class="panel" aria-label={title}>
-      <h2 class="opener"><button type="button" aria-expanded={open} onClick={() => set(!open)}>{open ? "▾" : "▸"} {title}</button></h2>
-      {open && children}
-    </section>
-  );
-}
 
 interface Shown {
   columns: SignalColumns;
