@@ -170,3 +170,17 @@ def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:
     assert [row[2] for row in rows] == ["", "kT 20 %"]
     page = as_html([blind, some], "", Path("made/axiswatch.toml"), Provenance.now())
     assert "1 of 2 axes ready." in page
+
+
+def test_what_all_axes_share_stands_once_and_commands_can_be_told_from_words() -> None:
+    axes = [Outcome(f"cell.a{n}", watched=("kT",), notes=("One <day>.", f"Axis {n}.")) for n in (1, 2)]
+    refused = Outcome("cell.a3", refusal="not identified: it stands")
+    step = "Next: `axiswatch run --config <file>`."
+    page = as_html([*axes, refused], step, Path("made/axiswatch.toml"), Provenance.now())
+    assert [page.count(f"<li>{words}</li>") for words in ("One &lt;day&gt;.", "Axis 1.", "Axis 2.")] == [
+        1,
+        1,
+        1,
+    ]
+    assert page.index("One &lt;day&gt;.") < page.index("<h2>cell.a1</h2>") < page.index("Axis 1.")
+    assert "Next: <code>axiswatch run --config &lt;file&gt;</code>." in page
