@@ -85,7 +85,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     ingest = Ingest(config, axis.config.bus, {axis.id: needed(axis)})
     inputs, known = ingest.axes[axis.id], ingest.decoder.known
     own = _own(concatenate_frames([frames for bus, frames in kept if bus == axis.config.bus]), inputs, known)
-    missing = (_NOTHING,)
+    missing: tuple[str, ...] = (_NOTHING,)
     if kept:
         missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), _span_s(kept)))
     for _ in ingest.feed_values(own):

@@ -9,6 +9,7 @@ import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateTe
 import { isHidden, itemsOf, matches, NEEDS, ordered, type Item, type Need } from "./need";
 import { t } from "./texts";
 import { GAP, layoutOf } from "./tile_layout";
+import { useInTurns } from "./turns";
 
 const LINES = 3; // alarms above the tiles
 const MARGIN = 8; // below the tiles [px]
@@ -20,7 +21,9 @@ export function Overview() {
   const [order, setOrder] = useState<"need" | "name">("need");
   const items = useMemo(() => itemsOf(live.axes, live.active), [live.axes, live.active]);
   const found = useMemo(() => items.filter((item) => matches(item, search)), [items, search]);
-  const chosen = ordered(found.filter((item) => shown === "all" || item.need === shown), order);
+  const chosen = useMemo(
+    () => ordered(found.filter((item) => shown === "all" || item.need === shown), order), [found, shown, order],
+  );
   const numbers = (need: Need | "all"): number => found.filter((item) => need === "all" || item.need === need).length;
   const field = useRef<HTMLInputElement>(null);
   useEffect(() => {
@@ -110,6 +113,7 @@ function Tiles({ items }: { items: Item[] }) {
   const [place, size] = usePlace();
   const parameters = Math.max(1, ...items.map((item) => item.axis.parameters.length));
   const layout = layoutOf(items.length, parameters, size.width, size.height);
+  const drawn = useInTurns(items, idOf, sameItem);
   const move = (event: KeyboardEvent): void => {
     const links = [...(place.current?.querySelectorAll<HTMLElement>("a.tile") ?? [])];
     const at = links.indexOf(document.activeElement as HTMLElement);
@@ -122,7 +126,8 @@ function Tiles({ items }: { items: Item[] }) {
     <ul ref={place} class={layout.wide ? "tiles wide" : "tiles"} aria-label={t.axes} onKeyDown={move}
       style={{ "gap": `${GAP}px`, "grid-template-columns": `repeat(${layout.columns}, minmax(0, 1fr))`, "--bar": `${layout.bar}px` }}>
       {items.map((item) => (
-        <Tile key={item.axis.id} item={item} wide={layout.wide} age={layout.wide ? ageText(ageOf(item.axis, live)) : ""} />
+        <Tile key={item.axis.id} item={drawn.get(item.axis.id) ?? item} known={drawn.has(item.axis.id)}
+          wide={layout.wide} age={layout.wide ? ageText(ageOf(item.axis, live)) : ""} />
       ))}
     </ul>
   );
@@ -138,15 +143,17 @@ function Age({ item: { axis, alarms }, age }: { item: Item; age: string }) {
 
 interface TileProps {
   item: Item;
+  /** Whether its turn has come; before that it is a name in its place. */
+  known: boolean;
   wide: boolean;
   age: string;
 }
 
-const Tile = memo(function Tile({ item, wide, age }: TileProps) {
+const Tile = memo(function Tile({ item, known, wide, age }: TileProps) {
   const { axis, need, alarms } = item;
   const words = needText(item) || epochWords(axis) || t.needs.normal;
   // A wide one says all this in its own text.
-  const label = wide ? undefined : [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
+  const label = wide || !known ? undefined : [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
   return (
     <li>
       <a class={`tile ${need} prio-${alarms[0]?.priority ?? "none"}`} href={axisLink(axis.id)} aria-label={label} title={axis.id}>
@@ -157,16 +164,20 @@ const Tile = memo(function Tile({ item, wide, age }: TileProps) {
           {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[axis.epoch.state] : words}</span>}
         </span>
         {wide && <Age {...{ item, age }} />}
-        {axis.parameters.map((p) => (wide ? <WideRow key={p.name} p={p} /> : <Bar key={p.name} p={p} />))}
+        {known && axis.parameters.map((p) => (wide ? <WideRow key={p.name} p={p} /> : <Bar key={p.name} p={p} />))}
       </a>
     </li>
   );
 }, sameTile);
 
+const idOf = (item: Item): string => item.axis.id;
+
+const sameItem = (a: Item, b: Item): boolean =>
+  a.axis === b.axis && a.need === b.need && a.alarms.length === b.alarms.length && a.alarms.every((alarm, i) => alarm === b.alarms[i]);
+
 /** An axis that has not changed is not drawn again. */
 function sameTile(a: TileProps, b: TileProps): boolean {
-  return a.wide === b.wide && a.age === b.age && a.item.axis === b.item.axis && a.item.need === b.item.need
-    && a.item.alarms.length === b.item.alarms.length && a.item.alarms.every((alarm, i) => alarm === b.item.alarms[i]);
+  return a.wide === b.wide && a.age === b.age && a.known === b.known && sameItem(a.item, b.item);
 }
 
 function WideRow({ p }: { p: Item["axis"]["parameters"][number] }) {

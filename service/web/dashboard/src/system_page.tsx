@@ -1,5 +1,4 @@
 // The daemon itself: its load, buses, what was dropped and why, files, clocks, recordings, versions.
-import { memo } from "preact/compat";
 import { useRef, useState } from "preact/hooks";
 import { Administration } from "./administration";
 import { Frames } from "./alarm_list";
@@ -9,9 +8,6 @@ import { useLive, type Live } from "./live";
 import { axisLink, Time, Words } from "./marks";
 import { failure, reasons, Table, usePolled, type Cells } from "./table";
 import { t } from "./texts";
-
-const FEW = 24;
-const EVERY_MS = 10_000;
 
 export function SystemPage() {
   const live = useLive();
@@ -40,7 +36,10 @@ export function SystemPage() {
       <Buses live={live} />
       {service.links.length > 0 && <Links links={service.links} />}
       {system !== null && <Databases system={system} />}
-      <AxisTables axes={live.axes} beat={live.axes.length > FEW ? Math.floor(live.now / EVERY_MS) : live.now} />
+      <h2>{t.dropsAxis}</h2>
+      <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={live.axes.map(samplesOf)} />
+      <h2>{t.clocks}</h2>
+      <Table label={t.clocks} columns={[t.columns.axis, t.clock, t.interval, t.scatter, t.restarts]} rows={live.axes.map(clockOf)} />
       <Recordings />
       <Administration />
     </>
@@ -94,18 +93,6 @@ function Links({ links }: { links: Body<"Link">[] }) {
     </>
   );
 }
-
-/** Of many axes not with each answer: hundreds of rows take a browser a while. */
-const AxisTables = memo(function AxisTables({ axes }: { axes: Axis[]; beat: number }) {
-  return (
-    <>
-      <h2>{t.dropsAxis}</h2>
-      <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={axes.map(samplesOf)} />
-      <h2>{t.clocks}</h2>
-      <Table label={t.clocks} columns={[t.columns.axis, t.clock, t.interval, t.scatter, t.restarts]} rows={axes.map(clockOf)} />
-    </>
-  );
-}, (a, b) => a.beat === b.beat && a.axes.length === b.axes.length);
 
 const Name = ({ id }: { id: string }) => <a href={axisLink(id)}><bdi>{id}</bdi></a>;
 

@@ -5,16 +5,23 @@ import { count } from "./format";
 import { t } from "./texts";
 
 const EVERY_MS = 10_000;
+const MOST_ROWS = 50;
 
 export type Cells = preact.ComponentChildren[];
 
+/** Of many rows the first ones; the others behind a click, as they take a browser a while. */
 export function Table({ label, columns, rows }: { label: string; columns: string[]; rows: Cells[] }) {
+  const [all, setAll] = useState(false);
+  const shown = all ? rows : rows.slice(0, MOST_ROWS);
   return (
     <div class="panel" role="region" aria-label={label} tabIndex={0}>
       <table role="table" aria-label={label}>
         <thead><tr>{columns.map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
-        <tbody>{rows.map((cells, i) => <tr key={i}>{cells.map((cell, k) => <td key={k}>{cell}</td>)}</tr>)}</tbody>
+        <tbody>{shown.map((cells, i) => <tr key={i}>{cells.map((cell, k) => <td key={k}>{cell}</td>)}</tr>)}</tbody>
       </table>
+      {shown.length < rows.length && (
+        <p class="rest"><button type="button" class="plain" onClick={() => setAll(true)}>{t.more(rows.length - shown.length)}</button></p>
+      )}
     </div>
   );
 }
