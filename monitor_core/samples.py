@@ -50,6 +50,8 @@ def concatenate(blocks: Sequence[SampleBlock]) -> SampleBlock:
     """One block of several of the same axis, named as the first; an array that one of them lacks is left out."""
     if not blocks:
         return SampleBlock(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    if len(blocks) == 1:
+        return blocks[0]
     joined = dict[str, NDArray[Any] | None]()
     for name in _ARRAYS:
         parts = [getattr(block, name) for block in blocks]

@@ -38,6 +38,7 @@ HOMES: dict[str, str | tuple[str, ...]] = {
     "cantools": "service/can/",
     "asammdf": "service/can/",
     "canopen": "service/can/",
+    "msgpack": "service/can/",
     "pyarrow": "service/ingest/",
     "sqlite3": "service/store/",
     "fastapi": "service/web/",

@@ -119,6 +119,7 @@ class AxisMonitor:
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
         self.cusum = CusumDetector(self.model.monitored, batch.state.g[:, :, lane], batch.thresholds[:, lane])
         self._tracker = AlarmTracker(reopen_us=self._reopen_us)
+        self._alpha1: list[float] = self.settings.tests(len(self.model.scale))[0].tolist()
         self.look_alike: Mapping[str, str] = {}
         """What else a change of a parameter may be, for its alarms, by its name"""
         self._models_wait = False
@@ -235,6 +236,12 @@ class AxisMonitor:
         self._models_wait = models_wait
 
     @property
+    def time_us(self) -> int | None:
+        """Time of the last sample [us]; None before the first."""
+        last = int(self.batch.state.t[self.lane])
+        return None if last == NEVER else last
+
+    @property
     def learned(self) -> int:
         """Number of samples from which theta has been updated."""
         return int(self.batch.state.counts[USED, self.lane])
@@ -277,9 +284,8 @@ class AxisMonitor:
     def status(self) -> AxisStatus:
         """Status of the axis now."""
         st, a = self.batch.state, self.lane
-        last = int(st.t[a])
         return AxisStatus(
-            time_us=None if last == NEVER else last,
+            time_us=self.time_us,
             parameters=tuple(self._parameter(i) for i in range(len(self.model.monitored))),
             innovation_variance=float(st.lam0_running[a]),
             confounded=self._confounded(),
@@ -361,8 +367,9 @@ class AxisMonitor:
         return remedy(self.model, self.settings, seed_left, int(counts[SEEDING] + counts[USED]))
 
     def _nu(self, i: int, P_ii: float) -> float:
-        alpha1 = float(self.settings.tests(len(self.model.scale))[0, i])
-        return alpha1 * math.sqrt(self.settings.lam0 * P_ii) + float(self.batch.allowance[i, self.lane])
+        return self._alpha1[i] * math.sqrt(self.settings.lam0 * P_ii) + float(
+            self.batch.allowance[i, self.lane]
+        )
 
     def _confounded(self) -> tuple[str, ...]:
         st, a = self.batch.state, self.lane

@@ -18,7 +18,8 @@ from service.can.receivers import BLOCK_FRAMES, Receiver, reader_of, receiver_of
 from service.can.user_errors import BusError
 
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
-"""Why a frame did not reach the worker.  kernel_overflow is known for socketcan only."""
+"""Why a frame did not reach the worker.  kernel_overflow is known for socketcan and
+udp_multicast only."""
 
 _RETRY_S = 0.25
 LONGEST_RETRY_S = 5.0

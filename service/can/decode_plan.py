@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +22,8 @@ _WORD = 8
 _IS_LITTLE = sys.byteorder == "little"
 _EXACT = 1 << 53
 """Whole numbers below are exact in a float64."""
+_LARGE = 1e200
+_SHIFTS = tuple(map(np.uint64, range(64)))
 _FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
 
 Data = NDArray[np.uint8]
@@ -52,7 +56,7 @@ class _Place:
         at = min(self._bytes[0], data.width - _WORD)
         up = self._first - 8 * at if self._big else 64 + 8 * at - self._end
         word = data.word(at, self._big)
-        return word << np.uint64(up) if up else word
+        return word << _SHIFTS[up] if up else word
 
     def _of_nine(self, data: _Words) -> NDArray[np.uint64]:
         first = self._bytes[0]
@@ -96,8 +100,11 @@ class _SignalPlan:
         self._place = _Place(signal)
         self._signed, self._float = signal.is_signed, signal.conversion.is_float
         self._scale, self._offset = _numbers_of(signal)
+        self._factor, self._added = _real(self._scale), _real(self._offset)
         self._is_raw = self._scale == 1 and self._offset == 0
         self._is_large = _beyond_floats(signal, self._scale, self._offset)
+        self.may_overflow = self._float or max(abs(self._factor), abs(self._added)) > _LARGE
+        """Whether numpy may have to warn"""
         self.present: _Condition | None = None
         if signal.multiplexer_signal is not None:
             self.present = _Condition(signal.multiplexer_signal, _floats(signal.multiplexer_ids or ()))
@@ -109,14 +116,16 @@ class _SignalPlan:
         word, down = self._place.raw(data), 64 - self._place.length
         if self._float:
             unsigned, real = _FLOATS[self._place.length]
-            raw = (word >> np.uint64(down)).astype(unsigned).view(real).astype(np.float64)
-            return raw if self._is_raw else raw * _real(self._scale) + _real(self._offset)
-        bits = word.view(np.int64) >> down if self._signed else word >> np.uint64(down)
+            raw = (word >> _SHIFTS[down]).astype(unsigned).view(real).astype(np.float64)
+            return raw if self._is_raw else raw * self._factor + self._added
+        bits = word.view(np.int64) >> down if self._signed else word >> _SHIFTS[down]
         if self._is_raw:
             return bits.astype(np.float64)
         if self._is_large:  # hardly any database has such numbers
             return np.array([_real(n * self._scale + self._offset) for n in bits.tolist()], np.float64)
-        return np.asarray(bits * float(self._scale) + float(self._offset), np.float64)
+        values = np.asarray(bits * self._factor, np.float64)
+        values += self._added
+        return values
 
 
 def _numbers_of(signal: Signal) -> tuple[float, float]:
@@ -155,13 +164,15 @@ class MessagePlan:
         self._signals = tuple(ordered.values())
         self.multiplexed = any(signal.pages is not None for signal in self._signals)
         """Whether a frame may be without a signal, or have an unknown page"""
+        may_overflow = any(signal.may_overflow for signal in self._signals)
+        self._quiet = partial(np.errstate, all="ignore") if may_overflow else nullcontext
 
     def decode(self, data: Data) -> tuple[dict[str, Column], Bools]:
         """The wanted signals in data (N, W) that are long enough, and which frames (N,) have a known page."""
         known = np.ones(len(data), np.bool_)
         columns: dict[str, Column] = {}
         everywhere, words = known, _Words(data)
-        with np.errstate(all="ignore"):  # any bits may be a float
+        with self._quiet():  # any bits may be a float
             for signal in self._signals:
                 values, present = signal.values(words), everywhere
                 if signal.present is not None:

@@ -75,13 +75,14 @@ class FrameBlock:
     @classmethod
     def from_frames(cls, frames: Sequence[Frame]) -> FrameBlock:
         """The block of these frames."""
-        wide = any(len(frame.data) > CLASSIC_BYTES for frame in frames)
+        lengths = [len(frame.data) for frame in frames]
+        wide = max(lengths, default=0) > CLASSIC_BYTES
         records = np.zeros(len(frames), FD_RECORD if wide else CLASSIC_RECORD)
         width = FD_BYTES if wide else CLASSIC_BYTES
         records["t_us"] = [frame.t_us for frame in frames]
-        records["id"] = [frame.key.record_id for frame in frames]
-        records["length"] = [len(frame.data) for frame in frames]
-        data = b"".join(frame.data.ljust(width, b"\0") for frame in frames)
+        records["id"] = [frame.can_id | EXTENDED if frame.extended else frame.can_id for frame in frames]
+        records["length"] = lengths
+        data = b"".join([frame.data.ljust(width, b"\0") for frame in frames])
         records["data"] = np.frombuffer(data, np.uint8).reshape(-1, width)
         return cls(records)
 

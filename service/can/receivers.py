@@ -1,4 +1,4 @@
-"""Receivers: blocks of frames from an open bus, by its socket on SocketCAN, otherwise by python-can."""
+"""Receivers: blocks of frames from an open bus: from its socket where it has one, otherwise by python-can."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import socket
 import sys
 import time
 from collections.abc import Mapping
+from functools import lru_cache, partial
 from threading import Event
 from typing import Any, Literal, NamedTuple
 
 import can
+import msgpack
 import numpy as np
 from can.interfaces.socketcan import SocketcanBus
+from can.interfaces.udp_multicast import UdpMulticastBus
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
@@ -91,7 +94,7 @@ class Receiver:
         return Received(FrameBlock.from_frames(frames), rejected)
 
 
-# --- SocketCAN: many frames in one system call, into memory that is there --------------------------------------------
+# --- Sockets: many messages in one system call, into memory that is there ---------------------------------------------
 
 # Numbers that Python's socket module does not have (include/uapi/asm-generic/socket.h).
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
@@ -104,6 +107,8 @@ _FRAME = np.dtype(
     [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("_", "u1", (2,)), ("data", "u1", (64,))]
 )
 """struct canfd_frame; a classic frame fills the first 16 bytes of it."""
+_DATAGRAM = np.dtype([("data", "u1", (1024,))])
+"""A frame as python-can packs it takes some 200 bytes."""
 _NOTE = np.dtype(
     {"names": ["bytes", "level", "type"], "formats": ["<u8", "<i4", "<i4"], "offsets": [0, 8, 12]}
 )
@@ -144,37 +149,34 @@ class _MMsgHdr(ctypes.Structure):
     _fields_ = (("header", _MsgHdr), ("length", ctypes.c_uint32))
 
 
-class SocketReceiver(Receiver):
-    """Reads the socket of a SocketCAN bus in blocks, with kernel time stamps and the kernel's counter of drops.
+class BlockReceiver(Receiver):
+    """Reads the socket of a bus in blocks, with kernel time stamps and the kernel's counter of drops.
 
     Frames wait in the kernel while a block is collected, so this thread runs fifty times a second and not once for each
     frame; their time stamps are those of their receipt.
+
+    Args:
+        bus: an open one.
+        message: what a message of its socket looks like.
     """
 
-    name = "socketcan in blocks"
-
-    def __init__(self, bus: SocketcanBus) -> None:
+    def __init__(self, bus: can.BusABC, message: np.dtype[np.void]) -> None:
         super().__init__(bus)
-        self._socket = bus.socket
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _BUFFER_BYTES)
-        except PermissionError:  # not root: as much as net.core.rmem_max allows
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
-        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
-        self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        _prepare(bus.fileno())
         self._more = False  # frames may wait still
         self._poll = select.poll()
-        self._poll.register(self._socket, select.POLLIN)
+        self._poll.register(bus.fileno(), select.POLLIN)
         self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
-        self._frames, self._notes = np.zeros(BLOCK_FRAMES, _FRAME), np.zeros(BLOCK_FRAMES, _NOTES)
+        self._raw, self._notes = np.zeros(BLOCK_FRAMES, message), np.zeros(BLOCK_FRAMES, _NOTES)
         self._vectors, self._headers = (_IoVec * BLOCK_FRAMES)(), (_MMsgHdr * BLOCK_FRAMES)()
-        for k, (vector, message) in enumerate(zip(self._vectors, self._headers, strict=True)):
-            vector.base, vector.length = self._frames[k : k + 1].ctypes.data, _FRAME.itemsize
-            message.header.vectors, message.header.vectors_length = ctypes.pointer(vector), 1
-            message.header.control = self._notes[k : k + 1].ctypes.data
+        for k, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
+            vector.base, vector.length = self._raw[k : k + 1].ctypes.data, message.itemsize
+            header.header.vectors, header.header.vectors_length = ctypes.pointer(vector), 1
+            header.header.control = self._notes[k : k + 1].ctypes.data
         headers = np.frombuffer(self._headers, np.uint8).reshape(BLOCK_FRAMES, -1)  # type: ignore[call-overload]
         at = _MMsgHdr.header.offset + _MsgHdr.control_length.offset
         self._control_lengths = headers[:, at : at + 8].view("<u8")[:, 0]
+        self._lengths = headers[:, _MMsgHdr.length.offset :][:, :4].view("<u4")[:, 0]
 
     def read(self, most: int, stop: Event) -> Received:
         """See Receiver."""
@@ -190,19 +192,33 @@ class SocketReceiver(Receiver):
         self._control_lengths[:] = _NOTES.itemsize
         self._notes["second"]["type"] = 0
         wanted = min(most, BLOCK_FRAMES)
-        count = self._recvmmsg(self._socket.fileno(), self._headers, wanted, socket.MSG_DONTWAIT, None)
+        count = self._recvmmsg(self._bus.fileno(), self._headers, wanted, socket.MSG_DONTWAIT, None)
         if count < 0:
             code = ctypes.get_errno()
             if code in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EINTR):
                 return _NOTHING
             raise OSError(code, os.strerror(code))
         self._more = count == wanted
-        return self._received(self._frames[:count], self._notes[:count], self._control_lengths[:count])
-
-    def _received(self, raw: NDArray[np.void], notes: NDArray[np.void], notes_bytes: Any) -> Received:
-        second = (notes_bytes > _DROPS_AT) & (notes["second"]["type"] == _SO_RXQ_OVFL)
+        notes = self._notes[:count]
+        second = (self._control_lengths[:count] > _DROPS_AT) & (notes["second"]["type"] == _SO_RXQ_OVFL)
         if second.any():
             self.overflow = int(notes["drops"][second][-1])
+        return self._received(self._raw[:count], _times_us(notes))
+
+    def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
+        """What messages (N,) that were received then bring."""
+        raise NotImplementedError
+
+
+class SocketReceiver(BlockReceiver):
+    """Reads a SocketCAN bus."""
+
+    name = "socketcan in blocks"
+
+    def __init__(self, bus: SocketcanBus) -> None:
+        super().__init__(bus, _FRAME)
+
+    def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
         ids = raw["id"]
         error, remote = (ids & _ERROR) != 0, (ids & (_ERROR | _REMOTE)) == _REMOTE
         rejected: dict[Rejected, int] = {}
@@ -211,7 +227,70 @@ class SocketReceiver(Receiver):
         if remote.any():
             rejected["remote_frame"] = int(np.count_nonzero(remote))
         sound = ~(error | remote)
-        return Received(_block(raw[sound], _times_us(notes[sound])), rejected)
+        return Received(_block(raw[sound], t_us[sound]), rejected)
+
+
+class DatagramReceiver(BlockReceiver):
+    """Reads a multicast bus, whose datagrams each hold a frame as python-can packs it."""
+
+    name = "udp_multicast in blocks"
+
+    def __init__(self, bus: UdpMulticastBus) -> None:
+        super().__init__(bus, _DATAGRAM)
+        self._classic = bus.protocol is can.CanProtocol.CAN_20
+        self._passes = lru_cache(4096)(partial(_passes, bus))
+
+    def read(self, most: int, stop: Event) -> Received:
+        """See Receiver."""
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault
+        return super().read(most, stop)
+
+    def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
+        frames, rejected = list[Frame](), dict[Rejected, int]()
+        packed = zip(raw["data"], self._lengths.tolist(), t_us.tolist(), strict=False)
+        try:
+            for message, length, at_us in packed:
+                found = self._frame(msgpack.unpackb(message[:length], raw=False), at_us)
+                if isinstance(found, Frame):
+                    frames.append(found)
+                elif found is not None:
+                    rejected[found] = rejected.get(found, 0) + 1
+        except (ValueError, TypeError, KeyError, msgpack.exceptions.UnpackException) as error:
+            self._fault = can.CanOperationError("a datagram holds no frame")
+            self._fault.__cause__ = error
+        return Received(FrameBlock.from_frames(frames), rejected)
+
+    def _frame(self, packed: Mapping[str, Any], at_us: int) -> Frame | Rejected | None:
+        """The frame in a datagram; None: it is not wanted."""
+        can_id, extended, data = packed["arbitration_id"], bool(packed["is_extended_id"]), packed["data"]
+        if not 0 <= can_id <= (_ID if extended else _STANDARD_ID) or len(data) > FD_BYTES:
+            raise ValueError("no frame has such an id or length")
+        if not self._passes(can_id, extended) or (self._classic and packed["is_fd"]):
+            return None
+        if packed["is_error_frame"]:
+            return "error_frame"
+        return "remote_frame" if packed["is_remote_frame"] else Frame(at_us, can_id, extended, bytes(data))
+
+
+def _prepare(fileno: int) -> None:
+    """Let a socket hold many messages, and note with each the time of its receipt and the drops before it."""
+    with socket.socket(fileno=os.dup(fileno)) as same:
+        try:
+            same.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _BUFFER_BYTES)
+        except PermissionError:  # not root: as much as net.core.rmem_max allows
+            same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        same.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        same.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+
+
+def _passes(bus: can.BusABC, can_id: int, extended: bool) -> bool:
+    """Whether the filters of a bus let the frames of that id through."""
+    return not bus.filters or any(
+        wanted.get("extended", extended) == extended and not (can_id ^ wanted["can_id"]) & wanted["can_mask"]
+        for wanted in bus.filters
+    )
 
 
 def _times_us(notes: NDArray[np.void]) -> Ints:
@@ -237,12 +316,15 @@ def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:
 
 def receiver_of(bus: can.BusABC) -> Receiver:
     """The receiver for this kind of bus."""
-    return SocketReceiver(bus) if _FITS and isinstance(bus, SocketcanBus) else Receiver(bus)
+    if _FITS and isinstance(bus, SocketcanBus):
+        return SocketReceiver(bus)
+    return DatagramReceiver(bus) if _FITS and isinstance(bus, UdpMulticastBus) else Receiver(bus)
 
 
 def reader_of(interface: str) -> str:
     """How a bus of that interface is read, as shown to the user."""
-    return SocketReceiver.name if interface == "socketcan" and _FITS else Receiver.name
+    in_blocks = {"socketcan": SocketReceiver.name, "udp_multicast": DatagramReceiver.name}
+    return in_blocks.get(interface, Receiver.name) if _FITS else Receiver.name
 
 
 def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:

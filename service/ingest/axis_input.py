@@ -132,7 +132,7 @@ class AxisInput:
             if quantity is None or quantity.key != key:
                 return np.zeros(len(has))
             column, present = quantity.column(found.signals)
-            np.bitwise_or(has, np.uint8(bit), out=has, where=present)
+            np.add(has, bit, out=has, where=present)  # each bit once
             return column
 
         torque, motion = values(self.torque, HAS_TORQUE), values(self.motion, HAS_MOTION)

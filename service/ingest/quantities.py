@@ -35,8 +35,10 @@ class Quantity(NamedTuple):
 
     def column(self, signals: Mapping[str, Column]) -> Column:
         """The values in SI units."""
-        values, present = signals[self.signal]
-        return Column(self.factor * values + self.offset, present)
+        found = signals[self.signal]
+        if self.factor == 1 and self.offset == 0:
+            return found
+        return Column(self.factor * found.values + self.offset, found.present)
 
 
 def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Quantity:

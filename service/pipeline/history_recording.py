@@ -18,6 +18,8 @@ from service.store.history_store import HistoryStore, Point, Series
 
 POINTS_AT_ONCE = 6
 """Of each parameter in a transaction: each writes a page of the file for each parameter and resolution."""
+LOOKS = 20
+"""For a point in each interval, as long as there are no estimates."""
 LONGEST_WAIT_S = 600.0
 """Until points are written."""
 RETRY_S = 10.0
@@ -70,6 +72,8 @@ class HistoryRecording:
         self._open, self.interval_s, self._clock, self._now_s = open_store, interval_s, clock, now_s
         self._most_waiting = most_waiting
         self._slots: dict[str, int] = {}
+        self._looked_us: dict[str, int] = {}
+        """Time of the sample at which a point was looked for last, by axis"""
         self._waiting = deque[Point]()
         self._lock = threading.Lock()
         self._dropped = Counter({FULL: 0})
@@ -83,24 +87,38 @@ class HistoryRecording:
 
     # --- the worker's side --------------------------------------------------------------------------------
 
+    def is_due(self, axis_id: str, time_us: int | None) -> bool:
+        """Whether ``take`` may find a point of an axis, whose last sample is of that time.
+
+        While there are no estimates it is looked for a few times in each interval.
+        """
+        if time_us is None or self._slots.get(axis_id) == self._slot(time_us):
+            return False
+        looked_us = self._looked_us.get(axis_id)
+        return looked_us is None or abs(time_us - looked_us) >= self.interval_s * 1e6 / LOOKS
+
     def take(self, axis_id: str, status: AxisStatus, paused: bool) -> None:
         """Keep the status of an axis if a point is due: the first in each interval of the samples' time that has any.
 
         Parameters without an estimate of now have none: no sample, learning, invalid, or the axis is ``paused``.
         """
-        if status.time_us is None or paused:
+        if status.time_us is None:
             return
-        slot = math.floor(status.time_us / (self.interval_s * 1e6))
+        self._looked_us[axis_id] = status.time_us
+        slot = self._slot(status.time_us)
         if self._slots.get(axis_id) == slot:
             return
         t = math.floor(slot * self.interval_s)
-        found = [_point(axis_id, t, p) for p in status.parameters if _is_known(p)]
+        found = [] if paused else [_point(axis_id, t, p) for p in status.parameters if _is_known(p)]
         if not found:  # the estimates may begin within this interval
             return
         self._slots[axis_id] = slot
         with self._lock:
             self._waiting.extend(found)
             self._drop_oldest()
+
+    def _slot(self, time_us: int) -> int:
+        return math.floor(time_us / (self.interval_s * 1e6))
 
     def state(self) -> HistoryState:
         """How it is being written now."""

@@ -169,14 +169,19 @@ class AxisView:
         self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
         self._by_configuration = Note(0, CONFIGURATION) if axis.config.alarms.out_of_service else None
 
+    def take_point(self) -> None:
+        """Give the history a point of the axis, if one is due."""
+        axis_id, monitors = self._axis.id, self._pipeline.monitors
+        monitor = monitors.by_id[axis_id]
+        if self._history.is_due(axis_id, monitor.time_us):
+            self._history.take(axis_id, monitor.status(), bool(monitors.waits_for(axis_id)))
+
     def snapshot(self) -> AxisSnapshot:
         """Snapshot of the axis now."""
         axis, drive, monitors = self._axis, self._model.drive, self._pipeline.monitors
         monitor = monitors.by_id[axis.id]
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
         status, open_alarms = monitor.status(), self._alarms.open(axis.id)
-        gated_by = monitors.waits_for(axis.id)
-        self._history.take(axis.id, status, bool(gated_by))
         return AxisSnapshot(
             id=axis.id,
             robot=axis.robot,
@@ -190,7 +195,7 @@ class AxisView:
             open_alarms=open_alarms,
             dropped={**source.dropped, **monitors.dropped(axis.id)},
             clock=source.events,
-            gated_by=gated_by,
+            gated_by=monitors.waits_for(axis.id),
             outside_calibration=monitors.outside_calibration(axis.id),
             heat=monitors.heat(axis.id),
             stamps=source.stamps,

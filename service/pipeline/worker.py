@@ -1,7 +1,8 @@
 """The worker: one thread that takes the frames of all buses and owns all monitors.
 
-Frames of the readers become samples, samples go through the kernel, alarms go to the journal.  Then the snapshot that
-shows them is replaced in one assignment.
+Frames of the readers become samples, samples go through the kernel, alarms go to the journal.  The snapshot that shows
+them is replaced in one assignment: at once where an alarm, a bus or a message has changed, otherwise as often as
+somebody looks.
 """
 
 import threading
@@ -19,7 +20,7 @@ from service.can.bus_reader import ReaderStats
 from service.can.frames import FrameBlock
 from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import Alarms, AxisAlarm, alarm_rules, quantities
+from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot, AxisAlarm, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.history_recording import HistoryRecording, HistoryState
@@ -27,7 +28,11 @@ from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot, out_of_service
 
 TICK_S = 0.1
-"""Time between blocks and between snapshots: long enough for one call of the kernel to pay."""
+"""Time between blocks: long enough for one call of the kernel to pay."""
+
+LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
+"""Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
+long as the samples of a block."""
 
 MOST_FRAMES = 10_000
 """Frames of a bus in one block, so that a backlog does not keep the snapshots waiting."""
@@ -97,6 +102,21 @@ class ProcessingTime:
     def histogram(self) -> Histogram:
         """The histogram now."""
         return Histogram(BOUNDS_S, tuple(self._counts), self._total_s)
+
+
+class _News(NamedTuple):
+    """What may be new in a snapshot beside the status of the axes; it costs little."""
+
+    now_us: int
+    buses: tuple[BusSnapshot, ...]
+    alarms: AlarmsSnapshot
+    history: HistoryState
+    messages: tuple[str, ...]
+
+    def differs(self, shown: Snapshot) -> bool:
+        """Whether people wait for something in it that the snapshot does not have."""
+        states, shown_states = ([bus.state for bus in buses] for buses in (self.buses, shown.buses))
+        return (self.alarms, self.messages, states) != (shown.alarms, shown.messages, shown_states)
 
 
 class Compiled(NamedTuple):
@@ -172,8 +192,15 @@ class Worker:
         """How often its loop has turned: frames may be missing, but it turns ten times a second"""
         self.error: BaseException | None = None
         """The fault that ended the thread."""
-        self.snapshot = self._snapshot()
-        """The newest snapshot; readers take it in one assignment."""
+        self._looked_at = False
+        self._published = self._snapshot(self._news(now_us()))
+        self._published_s = perf_counter()
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The newest snapshot, from any thread.  Whoever looks every second finds none that is older."""
+        self._looked_at = True
+        return self._published
 
     def start(self) -> None:
         """Start the thread."""
@@ -246,11 +273,14 @@ class Worker:
 
     def _tick(self) -> bool:
         """Process one block; returns whether frames may still wait."""
+        acted = bool(self._actions)
         while self._actions:
             self._actions.popleft().run()
         busy = not self._waits() and self._block()
         self._recording.tick()
-        self.snapshot = self._snapshot()
+        for view in self._views.values():
+            view.take_point()
+        self._publish(at_once=acted)
         # While samples wait for the detectors, these would be older than the estimates.
         if not self._pipeline.monitors.deferred_samples:
             self._checkpointer.save_if_due()
@@ -297,23 +327,40 @@ class Worker:
             self._record(self._pipeline.monitors.trends.update())
         if left := self._pipeline.monitors.deferred_samples:
             log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
+        for view in self._views.values():
+            view.take_point()
         self._checkpointer.save()
-        self.snapshot = self._snapshot()
+        self._publish(at_once=True)
 
-    def _snapshot(self) -> Snapshot:
-        now_us, history = self._now_us(), self._history.state()
-        alarms = self._alarms.snapshot(now_us)
+    def _publish(self, at_once: bool) -> None:
+        """Replace the snapshot where it is old, or does not show what people wait for."""
+        news = self._news(self._now_us())
+        age_s = perf_counter() - self._published_s
+        if (
+            at_once
+            or age_s >= (LOOKED_AT_S if self._looked_at else UNSEEN_S)
+            or news.differs(self._published)
+        ):
+            self._looked_at = False
+            self._published = self._snapshot(news)
+            self._published_s = perf_counter()
+
+    def _news(self, now_us: int) -> _News:
+        history, buses = self._history.state(), tuple(bus.snapshot() for bus in self._buses)
+        return _News(now_us, buses, self._alarms.snapshot(now_us), history, self._all_messages(history))
+
+    def _snapshot(self, news: _News) -> Snapshot:
         axes = tuple(view.snapshot() for view in self._views.values())
         return Snapshot(
-            taken_us=now_us,
+            taken_us=news.now_us,
             started_us=self._started_us,
             axes=axes,
-            buses=tuple(bus.snapshot() for bus in self._buses),
+            buses=news.buses,
             processing=self._time.histogram(),
             checkpoint_us=self._checkpointer.saved_us,
-            messages=(*out_of_service(axes), *self._all_messages(history)),
-            alarms=alarms,
-            history=history,
+            messages=(*out_of_service(axes), *news.messages),
+            alarms=news.alarms,
+            history=news.history,
         )
 
     def _all_messages(self, history: HistoryState) -> tuple[str, ...]:

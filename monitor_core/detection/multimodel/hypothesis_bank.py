@@ -39,6 +39,9 @@ LOOKS = 20
 PATIENCE = 2
 """So many times as long if it is nothing but noise, a signal that is another one or a scale that never changes: what no
 size fits well looks like that, too, until there is more evidence."""
+_NO_TRACE = BankTrace(*[np.empty((0, 0))] * 3)
+_ALWAYS, _AS_BEFORE = np.empty((0, 1), np.bool_), np.empty(0)
+"""In place of a gate, and of a weight"""
 _REMEMBERED = 256
 """Steps whose predictors are kept, for nominal values that come again with the pose."""
 
@@ -207,7 +210,7 @@ class HypothesisBank:
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(_block(t_us, u, y, gate, weight), shift, BankTrace(*[np.empty((0, 0))] * 3))
+        return self._run(_block(t_us, u, y, gate, weight), shift, _NO_TRACE)
 
     def run_traced(
         self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None,
@@ -224,11 +227,12 @@ class HypothesisBank:
 
     def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
         N, p = len(block.t), len(self.moved)
-        if shift is not None:
-            if np.shape(shift) != (N, p):
-                raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
-            known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
-            block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
+        if shift is None:
+            return self._run_on(block, trace)
+        if np.shape(shift) != (N, p):
+            raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
+        known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
+        block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
         events: list[Event] = []
         for rows, moved in steps(self.model, shift, self.moved, N):
             if moved != self.moved:
@@ -345,8 +349,8 @@ def _copy(memory: Memory) -> Memory:
 
 def _block(t_us: Ints, u: Floats, y: Floats, gate: Bools | None, weight: Floats | None) -> Block:
     t = np.ascontiguousarray(t_us, dtype=np.int64)
-    opened = np.ascontiguousarray([] if gate is None else gate, np.bool_)[:, np.newaxis]
-    held = np.ascontiguousarray([] if weight is None else weight, float)
+    opened = _ALWAYS if gate is None else np.ascontiguousarray(gate, np.bool_)[:, np.newaxis]
+    held = _AS_BEFORE if weight is None else np.ascontiguousarray(weight, float)
     if t.ndim != 1 or np.shape(u) != t.shape or np.shape(y) != t.shape or len(opened) not in {0, len(t)}:
         raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N,) each")
     if held.shape not in {(0,), t.shape}:

@@ -2,9 +2,12 @@
 
 import random
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from threading import Event
+from typing import Any
 
 import can
 import pytest
@@ -12,7 +15,7 @@ import pytest
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
 from service.can.frames import Frame, FrameBlock, FrameKey
-from service.can.receivers import frame_of
+from service.can.receivers import Receiver, Rejected, frame_of, receiver_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from tests.service.ingest.plant import axis1, make_config
@@ -92,6 +95,65 @@ def test_unwanted_frames_stay_outside(bus_config: BusConfig) -> None:
         assert [f.key for f in take(reader, 1)] == [EXTENDED]
         assert reader.stats().frames == 1
     assert (reader.stats().state, reader.stats().up) == ("closed", False)
+
+
+@contextmanager
+def multicast(*filters: FrameKey) -> Iterator[tuple[can.BusABC, can.BusABC, can.BusABC]]:
+    """Two buses that receive, with these filters, and a third that sends."""
+    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 50_000)}
+    wanted: Any = [{"can_id": k.can_id, "can_mask": 0x1FFFFFFF, "extended": k.extended} for k in filters]
+    with ExitStack() as stack:
+        buses = [
+            can.Bus("239.74.163.3", "udp_multicast", can_filters=own, ignore_config=True, **options)
+            for own in (wanted or None, wanted or None, None)
+        ]
+        for bus in buses:
+            stack.callback(bus.shutdown)
+        yield buses[0], buses[1], buses[2]
+
+
+def until_last(receiver: Receiver) -> tuple[list[Frame], Counter[Rejected]]:
+    """The frames up to one with the data "last", and the number of rejected ones."""
+    frames, rejected = list[Frame](), Counter[Rejected]()
+    end = time.monotonic() + 20.0
+    while not frames or frames[-1].data != b"last":
+        assert time.monotonic() < end
+        received = receiver.read(40, Event())
+        assert received.frames.size <= 40
+        frames += received.frames.frames()
+        rejected.update(received.rejected)
+    return frames, rejected
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_datagrams_in_blocks_give_the_frames_that_python_can_gives(seed: int, filtered: bool) -> None:
+    rng = random.Random(seed)
+    keys = [STANDARD, EXTENDED, FrameKey(0x100, True), FrameKey(0x7FF, False)]
+    with multicast(*keys[:2] if filtered else ()) as (first, second, sender):
+        in_blocks, single = receiver_of(first), Receiver(second)
+        assert in_blocks.name == "udp_multicast in blocks"
+        for k in range(150):  # shorter data after longer
+            send(sender, rng.choice(keys), rng.randbytes(rng.choice([*range(9), 12, 32, 64])))
+            if k % 50 == 10:
+                sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_remote_frame=True))
+                sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_error_frame=True))
+        send(sender, STANDARD, b"last")
+        (found, rejected), (expected, expected_rejected) = until_last(in_blocks), until_last(single)
+    assert rejected == expected_rejected == {"remote_frame": 3, "error_frame": 3}
+    assert {frame.key for frame in found} == set(keys[:2] if filtered else keys)
+    assert [frame[1:] for frame in found] == [frame[1:] for frame in expected]
+    # python-can has the time as a float of seconds.
+    assert all(abs(a.t_us - b.t_us) <= 1 for a, b in zip(found, expected, strict=True))
+
+
+def test_a_datagram_without_a_frame_is_a_fault_after_the_frames_before_it() -> None:
+    with multicast() as (bus, _, sender):
+        receiver = receiver_of(bus)
+        send(sender, STANDARD, b"last")
+        sender._multicast.send(b"\xc1 no frame", 1.0)  # type: ignore[attr-defined]
+        assert len(until_last(receiver)[0]) == 1
+        with pytest.raises(can.CanOperationError, match="a datagram holds no frame"):
+            receiver.read(10, Event())
 
 
 def test_long_frames(bus_config: BusConfig) -> None:

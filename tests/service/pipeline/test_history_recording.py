@@ -103,6 +103,18 @@ def test_an_interval_that_begins_without_estimates_has_the_first_that_follow(
     assert bench.times() == [0]
 
 
+def test_a_point_is_due_once_in_each_interval_and_is_looked_for_now_and_then(bench: Bench) -> None:
+    def is_due(t_s: float) -> bool:
+        return bench.recording.is_due(AXIS, at(t_s).time_us)
+
+    assert not bench.recording.is_due(AXIS, None)
+    assert is_due(1)
+    bench.take(at(1, status=Status.SEEDING), paused=True)
+    assert [is_due(t_s) for t_s in (1, 1.4, 1.5, 9)] == [False, False, True, True]
+    bench.take(at(2))
+    assert [is_due(t_s) for t_s in (2.6, 9.9, 10, 1.9, -0.1)] == [False, False, True, False, True]
+
+
 def test_a_point_has_all_quantities(bench: Bench) -> None:
     bench.take(at(0, nominal=2.0, estimate=2.5, standard_deviation=0.25, g_up=3.0, g_down=4.0, h=5.0))
     bench.write()

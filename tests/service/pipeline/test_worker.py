@@ -156,6 +156,41 @@ def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[
         assert (found.arrays["floats"] == monitor.to_arrays()["floats"]).all()
 
 
+def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_alarm_changes(
+    bench: Bench, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = 0.0
+    monkeypatch.setattr(worker_module, "perf_counter", lambda: clock)
+    worker, new = bench.worker, list[float]()
+    bench.compile()
+
+    def turn_until(end_s: float, look: bool) -> None:
+        """Turns of the worker with samples for each; notes when there is another snapshot."""
+        nonlocal clock
+        while clock < end_s:
+            clock += 0.125
+            shown = worker._published
+            worker._tick()
+            if worker._published is not shown:
+                new.append(clock)
+            if look:
+                assert worker.snapshot is worker._published
+
+    worker._tick()  # the kernel is ready, which is news
+    worker._published_s = 0.0
+    turn_until(2.0, look=False)
+    turn_until(3.0, look=True)
+    assert new == [1.0, 2.0, 2.25, 2.5, 2.75, 3.0]
+    while bench.core.monitors.by_id["demo.axis1"].open_alarms == ():
+        worker._tick()
+    shown = worker._published
+    assert (
+        [a.parameter for a in shown.alarms.standing]
+        == [e.parameter for e in shown.axes[0].open_alarms]
+        == ["fm"]
+    )
+
+
 def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
     bench: Bench, frames: Sequence[Frame]
 ) -> None:
