@@ -96,7 +96,7 @@ def sample_age_s(axis: AxisSnapshot, now_us: int) -> float | None:
 
 
 OLDEST_SNAPSHOT_S = 10.0
-"""The worker publishes a snapshot about every second, with or without samples; an older one means that it hangs."""
+"""The worker publishes a snapshot every second at least, with or without samples; an older one means that it hangs."""
 
 OLDEST_SAMPLE_S = 5.0
 OLDEST_SAMPLE_INTERVALS = 10
