@@ -1,11 +1,12 @@
-"""Who has changed what when: what persons have done about alarms, and what has happened to epochs."""
+"""Who has changed what when: what persons have done about alarms and axes, and what has happened to epochs."""
 
 import sqlite3
 from typing import Literal, NamedTuple
 
 from service.store.alarm_transitions import CONFIGURATION, SERVICE
 
-Subject = Literal["alarm", "epoch"]
+Subject = Literal["alarm", "epoch", "service"]
+"""service: an axis is taken out of it, or returns"""
 
 
 class AuditEntry(NamedTuple):
@@ -18,9 +19,9 @@ class AuditEntry(NamedTuple):
     event: str
     axis: str
     number: int
-    """Of the alarm, or of the epoch of the axis"""
+    """Of the alarm, or of the epoch of the axis; else 0"""
     parameter: str
-    """Of the alarm; empty: of an epoch"""
+    """Of the alarm, else empty"""
     comment: str
     work_order: str
 
@@ -34,7 +35,9 @@ _QUERY = f"""
         WHERE t.who NOT IN ('{SERVICE}', '{CONFIGURATION}')
         UNION ALL
         SELECT at_us, 'epoch', id, who, event, axis, number, '', comment, work_order
-        FROM epoch_event WHERE who <> '{SERVICE}')
+        FROM epoch_event WHERE who <> '{SERVICE}'
+        UNION ALL
+        SELECT at_us, 'service', id, who, event, axis, 0, '', comment, work_order FROM axis_service)
     WHERE (at_us, subject, id) < (?, ?, ?) ORDER BY at_us DESC, subject DESC, id DESC LIMIT ?
 """
 _LATEST: Place = (2**63 - 1, "", 0)

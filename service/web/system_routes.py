@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, get_args
 
 from fastapi import APIRouter, Depends, Query
 from pydantic import Field
@@ -26,7 +26,7 @@ from service.web.robot_setup import RobotSetup
 
 _NO_SETUP = described(503, "The daemon does not know its configuration, or a file cannot be read")
 _NO_CURSOR = described(400, "No page has given this cursor")
-_SUBJECTS: tuple[Subject, ...] = ("alarm", "epoch")
+_SUBJECTS: tuple[Subject, ...] = get_args(Subject)
 _LIBRARIES = ("numpy", "scipy", "numba", "python-can", "cantools", "fastapi")
 
 Admin = Annotated[str, Depends(needs(Scope.ADMIN))]
@@ -70,10 +70,10 @@ class AuditedChange(Body):
 
     at: Time = Field(description="UTC")
     who: str = Field(description="name of the token; local: no tokens; configuration: a changed file")
-    subject: Literal["alarm", "epoch"]
+    subject: Subject
     event: str
     axis: str
-    number: int = Field(description="of the alarm, or of the epoch of the axis")
+    number: int = Field(description="of the alarm, or of the epoch of the axis; service: 0")
     parameter: TextOrNull = Field(description="of the alarm; null: of an epoch")
     comment: TextOrNull
     work_order: TextOrNull
@@ -123,7 +123,7 @@ def router(state: AppState) -> APIRouter:
             str | None, Query(description="the page after the one that has given this as next")
         ] = None,
     ) -> Audit:
-        """What persons have done about alarms and epochs, and epochs that a changed configuration began."""
+        """What persons have done about alarms, axes and epochs, and epochs that a changed configuration began."""
         found = state.journal.audit(limit + 1, None if cursor is None else _place(cursor))
         page = found[:limit]
         following = f"{page[-1].at_us}.{page[-1].subject}.{page[-1].id}" if len(found) > limit else None

@@ -44,6 +44,7 @@ SECRETS = {
     "links.mqtt.password_env",
     "links.smtp.password_file",
     "links.smtp.password_env",
+    "links.opcua.key",
 }
 """All keys of the schema that hold a secret, or where it is."""
 
@@ -68,6 +69,9 @@ to = ["b@plant.example"]
 user = "anna"
 password_file = "hush-mail-file"
 password_env = "hush_mail_env"
+[links.opcua]
+certificate = "cert.pem"
+key = "hush-opcua.key"
 """
 
 
@@ -101,7 +105,7 @@ def test_no_secret_leaves(stage: Stage, tmp_path: Path) -> None:
     text = demo_text(1).replace("[[bus]]\n", f"[[bus]]\n{options}\n") + LINKS
     file.write_text(text, encoding="utf-8")
     config = load(file, {})
-    assert len(re.findall("hush", file.read_text(encoding="utf-8"))) == 11
+    assert len(re.findall("hush", file.read_text(encoding="utf-8"))) == 12
     stage.setup = replace(robot_setup(), config=lambda: config, file=file)
     body = stage.client().get("/api/v1/system/configuration").json()
     assert "hush" not in str(body)
@@ -131,13 +135,14 @@ def test_what_is_in_force_is_shown_and_defaults_are_not(set_up: TestClient, stag
 
 @pytest.fixture
 def changed(stage: Stage, set_up: TestClient, fm_alarm: Alarm) -> TestClient:
-    """An alarm that two persons handle, and an epoch that a third one begins, with what the daemon does itself."""
+    """An alarm that two persons handle, what a third one does to the axis, and what the daemon does itself."""
     number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, Note(NOON_US + S, "anna", "<b>seen</b>", "WO-17"))
     stage.journal.act(number, AlarmEvent.SHELVE, Note(NOON_US + 2 * S, "otto"), NOON_US + 60 * S)
     stage.journal.epochs.begin_with([Configured("demo.axis1", "{}", "1")], NOON_US - S)
     plan = EpochPlan("demo.axis1", "window", "{}", "1", learn_s=60.0)
     stage.journal.epochs.learn(plan, Note(NOON_US + 2 * S, "eva", "gearbox changed"))
+    stage.journal.services.change("demo.axis2", AlarmEvent.REMOVE, Note(NOON_US + 3 * S, "eva", "new brake"))
     stage.journal.epochs.cancel("demo.axis1", Note(NOON_US + 9 * S, "axiswatch"), "refused", "too little")
     return set_up
 
@@ -147,12 +152,13 @@ def test_the_audit_trail_has_persons_and_files_newest_first(changed: TestClient)
     assert found["next"] is None
     names = [(c["who"], c["subject"], c["event"], c["parameter"]) for c in found["changes"]]
     assert names == [
+        ("eva", "service", "remove from service", None),
         ("eva", "epoch", "begun", None),
         ("otto", "alarm", "shelve", "fm"),
         ("anna", "alarm", "acknowledge", "fm"),
         ("configuration", "epoch", "taken over", None),
     ]
-    seen = found["changes"][2]
+    seen = found["changes"][3]
     assert (seen["comment"], seen["work_order"], seen["at"]) == (
         "<b>seen</b>",
         "WO-17",

@@ -77,7 +77,8 @@ function cellsOf({ at, who, subject, event, axis, number, parameter, comment, wo
     <bdi>{who}</bdi>,
     t.event[event] ?? t.audit.event[event] ?? event,
     <a href={axisLink(axis)}><bdi>{axis}</bdi></a>,
-    subject === "alarm" ? <a href={alarmLink(number)}>{t.alarmTitle(number)} <bdi>{parameter}</bdi></a> : `${t.epochs.columns.number} ${number}`,
+    subject === "alarm" ? <a href={alarmLink(number)}>{t.alarmTitle(number)} <bdi>{parameter}</bdi></a>
+      : subject === "epoch" ? `${t.epochs.columns.number} ${number}` : t.audit.alarmsOfAxis,
     <bdi>{[comment, order].filter(Boolean).join("; ") || "–"}</bdi>,
   ];
 }

@@ -282,7 +282,7 @@ export const de: Texts = {
     meaning: "was gilt, soweit es gesetzt wurde; Geheimnisse fehlen, auch die Dateien, in denen sie stehen.",
   },
   audit: {
-    title: "Wer was geändert hat", none: "Noch nichts.", older: "Ältere Änderungen", subject: "Von",
+    title: "Wer was geändert hat", none: "Noch nichts.", older: "Ältere Änderungen", subject: "Von", alarmsOfAxis: "Alarme der Achse",
     event: {
       begun: "Einlernen begonnen", "taken over": "gültig", verified: "geprüft", cancelled: "abgebrochen", refused: "abgelehnt",
       replaced: "ersetzt", "rolled back": "zurückgenommen",

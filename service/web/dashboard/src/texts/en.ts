@@ -282,7 +282,7 @@ export const en = {
     meaning: "what is in force, as far as it was set; secrets are left out, and so are the files that hold them.",
   },
   audit: {
-    title: "Who has changed what", none: "Nothing yet.", older: "Older changes", subject: "Of",
+    title: "Who has changed what", none: "Nothing yet.", older: "Older changes", subject: "Of", alarmsOfAxis: "alarms of the axis",
     event: {
       begun: "learning begun", "taken over": "in force", verified: "verified", cancelled: "cancelled", refused: "refused",
       replaced: "replaced", "rolled back": "rolled back",
