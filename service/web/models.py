@@ -34,6 +34,9 @@ class Body(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, from_attributes=True)
 
 
+# --- Axes: estimates, model, state -----------------------------------------------------------------------------------
+
+
 class Cusum(Body):
     """The two one-sided CUSUM statistics g of a parameter."""
 
@@ -239,6 +242,9 @@ class Axes(Body):
     axes: list[Axis]
 
 
+# --- History and slow trend ------------------------------------------------------------------------------------------
+
+
 class HistoryColumn(Body):
     """A quantity over time, one number for each entry of ``time``; null where n is 0, or it is not finite."""
 
@@ -346,6 +352,9 @@ class Trend(Body):
     interval_s: Number = Field(description="operating time of a complete entry [s]")
     lost: int = Field(description="histories that could not be restored at the start")
     parameters: list[LongTermHistory]
+
+
+# --- Alarms ----------------------------------------------------------------------------------------------------------
 
 
 class Cause(Body):
@@ -566,6 +575,9 @@ class Alarms(Body):
     limit: int
     next: str | None = Field(description="cursor of the next page; null: this is the last one")
     alarms: list[Alarm]
+
+
+# --- The daemon: buses, links, recordings, readiness -----------------------------------------------------------------
 
 
 class Bus(Body):

@@ -325,6 +325,14 @@ def robot_setup(look: Callable[[str], SignalCheck] = lambda _: SIGNAL_CHECK) -> 
     return RobotSetup(lambda: config, file, look, lambda: {"alarms.sqlite": None})
 
 
+@pytest.fixture
+def configured(stage: Stage) -> Stage:
+    """With the configuration of the demo."""
+    stage.setup = robot_setup()
+    stage.reports = ReportPages(stage.setup.file.parent, [axis.id for axis in stage.snapshot.axes])
+    return stage
+
+
 # --- The page in a real browser ---------------------------------------------------------------------------------------
 
 

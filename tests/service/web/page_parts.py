@@ -59,3 +59,12 @@ def serious_faults(page: Page) -> list[tuple[str, list[str]]]:
         for v in found
         if v["impact"] in ("serious", "critical")
     ]
+
+
+def unfold(page: Page) -> None:
+    """All that a page shows only on demand."""
+    for place in (
+        *page.locator("main summary").all(),
+        *page.get_by_role("button", name="Check all axes").all(),
+    ):
+        place.click()
