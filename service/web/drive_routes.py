@@ -69,7 +69,7 @@ class BodeCurve(models.Body):
 class Resonance(models.Body):
     """A resonance: an oscillating pair of poles of the drive."""
 
-    nominal_hz: models.Number
+    nominal_hz: models.Number = Field(description="at the nominal values")
     present_hz: models.Number = Field(description="null: there is none, or no present model")
 
 

@@ -28,6 +28,7 @@ from tests.core.chains import Sensor, chain, values
 from tests.core.oracle.paper import Paper
 from tests.core.oracle.prediction import prediction
 from tests.core.supervised import lively_then_still, moved
+from tests.shares import soaked
 
 TOLERANCE = 1e-9
 
@@ -160,7 +161,11 @@ SITUATIONS: dict[str, Callable[[int], Situation]] = {
 }
 
 
-@pytest.fixture(scope="module", params=SITUATIONS)
+SLOW = {*(case.name for case in FIVE_MASSES[1:]), "any 3 masses", "any 5 masses", "any 6 masses"}
+"""For `make soak`"""
+
+
+@pytest.fixture(scope="module", params=soaked(SITUATIONS, *(SITUATIONS.keys() - SLOW)))
 def situation(request: pytest.FixtureRequest, seed: int) -> tuple[Situation, Paper]:
     """A situation and the result of the transcription, which is slow and so runs once."""
     chosen = SITUATIONS[request.param](seed)

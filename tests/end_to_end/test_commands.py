@@ -53,12 +53,13 @@ def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
         assert "demo.axis1\ttorque\tnot received" in lines.read_text(encoding="utf-8")
         played = run_program("play", "--config", config, "--speed", "2", record)
         assert (played.returncode, played.stdout[:15]) == (0, "300 frames sent")
-        wait_for(lambda: "can0: up, 300 frames" in lines.read_text(encoding="utf-8"))
+        sent = record.read_text(encoding="utf-8").splitlines()[-1].split("#")[1].split()[0]
+        counter = int.from_bytes(bytes.fromhex(sent)[6:8], "little")
+        wait_for(lambda: f"counter\t{counter}\t" in lines.read_text(encoding="utf-8"))
+        assert "can0: up, 300 frames" in lines.read_text(encoding="utf-8")
         listener.send_signal(signal.SIGTERM)
         assert listener.wait(30) == 0
     last = lines.read_text(encoding="utf-8").splitlines()[-4:]
-    sent = record.read_text(encoding="utf-8").splitlines()[-1].split("#")[1].split()[0]
-    counter = int.from_bytes(bytes.fromhex(sent)[6:8], "little")
     assert last[2].split("\t")[:5] == [
         "demo.axis1",
         "counter",

@@ -38,6 +38,7 @@ from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
+from tests.shares import soaked
 
 pytestmark = pytest.mark.records
 
@@ -201,7 +202,7 @@ class Halves(NamedTuple):
     other: SampleBlock
 
 
-@pytest.fixture(scope="module", params=[0, 1], ids=["second from first", "first from second"])
+@pytest.fixture(scope="module", params=soaked([0, 1], 0), ids=["second from first", "first from second"])
 def learned(
     request: pytest.FixtureRequest, records_dir: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Learned:

@@ -111,6 +111,7 @@ def remembered(
     return found
 
 
+@pytest.mark.soak
 def test_what_is_remembered_longer_is_extrapolated(seed: int) -> None:
     """Fitted to a part of a long record, alarms are as frequent as counted in all of it, farther out."""
     lam, share = np.array([0.98, 0.995]), np.sqrt([0.9, 0.1])

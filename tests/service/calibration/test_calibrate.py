@@ -163,7 +163,9 @@ def test_a_record_that_is_too_short(robot: Path) -> None:
         r"5\.\d* s of the records can be used, 6 memories of 1 s: at least 20 are needed, 20 s", words
     )
     from_first_samples = re.sub(r"^initial_p = .*\n", "", robot_text(), flags=re.MULTILINE)
-    assert "P(0) was not found" in refused(robot, record="healthy.csv@0:10", text=from_first_samples)
+    assert "too short for the tests to begin" in refused(
+        robot, record="healthy.csv@0:10", text=from_first_samples
+    )
 
 
 def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:

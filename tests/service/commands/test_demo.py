@@ -33,7 +33,7 @@ class Daemon:
 
     def __init__(self) -> None:
         self.config: Config | None = None
-        self.reports: Path | None = None
+        self.file: Path | None = None
 
     def run(
         self,
@@ -41,7 +41,7 @@ class Daemon:
         record: Path | None = None,
         ready: Callable[[str], None] = lambda _url: None,
         stop: threading.Event | None = None,
-        reports: Path | None = None,
+        file: Path | None = None,
         complete: Callable[[], None] = lambda: None,
         insecure: bool = False,
         reloadable: Callable[[Any], None] = lambda _reload: None,
@@ -50,7 +50,7 @@ class Daemon:
         assert not insecure
         assert callable(reloadable)
         complete()
-        self.config, self.reports = config, reports
+        self.config, self.file = config, file
         ready("http://127.0.0.1:1/")
         if stop is not None:
             stop.set()
@@ -82,7 +82,7 @@ def test_it_comes_commissioned(daemon: Daemon, monkeypatch: pytest.MonkeyPatch) 
     result = axiswatch("demo", "--axes", "2", "--port", "0")
     assert result.exit_code == 0, result.output
     assert daemon.config is not None
-    assert daemon.reports == COMMISSIONED.parent
+    assert daemon.file == COMMISSIONED
     assert (daemon.config.web.host, daemon.config.web.port) == ("127.0.0.1", 0)
     assert [axis.id for axis in daemon.config.axes] == ["demo.axis1", "demo.axis2"]
     assert all(axis.config.model.thresholds_file is not None for axis in daemon.config.axes)
@@ -92,7 +92,7 @@ def test_run_takes_it_as_it_is_and_serves_its_report(daemon: Daemon) -> None:
     result = axiswatch("run", "--config", COMMISSIONED)
     assert result.exit_code == 0, result.output
     assert daemon.config == load(COMMISSIONED, {})
-    assert daemon.reports == COMMISSIONED.parent
+    assert daemon.file == COMMISSIONED
 
 
 def test_what_is_shipped_belongs_to_the_robot() -> None:
@@ -141,7 +141,7 @@ def test_the_whole_way_ends_in_a_monitor_that_names_the_fault(
         assert step in result.stdout
     assert re.findall(r"^demo.axis1: (\w+) \.\.\.$", result.stderr, re.M) == ["identify", "calibrate"]
     assert daemon.config is not None
-    assert daemon.reports == tmp_path / "made"
+    assert daemon.file == tmp_path / "made" / "axiswatch.toml"
     assert "1 of 1 axis ready." in (tmp_path / "made" / "report.html").read_text(encoding="utf-8")
     assert signals(daemon.config) == signals(demo(tmp_path, 1))
 

@@ -20,6 +20,7 @@ from service.config.drive_sources import model_called
 from service.ingest.identification_records import load
 from service.reports.identification_report import IdentificationReport
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE, with_estimate
+from tests.shares import soaked
 
 
 def task(folder: Path, robot: Config, *records: str, request: Request | None = None) -> IdentificationTask:
@@ -184,7 +185,10 @@ def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> N
     assert made.problem.delay_s == 0.0013
 
 
-@pytest.mark.parametrize(("start", "phases"), [("search", ["fit", "search"]), ("records", ["search"])])
+@pytest.mark.parametrize(
+    ("start", "phases"),
+    soaked([("search", ["fit", "search"]), ("records", ["search"])], ("records", ["search"])),
+)
 def test_progress_is_told_in_every_phase(
     folder: Path, robot: Config, start: Start, phases: list[str]
 ) -> None:

@@ -146,6 +146,7 @@ def test_drives_that_cannot_be_monitored_are_shown_all_the_same(text: str, tmp_p
     assert "Poles at nominal" in " ".join(shown(text, tmp_path).split())
 
 
+@pytest.mark.soak
 def test_a_hundred_masses_are_answered(tmp_path: Path) -> None:
     report = tmp_path / "model.json"
     assert "mass99" in shown(chain_text(100), tmp_path, "--json", str(report))

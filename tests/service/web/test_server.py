@@ -16,6 +16,7 @@ from monitor_core.detection import Alarm
 from service.web.app import STATIC
 from service.web.server import CannotListenError, listen, serve
 from tests.service.web.conftest import Stage, robot_setup
+from tests.service.web.test_drive_routes import reference, watch
 
 
 def test_it_serves_on_a_free_port_until_it_is_stopped(stage: Stage) -> None:
@@ -114,6 +115,10 @@ PATHS = {
     "/api/v1/axes/{axis}/history": "/api/v1/axes/demo.axis1/history",
     "/api/v1/axes/{axis}/trend": "/api/v1/axes/demo.axis1/trend",
     "/api/v1/axes/{axis}/epochs": "/api/v1/axes/demo.axis1/epochs",
+    "/api/v1/axes/{axis}/model": "/api/v1/axes/demo.axis1/model",
+    "/api/v1/axes/{axis}/bode": "/api/v1/axes/demo.axis1/bode",
+    "/api/v1/axes/{axis}/signals": "/api/v1/axes/demo.axis1/signals",
+    "/api/v1/axes/{axis}/service": "/api/v1/axes/demo.axis1/service",
     "/api/v1/commissioning": "/api/v1/commissioning",
     "/api/v1/commissioning/{axis}/signals": "/api/v1/commissioning/demo.axis1/signals",
     "/api/v1/system": "/api/v1/system",
@@ -151,7 +156,10 @@ def test_each_address_answers_as_described(
     if request_path.startswith(("/api/v1/commissioning", "/api/v1/system")):
         stage.setup = robot_setup()
         client = stage.client()
+    if request_path.endswith(("/model", "/bode")):
+        watch(stage, reference())
     answer = client.get(request_path)
+    assert answer.status_code == (503 if path == "/readyz" else 200)
     obeys_schema(answer, schema["paths"][path]["get"], schema)
 
 
@@ -183,8 +191,11 @@ def test_all_is_explained(schema: dict[str, Any]) -> None:
     """All paths are covered; numbers tell their unit or what they count."""
     actions = {f"/api/v1/alarms/{{id}}/{action}" for action in ACTIONS}
     actions |= {
-        f"/api/v1/axes/{{axis}}/{path}" for path in ("baseline", "baseline/cancel", "epochs/{number}/restore")
-    }
+        f"/api/v1/axes/{{axis}}/{path}"
+        for path in (
+            "baseline", "baseline/cancel", "epochs/{number}/restore", "out-of-service", "return-to-service",
+        )
+    }  # fmt: skip
     recordings = {"/api/v1/recordings": {"get", "post"}, "/api/v1/recordings/{name}": {"get"}}
     files = {f"/api/v1/axes/{{axis}}/history.{kind}" for kind in ("csv", "parquet")}
     assert set(schema["paths"]) == {*PATHS, *actions, *recordings, *files, "/metrics", "/api/v1/events"}

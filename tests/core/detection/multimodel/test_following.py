@@ -116,6 +116,7 @@ def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
         assert not fleet.update({0: SampleBlock(T, u, y, shift)}, traced)[0].changes
 
 
+@pytest.mark.soak
 def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
     """Followed, thresholds are those of an axis that does not vary, and faults anywhere in the record are found."""
     rng = np.random.default_rng(seed)

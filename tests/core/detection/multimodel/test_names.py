@@ -111,6 +111,7 @@ def test_no_detector_is_faster_than_the_limit(seed: int) -> None:
     assert least_delay(zeros, ones, 0.5, math.exp(99.0)) == math.inf
 
 
+@pytest.mark.soak
 def test_onset_and_size_are_within_their_intervals(bank: HypothesisBank, seed: int) -> None:
     """Stated: 90 of 100 onsets at least; a size within two of its standard deviations 95."""
     inside, sizes = [], []
