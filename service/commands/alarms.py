@@ -212,7 +212,13 @@ def out_of_service(
 ) -> None:
     """Take an axis out of service: its alarms are recorded, but not announced."""
     text = AlarmText(comment, work_order)
-    _change_service(url, token, as_json, lambda client: client.change_service(axis, "out-of-service", text))
+    _change_service(
+        url,
+        token,
+        as_json,
+        lambda client: client.change_service(axis, "out-of-service", text),
+        "taken out of service",
+    )
 
 
 @alarms.command("return-to-service")
@@ -227,11 +233,17 @@ def return_to_service(
     """Return an axis to service: its alarms are announced again."""
     text = AlarmText(comment, work_order)
     _change_service(
-        url, token, as_json, lambda client: client.change_service(axis, "return-to-service", text)
+        url,
+        token,
+        as_json,
+        lambda client: client.change_service(axis, "return-to-service", text),
+        "returned to service",
     )
 
 
-def _change_service(url: str, token: str, as_json: bool, action: Callable[[Client], AxisServiceJson]) -> None:
+def _change_service(
+    url: str, token: str, as_json: bool, action: Callable[[Client], AxisServiceJson], done: str
+) -> None:
     with explained(), Client(url, token) as client:
         found = action(client)
     if as_json:
@@ -239,7 +251,7 @@ def _change_service(url: str, token: str, as_json: bool, action: Callable[[Clien
         return
     step = found["steps"][-1]
     texts = "".join(f" ({text})" for text in (step["comment"], step["work_order"]) if text)
-    print(f"{found['axis']}: {step['event']} by {step['who']} at {short_time(step['at'])}{texts}")
+    print(f"{found['axis']}: {done} by {step['who']} at {short_time(step['at'])}{texts}")
 
 
 def _each(

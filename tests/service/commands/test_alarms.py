@@ -86,7 +86,7 @@ def test_the_most_frequent_alarms_and_those_that_came_first(stage: Stage) -> Non
 def test_an_axis_is_taken_out_of_service_and_returned(stage: Stage) -> None:
     recorded(stage)
     done = shown("alarms", "out-of-service", "demo.axis1", "--comment", "oil", "--work-order", "WO-9")
-    assert done == "demo.axis1: remove from service by local at 2026-03-01 12:00:00 UTC (oil) (WO-9)\n"
+    assert done == "demo.axis1: taken out of service by local at 2026-03-01 12:00:00 UTC (oil) (WO-9)\n"
     assert "out-of-service, medium" in shown("alarms", "list", "--state", "out-of-service")
     found = as_json("alarms", "return-to-service", "demo.axis1", "--json")
     assert (found["out_of_service"], len(found["steps"])) == (None, 2)
