@@ -9,6 +9,7 @@ from docs.reference_figures import figure_5, figure_6, numbers, reference
 from service.pipeline.snapshot import Histogram, Snapshot
 from service.store.journal import Journal
 from service.web.app import create_app
+from service.web.app_state import AppState
 
 TARGET = Path(__file__).with_name("openapi.json")
 FIGURES = Path(__file__).with_name("figures")
@@ -25,7 +26,7 @@ def write_schema() -> None:
     nothing = Snapshot(0, 0, (), (), Histogram((), (0,), 0.0), None)
     with tempfile.TemporaryDirectory() as folder:
         journal = Journal(Path(folder) / "alarms.sqlite")
-        schema = create_app(lambda: nothing, journal).openapi()
+        schema = create_app(AppState(lambda: nothing, journal)).openapi()
         journal.close()
     TARGET.write_text(json.dumps(schema, indent=1) + "\n", encoding="utf-8")
     print(f"{TARGET.name}: {len(schema['paths'])} addresses")

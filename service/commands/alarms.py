@@ -212,13 +212,9 @@ def out_of_service(
 ) -> None:
     """Take an axis out of service: its alarms are recorded, but not announced."""
     text = AlarmText(comment, work_order)
-    _change_service(
-        url,
-        token,
-        as_json,
-        lambda client: client.change_service(axis, "out-of-service", text),
-        "taken out of service",
-    )
+    with explained(), Client(url, token) as client:
+        found = client.change_service(axis, "out-of-service", text)
+    _print_service(found, "taken out of service", as_json)
 
 
 @alarms.command("return-to-service")
@@ -232,20 +228,12 @@ def return_to_service(
 ) -> None:
     """Return an axis to service: its alarms are announced again."""
     text = AlarmText(comment, work_order)
-    _change_service(
-        url,
-        token,
-        as_json,
-        lambda client: client.change_service(axis, "return-to-service", text),
-        "returned to service",
-    )
-
-
-def _change_service(
-    url: str, token: str, as_json: bool, action: Callable[[Client], AxisServiceJson], done: str
-) -> None:
     with explained(), Client(url, token) as client:
-        found = action(client)
+        found = client.change_service(axis, "return-to-service", text)
+    _print_service(found, "returned to service", as_json)
+
+
+def _print_service(found: AxisServiceJson, done: str, as_json: bool) -> None:
     if as_json:
         print_json(found)
         return

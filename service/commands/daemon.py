@@ -36,6 +36,7 @@ from service.store.tokens import TOKENS_FILE, TokenFile
 from service.texts import now_us
 from service.web.access import Access
 from service.web.app import create_app
+from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
 from service.web.server import Certificate, is_remote, serve
@@ -137,11 +138,11 @@ def run_daemon(
             pages = ReportPages(file.parent, [axis.id for axis in config.axes])
             look = SignalLook(lambda: reloading.config, extracts, now_us)
             setup = RobotSetup(lambda: reloading.config, file, look, lambda: state.problems(worker.snapshot))
-        app = create_app(
+        shown = AppState(
             lambda: worker.snapshot,
             journal,
+            access,
             reports=pages,
-            access=access,
             extracts=extracts,
             history=history,
             links=tuple if links is None else links.snapshots,
@@ -150,7 +151,7 @@ def run_daemon(
             live=core.live,
             setup=setup,
         )
-        serve(app, config.web.host, config.web.port, begin, stop, certificate)
+        serve(create_app(shown), config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
         systemd.stopping()
     if worker.error is not None:

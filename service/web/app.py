@@ -1,6 +1,5 @@
 """The web application: REST API, health and metrics, pages that ask no other host, answers to failed requests."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -13,24 +12,16 @@ from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
 from service.pipeline.baselines import (
     BaselineConflictError,
     BaselineError,
-    Baselines,
     BaselineUnavailableError,
 )
-from service.pipeline.history_recording import HistoryRecording
-from service.pipeline.live_signals import LiveSignals
-from service.pipeline.recording import Extracts
-from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.database import StoreError
-from service.store.journal import Journal
-from service.texts import now_us
 from service.web import api, metrics, models
-from service.web.access import Access, ForbiddenError, Scope, needs
+from service.web.access import ForbiddenError, Scope, needs
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
 from service.web.gate import Gate
 from service.web.problem_details import PROTECTED, UnknownResourceError, add_to_schema, answer
-from service.web.report_pages import ReportPages
 from service.web.report_pages import router as report_router
-from service.web.robot_setup import NoLookError, RobotSetup
+from service.web.robot_setup import NoLookError
 
 STATIC = Path(__file__).parent / "static"
 DESCRIPTION = """\
@@ -39,50 +30,17 @@ values, and alarms that name the parameter that has changed. Times are ISO 8601 
 on the motor side of the gear unless a description says otherwise; a number that is not finite is null."""
 
 
-def create_app(
-    snapshot: Callable[[], Snapshot],
-    journal: Journal,
-    now_us: Callable[[], int] = now_us,
-    reports: ReportPages | None = None,
-    access: Access | None = None,
-    extracts: Extracts | None = None,
-    history: HistoryRecording | None = None,
-    links: Callable[[], Sequence[LinkSnapshot]] = tuple,
-    baselines: Baselines | None = None,
-    stopping: Callable[[], bool] = lambda: False,
-    live: LiveSignals | None = None,
-    setup: RobotSetup | None = None,
-) -> FastAPI:
-    """Build the application on the newest snapshot and the journal.
-
-    Args:
-        snapshot: returns the newest one.
-        journal: of the alarms.
-        now_us: the clock for ages.
-        reports: pages of the commissioning.
-        access: who may ask; default: everyone on this machine.
-        extracts: recordings of the frames around alarms.
-        history: of the axes.
-        links: the newest state of each plant link.
-        baselines: new epochs of axes; None: none can begin.
-        stopping: whether the daemon ends.
-        live: the last seconds of the axes; None: nobody adds to them.
-        setup: the configuration and its robot; None: neither is shown.
-    """
-    access = access or Access()
-    state = AppState(
-        snapshot, journal, access, now_us, reports, extracts, history, links, baselines, stopping,
-        live or LiveSignals(), setup,
-    )  # fmt: skip
+def create_app(state: AppState) -> FastAPI:
+    """The application on what the daemon shows of itself."""
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
     app.include_router(_probes(state))
     app.include_router(_pages())
-    if reports is not None:
-        app.include_router(report_router(reports))
+    if state.reports is not None:
+        app.include_router(report_router(state.reports))
     app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))
-    app.add_middleware(Gate, access=access)
+    app.add_middleware(Gate, access=state.access)
     _describe_webhook(app)
     _answer_errors(app)
     add_to_schema(app)

@@ -23,21 +23,32 @@ VERSION = version("axiswatch")
 
 @dataclass(frozen=True, slots=True)
 class AppState:
-    """``snapshot`` returns the newest snapshot; it must be cheap and may be called from any thread."""
+    """What the routes have; functions are cheap, and may be called from any thread."""
 
     snapshot: Callable[[], Snapshot]
+    """The newest one"""
     journal: Journal
-    access: Access
+    """Of the alarms"""
+    access: Access = field(default_factory=Access)
+    """Who may ask; by default everyone on this machine"""
     now_us: Callable[[], int] = now_us
+    """The clock for ages"""
     reports: ReportPages | None = None
+    """Pages of the commissioning"""
     extracts: Extracts | None = None
+    """Recordings of the frames around alarms"""
     history: HistoryRecording | None = None
+    """Of the axes"""
     links: Callable[[], Sequence[LinkSnapshot]] = tuple
+    """The newest state of each plant link"""
     baselines: Baselines | None = None
+    """New epochs of axes; None: none can begin"""
     stopping: Callable[[], bool] = lambda: False
     """Whether the daemon ends: streams end then"""
     live: LiveSignals = field(default_factory=LiveSignals)
+    """The last seconds of the axes"""
     setup: RobotSetup | None = None
+    """The configuration and its robot; None: neither is shown"""
 
     def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
         """The axis of that id now, checked to monitor ``parameter`` if one is given.

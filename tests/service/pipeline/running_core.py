@@ -26,6 +26,7 @@ from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
 from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
+from service.web.app_state import AppState
 from tests.end_to_end.processes import wait_for
 from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 
@@ -128,13 +129,14 @@ class RunningCore:
 
     def app(self, access: Access | None = None) -> FastAPI:
         """Its web application."""
-        return create_app(
+        state = AppState(
             lambda: self.worker.snapshot,
             self.journal,
+            access or Access(),
             lambda: self.now_us,
-            access=access,
             baselines=self.baselines,
         )
+        return create_app(state)
 
     def close(self) -> None:
         """End it, with a last checkpoint."""

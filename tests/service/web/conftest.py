@@ -44,6 +44,7 @@ from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
+from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import serve
@@ -232,12 +233,12 @@ class Stage:
     )
 
     def app(self) -> FastAPI:
-        return create_app(
+        state = AppState(
             lambda: self.snapshot,
             self.journal,
+            self.access or Access(),
             lambda: self.now_us,
             self.reports,
-            self.access,
             self.extracts,
             self.history,
             lambda: self.links,
@@ -245,6 +246,7 @@ class Stage:
             live=self.live,
             setup=self.setup,
         )
+        return create_app(state)
 
     def client(self) -> TestClient:
         return TestClient(self.app(), base_url="http://localhost")
