@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 _MOST_STATES = 100
 """Beyond that it takes minutes to find what can be identified."""
-_MOST_MERGED = 60
-"""Parameters that stand only inside of merged ones; each of them takes a further pass."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,19 +40,11 @@ def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Fa
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)
-    why = _not_examined(space)
-    identifiability = (f"Not examined: {why}.",) if why else structural(space).words()
-    return Facts(space, nominal, missing, motion, identifiability)
-
-
-def _not_examined(space: StateSpace) -> str:
-    """Why it would take too long; empty if it does not."""
     if len(space.states) > _MOST_STATES:
-        return f"the drive has more than {_MOST_STATES} states"
-    merged = {name for definition in space.definitions for name in definition.value.names}
-    if len(merged) > _MOST_MERGED:
-        return f"more than {_MOST_MERGED} parameters are merged into others"
-    return ""
+        identifiability = (f"Not examined: the drive has more than {_MOST_STATES} states.",)
+    else:
+        identifiability = structural(space).words()
+    return Facts(space, nominal, missing, motion, identifiability)
 
 
 OUTPUT_UNITS = {"speed": "rad/s", "angle": "rad"}
