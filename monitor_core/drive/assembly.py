@@ -49,7 +49,10 @@ class Assembly:
 
     def __init__(self, drive: Drive, monitored: Sequence[str]) -> None:
         self.drive, self.monitored = drive, tuple(monitored)
-        self._signs = {split_name(name)[0]: _sign(i, name) for i, name in enumerate(monitored)}
+        self._signs: dict[str, tuple[int, int]] = {}
+        for i, name in enumerate(monitored):
+            base, inverse = split_name(name)
+            self._signs[base] = (i, -1 if inverse else 1)
         self._late = self.monitored.index(DELAY) if DELAY in self.monitored else -1
         self._pieces = [p for term in drive.terms if term.matrix in _ROWS_OF for p in self._split(term)]
         slots = sorted({p.slot for p in self._pieces})
@@ -164,9 +167,8 @@ class Assembly:
         Raises:
             ValueError: the drive's ``speed_state`` is not the speed at the sensor.
         """
-        # theta_i is a factor of a monitored parameter; the other factor is the unit of theta_i.
-        units = {name: model.unit[i] ** sign for name, (i, sign) in self._signs.items()}
-        fixed = {name: units.get(name, v) for name, v in model.nominal.items()}
+        # Powers of a monitored parameter are those of theta_i, in the tables.
+        fixed = {name: 1.0 if name in self._signs else v for name, v in model.nominal.items()}
         V0 = np.zeros(len(self._index))
         for p in self._pieces:
             if not p.factors:
@@ -227,10 +229,6 @@ def _input_scales(model: AxisModel, speed_scale: float) -> Floats:
             raise ValueError(f"Coulomb friction needs the speed at the sensor, which {state} is not")
         scale[friction] *= sensor
     return scale
-
-
-def _sign(i: int, name: str) -> tuple[int, int]:
-    return i, -1 if split_name(name)[1] else 1
 
 
 def _ordered(factors: dict[int, int]) -> tuple[tuple[int, int], ...]:

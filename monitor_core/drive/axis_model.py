@@ -5,14 +5,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import DELAY, Drive, Parameter, split_name
+from monitor_core.drive.structure import Drive, Parameter, split_name
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 
@@ -32,8 +32,7 @@ class AxisModel:
     here it holds all parameters of the drive, and no others. A monitored name ``1/Ja`` means that theta holds the
     reciprocal of ``Ja``.  ``scales`` gives the size of a parameter whose nominal value is zero (an offset); it sets the
     threshold of its test.  ``bounds`` confine theta; default for a positive parameter: a tenth to ten times its nominal
-    value. ``relative``: theta is in units of these sizes, so that a healthy parameter is 1 (-1, or 0); ``scales`` and
-    ``bounds`` stay in SI.
+    value.
 
     Raises:
         KeyError: a name that the drive does not have, or a nominal value that is missing.
@@ -47,7 +46,6 @@ class AxisModel:
     monitored: tuple[str, ...]
     scales: Mapping[str, float] = field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    relative: bool = False
 
     def __post_init__(self) -> None:
         self._check_inputs()
@@ -99,39 +97,30 @@ class AxisModel:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The monitored parameters, reciprocals written as such, under the names of ``monitored``."""
-        found = (self.drive.parameter(name) for name in self.monitored)
-        return tuple(_relative(p) if self.relative and p.name != DELAY else p for p in found)
-
-    @cached_property
-    def unit(self) -> Floats:
-        """Value of theta_i = 1 in SI (p,): 1, or the size of the parameter."""
-        own = (self.relative and name != DELAY for name in self.monitored)  # the kernel takes the delay in SI
-        return np.array(
-            [self._size(n) if scaled else 1.0 for n, scaled in zip(self.monitored, own, strict=True)]
-        )
+        return tuple(self.drive.parameter(name) for name in self.monitored)
 
     @cached_property
     def theta0(self) -> Floats:
         """Nominal theta (p,)."""
-        return np.array([self._nominal(name) for name in self.monitored]) / self.unit
+        return np.array([self._nominal(name) for name in self.monitored], dtype=float)
 
     @cached_property
     def scale(self) -> Floats:
         """Size s_i of each theta_i (p,): |theta0_i|, or as given."""
-        return np.array([self._size(name) for name in self.monitored]) / self.unit
+        return np.array([self._size(name) for name in self.monitored], dtype=float)
 
     @cached_property
     def limits(self) -> Floats:
         """Lower and upper bounds of theta (2, p)."""
         pairs = [self._limits(name) for name in self.monitored]
-        return np.array(pairs).reshape(-1, 2).T / self.unit
+        return np.array(pairs, dtype=float).reshape(-1, 2).T
 
     def values(self, theta: Sequence[float] | Floats) -> dict[str, float]:
         """All parameter values with theta in place of the nominal ones."""
         values = dict(self.nominal)
-        for name, value, unit in zip(self.monitored, theta, self.unit, strict=True):
+        for name, value in zip(self.monitored, theta, strict=True):
             base, inverse = split_name(name)
-            values[base] = 1 / (value * unit) if inverse else value * unit
+            values[base] = 1 / value if inverse else value
         return values
 
     def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
@@ -169,10 +158,6 @@ class AxisModel:
         if not self.drive.parameter(name).positive:
             return (self._nominal(name) - 10 * size, self._nominal(name) + 10 * size)
         return (0.1 * self._nominal(name), 10 * self._nominal(name))
-
-
-def _relative(p: Parameter) -> Parameter:
-    return replace(p, unit="1", meaning=f"relative to nominal: {p.meaning}")
 
 
 def _check_value(name: str, value: float, p: Parameter) -> None:

@@ -174,7 +174,7 @@ def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
     """
     values = tuple(tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds))
     gain = tuple(np.ravel(K).tolist())
-    return _known(model.drive, values, model.monitored, model.relative, gain, interval_s).copy()
+    return _known(model.drive, values, model.monitored, gain, interval_s).copy()
 
 
 @lru_cache(maxsize=4096)
@@ -182,14 +182,11 @@ def _known(
     drive: Drive,
     values: tuple[Any, ...],
     monitored: tuple[str, ...],
-    relative: bool,
     gain: tuple[float, ...],
     interval_s: float,
 ) -> Floats:
     nominal, scales, bounds = (dict(part) for part in values)
-    return _drawn_in(
-        AxisModel(drive, nominal, monitored, scales, bounds, relative), np.array(gain), interval_s
-    )
+    return _drawn_in(AxisModel(drive, nominal, monitored, scales, bounds), np.array(gain), interval_s)
 
 
 def _drawn_in(model: AxisModel, K: Floats, interval_s: float) -> Floats:

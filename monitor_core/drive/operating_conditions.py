@@ -278,8 +278,7 @@ class _Follower(NamedTuple):
     name: str
     follows: tuple[Follow, ...]
     value: float  # of the parameter that the slopes are of
-    theta0: float  # of the monitored one, in SI
-    unit: float
+    theta0: float  # of the monitored one
     reciprocal: bool  # one is the reciprocal of the other
     limits: tuple[float, float]  # of theta
 
@@ -291,9 +290,9 @@ class _Follower(NamedTuple):
         if self.reciprocal:
             with np.errstate(divide="ignore"):
                 change = 1 / (self.value + change) - self.theta0
-        theta = (self.theta0 + change) / self.unit
+        theta = self.theta0 + change
         possible = (theta > self.limits[0]) & (theta < self.limits[1])
-        return np.where(possible, change / self.unit, math.nan)
+        return np.where(possible, change, math.nan)
 
     def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
         """Why the shift at signals (1, S) is unknown."""
@@ -339,14 +338,13 @@ def _follower(model: AxisModel, i: int, follows: tuple[Follow, ...]) -> _Followe
     if len({entry.name for entry in mine}) > 1:
         raise ValueError(f"slopes of both {base} and 1/{base}: give those of one of them")
     of_inverse = split_name(mine[0].name)[1]
-    value, unit = model.nominal[base], float(model.unit[i])
+    value = model.nominal[base]
     return _Follower(
         i,
         model.monitored[i],
         mine,
         1 / value if of_inverse else value,
         1 / value if inverse else value,
-        unit,
         of_inverse != inverse,
         (float(model.limits[0, i]), float(model.limits[1, i])),
     )

@@ -172,8 +172,8 @@ class AxisMonitor:
         A user's drive may change and keep its name, so its structure is part of the key.
         """
         s = replace(self.settings, max_gap_s=self.settings.interval_s, **_NOT_PART_OF_STATE)
-        m, units = self.model, " relative" if self.model.relative else ""
-        return f"schema={SCHEMA} {_model_key(m)} theta={m.monitored}{units} {s}"
+        m = self.model
+        return f"schema={SCHEMA} {_model_key(m)} theta={m.monitored} {s}"
 
     @property
     def history_key(self) -> str:

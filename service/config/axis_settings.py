@@ -146,7 +146,7 @@ def model_error(config: AxisConfig, model: AxisModel) -> tuple[float, ...]:
     table = None if config.model.nominal_file is None else config.model.nominal_file.thermal
     if table is None or thermal_of(config) is None:
         return ()
-    size = model.scale * model.unit
+    size = model.scale
     return tuple(
         table.model_error.get(name, 0.0) / float(s) for name, s in zip(model.monitored, size, strict=True)
     )

@@ -71,7 +71,7 @@ def fingerprint_of(axis: NamedAxis) -> str:
 def values_of(axis: NamedAxis) -> list[NominalValue]:
     """The monitored nominal values of an axis."""
     model, found = monitored_model(axis), axis.config.model.nominal_file
-    theta, sds = model.theta0 * model.unit, {} if found is None else found.standard_deviations
+    theta, sds = model.theta0, {} if found is None else found.standard_deviations
     return [
         NominalValue(p.name, p.unit, float(v), sds.get(p.name))
         for p, v in zip(model.parameters, theta, strict=True)

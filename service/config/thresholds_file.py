@@ -78,7 +78,7 @@ def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
     return {
         "drive": structure_of(model.drive),
         "monitor": list(model.monitored),
-        "sizes": [float(v) for v in model.scale * model.unit],
+        "sizes": [float(v) for v in model.scale],
         "sample_interval_s": settings.interval_s,
         "forgetting": settings.lam,
         "innovation_variance": settings.lam0,

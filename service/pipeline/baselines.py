@@ -323,7 +323,7 @@ class Baselines:
                 axis_settings(axis, model).tests(len(model.scale))[2] * model.scale
             )
             names = [name for name in model.monitored if name not in learned.kept]
-            theta = dict(zip(model.monitored, learned.theta * model.unit, strict=True))
+            theta = dict(zip(model.monitored, learned.theta, strict=True))
             content = recentred(axis, {name: float(theta[name]) for name in names})
             plan = EpochPlan(axis_id, "window", content, mine.fingerprint, (), mine.learn_s, mine.verify_s)
             self._take_over(plan, learning.number, note, learned)

@@ -241,10 +241,10 @@ class SimulatedConditions:
             offset, nominal = self._weight[0].parameter, sum(v.slope * v.reference for v in self._weight)
             yield offset, values[offset] - nominal + self.load * float(now.weight[0])
         shift = np.zeros((1, 0)) if now.shift is None else now.shift
-        for name, moved, unit in zip(self._model.monitored, shift[0], self._model.unit, strict=True):
+        for name, moved in zip(self._model.monitored, shift[0], strict=True):
             base, inverse = split_name(name)
             if math.isfinite(moved) and moved != 0 and base in values:
-                value = (1 / values[base] if inverse else values[base]) + float(moved * unit)
+                value = (1 / values[base] if inverse else values[base]) + float(moved)
                 yield base, 1 / value if inverse else value
 
 

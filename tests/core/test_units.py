@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,7 +12,6 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import gains_after
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import NOISE, Experiment
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -36,7 +34,6 @@ class Units(NamedTuple):
     torque: float
     angle: float
     time: float
-    relative: bool = False
 
     def factor(self, unit: str) -> float:
         factors = {
@@ -63,7 +60,6 @@ class Units(NamedTuple):
             nominal={name: value * own[name] for name, value in model.nominal.items()},
             scales={n: float(model.scale[model.monitored.index(n)]) * theta[n] for n in model.scales},
             bounds={n: (lo * theta[n], up * theta[n]) for n, (lo, up) in model.bounds.items()},
-            relative=self.relative,
         )
 
     def settings(self, s: Settings, model: AxisModel) -> Settings:
@@ -87,17 +83,16 @@ class Units(NamedTuple):
     case=cases,
     way=ways,
     exponents=st.tuples(st.integers(-9, 9), st.integers(-9, 9), st.integers(0, 4)),
-    relative=st.booleans(),
 )
 def test_units_scale_results_and_nothing_else(
-    seed: int, case: Case, way: Way, exponents: tuple[int, int, int], relative: bool
+    seed: int, case: Case, way: Way, exponents: tuple[int, int, int]
 ) -> None:
     """Torque, angle and time in other units: theta in its units, P and g with it, alarms at the same samples.
 
-    But for the angle where there is weight: its cosine is that of radians.  Or theta in units of its nominal value.
+    But for the angle where there is weight: its cosine is that of radians.
     """
     torque, angle, time = (2.0**e for e in exponents)
-    units = Units(torque, angle, time, relative)
+    units = Units(torque, angle, time)
     if "gravity" in case.name:
         units = units._replace(angle=1.0)
     rec, s, model = with_pause(seed, case), replace(gentle(case), **way), case.model  # type: ignore[arg-type]
@@ -113,19 +108,6 @@ def test_units_scale_results_and_nothing_else(
     assert close(converted.g / new, original.g / size)
     assert close(converted.P * output**2 / new**2, original.P / size**2)
     assert close(converted.eps / output, original.eps)
-
-
-def test_in_units_of_nominal_a_healthy_parameter_is_one_and_an_offset_of_scale_zero() -> None:
-    si = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "tau0"), {"tau0": 0.2})
-    relative = replace(si, relative=True)
-    assert relative.theta0.tolist() == [1.0, 1.0, 0.0]
-    assert relative.scale.tolist() == [1.0, 1.0, 1.0]
-    assert np.allclose(relative.limits, [[0.1, 0.1, -10.0], [10.0, 10.0, 10.0]])
-    assert [p.unit for p in relative.parameters] == ["1", "1", "1"]
-    assert relative.parameters[1].meaning == "relative to nominal: reciprocal of: inertia of the arm"
-    values = relative.values([1.1, 2.0, 0.5])
-    assert values["Ja"] == pytest.approx(REFERENCE_VALUES["Ja"] / 2)
-    assert (values["kT"], values["tau0"]) == pytest.approx((1.1, 0.1))
 
 
 @law

@@ -209,7 +209,7 @@ def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
     if cause in model.monitored:
         i = model.monitored.index(cause)
         factor = model.nominal[split_name(cause)[0]] > 0
-        step = math.nan if factor else _scale(model, cause) / float(model.unit[i])
+        step = math.nan if factor else _scale(model, cause)
         return Quantity(float(model.theta0[i]), model.parameters[i].unit, step)
     if cause in (TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
         return Quantity(1.0, "1", math.nan)

@@ -131,4 +131,4 @@ def moved_model(model: AxisModel, moved: tuple[int, ...]) -> AxisModel:
         return model
     theta = model.theta0 + FOLLOWED * model.scale * np.array(moved)
     values = model.values(np.clip(theta, *model.limits))
-    return replace(model, nominal=values, monitored=(), scales={}, bounds={}, relative=False)
+    return replace(model, nominal=values, monitored=(), scales={}, bounds={})

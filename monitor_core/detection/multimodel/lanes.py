@@ -30,7 +30,7 @@ def lanes_of(
     Raises:
         ValueError: a hypothesis whose values the drive cannot have.
     """
-    plain = replace(model, monitored=(), bounds={}, relative=False)
+    plain = replace(model, monitored=(), bounds={})
     assembly = Assembly(model.drive, ())
     fill = -len(hypotheses) % EIGHT
     hypotheses = [*hypotheses, *[hypotheses[0]] * fill]
