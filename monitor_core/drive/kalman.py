@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
+from monitor_core.drive.structure import Drive
 from monitor_core.kernel.tables import GAINS
 
 _MARGIN = 1e-6
@@ -21,11 +21,7 @@ _SETTLED = 1e-15
 
 
 def filter_gain(
-    model: AxisModel,
-    interval_s: float,
-    torque_noise: float,
-    output_noise: float,
-    disturbance_noise: float = 0.0,
+    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float
 ) -> tuple[Floats, float]:
     """Filter gain K (n,) and innovation variance lambda_0 of the steady-state Kalman filter at nominal.
 
@@ -33,36 +29,28 @@ def filter_gain(
 
     P is the variance of the one-step prediction.  ``torque_noise`` [N m] is the standard deviation of a white
     sequence that enters like the torque, held over each interval; ``output_noise`` [rad or rad/s] that of the
-    measurement, R its square; ``disturbance_noise`` [N m] that of the torque disturbance, whose state the drive then
-    must have (Drive.with_disturbance).  Coulomb friction is left out: it is an input here.
+    measurement, R its square.  Coulomb friction is left out: it is an input here.
 
     Raises:
-        ValueError: a noise that is negative or not finite, no output noise, a disturbance that the drive lacks, or no
-            stable filter.
+        ValueError: a noise that is negative or not finite, no output noise, or no stable filter.
     """
-    _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise, disturbance_noise)
+    _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise)
     lam0 = float(C @ P @ C) + 1
     return _kept(model, d * (P @ C) / lam0), lam0 * output_noise**2
 
 
 def _steady(
-    model: AxisModel,
-    interval_s: float,
-    torque_noise: float,
-    output_noise: float,
-    disturbance_noise: float = 0.0,
+    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Ad, P of the one-step prediction, Q, C (n,) in the coordinates x / d, and d; the output noise is the unit."""
-    noises = {"torque_noise": torque_noise, "disturbance_noise": disturbance_noise}
-    if not (all(0 <= v < math.inf for v in noises.values()) and 0 < output_noise < math.inf):
+    if not (0 <= torque_noise < math.inf and 0 < output_noise < math.inf):
         raise ValueError(
             f"torque_noise = {torque_noise}, output_noise = {output_noise}: need finite values, "
             "the first at least zero, the second greater than zero"
         )
-    Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
+    Ad, G, C, d = _balanced(model, interval_s)
     # In units of the output noise, R = 1, the Riccati equation is scaled best.
-    g = G / output_noise
-    g[:, : model.drive.of_torque.sum()] *= torque_noise
+    g = G / output_noise * torque_noise
     try:
         return Ad, prediction_variance(Ad, C[0], g @ g.T), g @ g.T, C[0], d
     except ValueError:
@@ -133,18 +121,11 @@ def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> flo
     return -interval_s / math.log(radius) if radius > 0 else 0.0
 
 
-def _balanced(
-    model: AxisModel, interval_s: float, disturbance: float = 0.0
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Ad (n, n), the input matrix of the noise (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
+def _balanced(model: AxisModel, interval_s: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Ad (n, n), the columns of Bd of the torque (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
     A, B, C = model.matrices()
     d = model.balance()
     enters = B[:, model.drive.of_torque]
-    if disturbance:
-        if DISTURBANCE_TIME not in model.nominal:
-            raise ValueError(f"the drive {model.drive.name!r} has no torque disturbance")
-        level = disturbance * held_disturbance(interval_s, model.nominal[DISTURBANCE_TIME])
-        enters = np.column_stack([enters, level * np.eye(len(A))[model.drive.disturbance_state]])
     Ad, G = zero_order_hold(A / d[:, np.newaxis] * d, enters / d[:, np.newaxis], interval_s)
     if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
         Ad[:, s], C = 0.0, C / interval_s

@@ -283,15 +283,9 @@ class Drive:
     @property
     def mean_state(self) -> int:
         """Index of the state that is reset to zero after every sample; -1: there is none."""
-        return self._state(SINCE_SAMPLE) if self.output == "mean speed" else -1
-
-    @property
-    def disturbance_state(self) -> int:
-        """Index of the state of the torque disturbance; -1: there is none."""
-        return self._state(DISTURBANCE)
-
-    def _state(self, name: str) -> int:
-        return next((k for k, state in enumerate(self.states) if state.name == name), -1)
+        if self.output != "mean speed":
+            return -1
+        return next((k for k, state in enumerate(self.states) if state.name == SINCE_SAMPLE), -1)
 
     def with_disturbance(self) -> Drive:
         """The drive with a torque disturbance d as last state:  d' = -d / Td + w,  N m; w is no input.

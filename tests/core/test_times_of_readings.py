@@ -108,8 +108,7 @@ def test_disturbance_and_mean_go_together() -> None:
     assert (mean_first.mean_state, disturbance_first.mean_state) == (5, 6)
     values = {**REFERENCE_VALUES, "Td": 0.1}
     lam0 = [
-        filter_gain(AxisModel(d, values, ("kT",)), H, 0.1, 1.0, 0.2)[1]
-        for d in (mean_first, disturbance_first)
+        filter_gain(AxisModel(d, values, ("kT",)), H, 0.1, 1.0)[1] for d in (mean_first, disturbance_first)
     ]
     assert lam0[0] == pytest.approx(lam0[1], rel=1e-9)
 

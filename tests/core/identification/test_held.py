@@ -11,7 +11,7 @@ from scipy.linalg import expm_frechet
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.kalman import held_disturbance, prediction_variance
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, Output
 from monitor_core.excitation.reference_experiment import NOISE
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late
@@ -163,13 +163,20 @@ THETA = np.array([DISTURBED[n] if n in DISTURBED else 1 / DISTURBED[n.removepref
 @pytest.mark.parametrize("output", ["speed", "angle"])
 @pytest.mark.parametrize("torque", [0.01, 0.3])
 @pytest.mark.parametrize("slow", [0.02, 1.0])
-def test_gain_is_the_monitors(output: Output, torque: float, slow: float) -> None:
+def test_gain_is_that_of_the_kalman_filter(output: Output, torque: float, slow: float) -> None:
+    """Of the drive with white noise on its torque, and white noise that drives the disturbance."""
     model = AxisModel(three_mass(output).with_disturbance(), DISTURBED, ())
-    sd = NOISE[output]
-    K, lam0 = filter_gain(model, H, torque, sd, slow)
+    A, B, C = model.matrices()
+    d, sd, n = model.balance(), NOISE[output], len(model.drive.states)
+    driven = slow * held_disturbance(H, DISTURBED[DISTURBANCE_TIME]) * np.eye(n)[:, -1:]
+    enters = np.hstack([torque * B[:, model.drive.of_torque], driven]) / sd
+    Ad, G = zero_order_hold(A / d[:, None] * d, enters / d[:, None], H)
+    c = C[0] * d
+    P = prediction_variance(Ad, c, G @ G.T)
+    K = d * (P @ c) / (c @ P @ c + 1)
     found, _, S, _ = gain_at(output, THETA, torque / sd, slow / sd)
     np.testing.assert_allclose(found, K, rtol=1e-6, atol=1e-9 * abs(K).max())
-    assert S * sd**2 == pytest.approx(lam0, rel=1e-9)
+    assert pytest.approx(c @ P @ c + 1, rel=1e-9) == S
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
@@ -192,8 +199,3 @@ def test_derivatives_of_the_gain(output: Output) -> None:
 def test_a_drive_that_has_the_disturbance_already() -> None:
     with pytest.raises(ValueError, match="already has a parameter Td"):
         three_mass("speed").with_disturbance().with_disturbance()
-
-
-def test_disturbance_noise_needs_its_state() -> None:
-    with pytest.raises(ValueError, match="has no torque disturbance"):
-        filter_gain(AxisModel(three_mass("speed"), REFERENCE_VALUES, ()), H, 0.1, 1.0, 0.1)
