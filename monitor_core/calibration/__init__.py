@@ -21,7 +21,6 @@ from monitor_core.calibration.result import (
     FOUND_SHARE,
     CalibrationResult,
     DetectorResult,
-    MultiModelCalibration,
 )
 
 __all__ = [
@@ -30,7 +29,6 @@ __all__ = [
     "CalibrationOptions",
     "CalibrationResult",
     "DetectorResult",
-    "MultiModelCalibration",
     "Progress",
     "TrialResult",
     "calibrate",

@@ -131,15 +131,12 @@ def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> Co
     if len(eps) < 2 * settings.memory:
         return None
     column, t_us = monitor.batch.column(0), int(monitor.batch.state.t[0])
-    weight = None if record.weight is None else _without_gaps(record.weight)[start:]
+    weight = None
+    if record.weight is not None:  # the last known one at each sample; 0 before there is one
+        weight = forward_fill(record.weight[:, np.newaxis], np.zeros(1))[start:, 0]
     return CopySource(
         record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us, weight
     )
-
-
-def _without_gaps(weight: Floats) -> Floats:
-    """The last known weight at each sample (N,); 0 before there is one."""
-    return forward_fill(weight[:, np.newaxis], np.zeros(1))[:, 0]
 
 
 def block_length(settings: Settings) -> int:

@@ -8,7 +8,7 @@
 
 from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
 from monitor_core.excitation.motions import ExcitationError, Limits
-from monitor_core.excitation.multisine_signals import Lines, Multisine, lines_in, multisine
+from monitor_core.excitation.multisine_signals import Lines, multisine
 from monitor_core.excitation.planned_drive import Plant
 from monitor_core.excitation.prediction import Estimation
 from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiments, faulty
@@ -22,12 +22,10 @@ __all__ = [
     "Experiment",
     "Limits",
     "Lines",
-    "Multisine",
     "Plant",
     "Task",
     "experiments",
     "faulty",
-    "lines_in",
     "multisine",
     "plan",
     "warnings",

@@ -10,9 +10,10 @@
 * ``black_boxes``: models without physics, and frequency responses.
 """
 
-from monitor_core.identification.black_boxes import FrequencyResponse, fit_arx
+from monitor_core.identification.black_boxes.arx import fit_arx
+from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse
 from monitor_core.identification.bode import Bode, drive_response
-from monitor_core.identification.greybox import LEVEL, Correlation, Share, Trace, fit
+from monitor_core.identification.greybox import LEVEL, Correlation, Trace, fit
 from monitor_core.identification.identification_procedure import (
     MOST_MASSES,
     USUAL_MASSES,
@@ -37,9 +38,7 @@ from monitor_core.identification.parameter_selection import (
 from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
 from monitor_core.identification.records import (
     UNITS,
-    Finding,
     Known,
-    LinkWeights,
     Record,
     Span,
     TurningWeight,
@@ -72,7 +71,6 @@ __all__ = [
     "Correlation",
     "Disturbance",
     "Effect",
-    "Finding",
     "FoundWarmUp",
     "FrequencyResponse",
     "Growth",
@@ -80,7 +78,6 @@ __all__ = [
     "IdentificationOptions",
     "IdentificationResult",
     "Known",
-    "LinkWeights",
     "Measure",
     "Obstacle",
     "ParameterRow",
@@ -92,7 +89,6 @@ __all__ = [
     "Record",
     "Rejection",
     "Schedule",
-    "Share",
     "Slope",
     "Span",
     "Start",

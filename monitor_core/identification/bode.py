@@ -79,7 +79,10 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
         name = "drive, nominal before"
         before = drive_response(start.drive, start.nominal, h, f, delay_s=start.delay_s, name=name)
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
-    measured, no_spectrum = _tried("frequency response of the record", lambda: _local(regular, f))
+    measured, no_spectrum = _tried(
+        "frequency response of the record",
+        lambda: local_response(regular, f, name="record, local polynomials"),
+    )
     if records[0].quantity == "angle":
         found = _as_speed(found)
         before, black_box, measured = (curve and _as_speed(curve) for curve in (before, black_box, measured))
@@ -127,10 +130,6 @@ def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
     model = fit_arx(thinned, largest=max(1, min(_LARGEST, samples // 20)))
     found = model.response(f)
     return replace(found, name=f"{found.name}, every {1e3 * every * h:.3g} ms") if every > 1 else found
-
-
-def _local(records: Sequence[Record], f: Floats) -> FrequencyResponse:
-    return local_response(records, f, name="record, local polynomials")
 
 
 def _as_speed(response: FrequencyResponse) -> FrequencyResponse:

@@ -37,7 +37,10 @@ def with_best_scale(found: Estimate, scales: Sequence[float], fit: Callable[[Pro
     tried = [found, *(other for scale in scales if (other := _with_scale(found, scale, fit)))]
     best = best_of(tried)
     refined = _refined(best, sorted(e.problem.speed_scale for e in tried), fit)
-    return refined if refined is not None and _gain(best, refined) > _SIGNIFICANT else best
+    if refined is None:
+        return best
+    # Twice the gain in log likelihood, with errors that are as large as they are after.
+    return refined if (best.cost - refined.cost) / refined.lam0 > _SIGNIFICANT else best
 
 
 def _with_scale(found: Estimate, scale: float, fit: Callable[[Problem], Estimate]) -> Estimate | None:
@@ -70,8 +73,3 @@ def _refined(best: Estimate, tried: Sequence[float], fit: Callable[[Problem], Es
         options={"xatol": _WITHIN, "maxiter": _MOST_FITS},
     )
     return min(fits, key=lambda found: found.cost, default=None)
-
-
-def _gain(before: Estimate, after: Estimate) -> float:
-    """Twice the gain in log likelihood, with errors that are as large as they are after."""
-    return (before.cost - after.cost) / after.lam0

@@ -120,10 +120,11 @@ def _changes(
     called, result = monitored_information(estimate, names, records)
     duration_s = sum(record.duration_s for record in records)
     longer = np.sqrt(max(duration_s / memory_s, 1.0))
-    sd = dict(zip(map(_base, called), np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
+    known_as = {_base(name): name for name in called}  # Ja or 1/Ja
+    sd = dict(zip(known_as, np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
     return {
         name: float(
-            _SHOWS * longer * sd[_base(name)] / sizes.get(name, _size(estimate, _called(name, called)))
+            _SHOWS * longer * sd[_base(name)] / sizes.get(name, _size(estimate, known_as[_base(name)]))
         )
         for name in names
     }
@@ -140,11 +141,6 @@ def _is_zero(estimate: Estimate, name: str) -> bool:
 
 def _base(name: str) -> str:
     return split_name(name)[0]
-
-
-def _called(name: str, called: Sequence[str]) -> str:
-    """The name by which the fit knows it: Ja or 1/Ja."""
-    return next(other for other in called if _base(other) == _base(name))
 
 
 def _size(estimate: Estimate, name: str) -> float:

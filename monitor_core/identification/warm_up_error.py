@@ -50,7 +50,8 @@ def model_errors(
         for seen in _days(windows, carried, start)
         for course in _deviations(windows, seen, index, carried, start)
     ]
-    ends = [course for seen in _ends(windows) for course in _deviations(windows, seen, index, carried, start)]
+    but_last = [np.arange(w.power.size) < w.power.size * (_PARTS - 1) / _PARTS for w in windows]
+    ends = _deviations(windows, but_last, index, carried, start)
     parts = [[np.array_split(course, _PARTS)[k] for course in days] for k in range(_PARTS)]
     few = min((len(course) for part in parts for course in part), default=0) < _LEAST
     squares = list[Floats]()
@@ -78,11 +79,6 @@ def _days(
     for k in range(len(windows) if len(windows) > 1 else 0):
         if any(known[:k] + known[k + 1 :]) or not any(known):
             yield [np.full(w.power.size, j != k) for j, w in enumerate(windows)]
-
-
-def _ends(windows: Sequence[Windows]) -> Iterator[list[Bools]]:
-    """Which windows (W,) of each record the fit sees: all but the last part of each."""
-    yield [np.arange(w.power.size) < w.power.size * (_PARTS - 1) / _PARTS for w in windows]
 
 
 def _deviations(

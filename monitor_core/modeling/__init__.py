@@ -15,29 +15,25 @@ from monitor_core.modeling.flat import (
     FlatComponent,
     FlatInput,
     FlatModel,
-    FlatParameter,
     FlatSensor,
     ModelError,
     Origin,
 )
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.resonances import Mode, Resonances, modes, resonances_of
+from monitor_core.modeling.resonances import Resonances, modes, resonances_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model, two_mass
-from monitor_core.modeling.statespace import Entries, StateSpace, drive_of, nominal_of
+from monitor_core.modeling.statespace import StateSpace, drive_of, nominal_of
 
 __all__ = [
     "INTERVAL_S",
     "MONITORED",
-    "Entries",
     "FlatComponent",
     "FlatInput",
     "FlatModel",
-    "FlatParameter",
     "FlatSensor",
     "Laurent",
-    "Mode",
     "ModelError",
     "Origin",
     "Resonances",

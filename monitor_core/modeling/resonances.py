@@ -93,17 +93,13 @@ def zeros_of(A: Floats, b: Floats, c: Floats) -> Complex:
     and no infinite zero is left whose rounding error could look like a finite one.
     """
     d = 0.0
-    while abs(d) <= _ROUNDING * _size(b, d):
+    while abs(d) <= _ROUNDING * np.hypot(np.linalg.norm(b), d):
         if not len(A) or np.linalg.norm(c) == 0:
             return np.zeros(0, dtype=complex)  # the input does not reach the output
         H = _reflection(c)
         A, b = H @ A @ H, H @ b
         A, b, c, d = A[1:, 1:], b[1:], A[0, 1:], b[0]
     return np.linalg.eigvals(A - np.outer(b, c) / d).astype(complex)
-
-
-def _size(b: Floats, d: float) -> float:
-    return float(np.hypot(np.linalg.norm(b), d))
 
 
 def _reflection(c: Floats) -> Floats:

@@ -13,7 +13,7 @@ from monitor_core.sampling.controller_clocks import (
     cyclic_interval_s,
 )
 from monitor_core.sampling.pairing import DROP_REASONS, SAMPLE, Pairing, new_pairing
-from monitor_core.sampling.stamp_meter import MEMORY, new_meter
+from monitor_core.sampling.stamp_meter import new_meter
 from monitor_core.sampling.stream import (
     COUNTER,
     CYCLIC,
@@ -37,7 +37,6 @@ __all__ = [
     "HAS_COUNT",
     "HAS_MOTION",
     "HAS_TORQUE",
-    "MEMORY",
     "RECEIPT",
     "SAMPLE",
     "VALUE",

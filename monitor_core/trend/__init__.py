@@ -18,12 +18,10 @@ from monitor_core.trend.learning_window import (
     WindowDoubt,
     WindowError,
 )
-from monitor_core.trend.limit_forecast import COVERED
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend
 
 __all__ = [
-    "COVERED",
     "PARTS",
     "SKIPPED",
     "Kept",

@@ -62,7 +62,8 @@ class SlowHistory:
         If the clock is set back by less than a day, nothing is added until it has caught up; by more, the entries ahead
         of it are deleted.
         """
-        closed = self._is_late(t_us) and self._close(correlation)
+        is_late = self._open is not None and t_us - self._open.start_us > self._day_us
+        closed = is_late and self._close(correlation)
         newest_us = self._open.end_us if self._open else self._hours[-1].end_us if self._hours else t_us
         if t_us < newest_us - self._day_us:
             self._forget_after(t_us)
@@ -78,9 +79,6 @@ class SlowHistory:
     @property
     def _day_us(self) -> int:
         return round(DAY * self.hour_s * 1e6)
-
-    def _is_late(self, t_us: int) -> bool:
-        return self._open is not None and t_us - self._open.start_us > self._day_us
 
     def _close(self, correlation: float) -> bool:
         o = self._open

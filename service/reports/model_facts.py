@@ -40,9 +40,8 @@ def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Fa
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)
-    if len(space.states) > _MOST_STATES:
-        identifiability = (f"Not examined: the drive has more than {_MOST_STATES} states.",)
-    else:
+    identifiability: tuple[str, ...] = (f"Not examined: the drive has more than {_MOST_STATES} states.",)
+    if len(space.states) <= _MOST_STATES:
         identifiability = structural(space).words()
     return Facts(space, nominal, missing, motion, identifiability)
 

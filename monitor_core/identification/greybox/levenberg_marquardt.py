@@ -87,7 +87,7 @@ def minimise(
         if _settled(at, left, settled):
             return End(xi, at, count, True, left)
         wanted = steps.damped(mu)
-        step = _shortened(wanted, longest)
+        step = wanted / max(1.0, float(np.max(np.abs(wanted) / longest, initial=0.0)))
         new = np.clip(xi + np.clip(step, -clipped, clipped), *bounds)
         trial = evaluate(new)
         gain = at.cost - trial.cost
@@ -161,7 +161,3 @@ class _Steps:
         values, vectors = np.linalg.eigh(H[np.ix_(free, free)] / np.outer(size, size))
         seen = values > _HIDDEN * values.max(initial=0.0)
         return _Eigen(size, values[seen], vectors[:, seen], vectors[:, seen].T @ (g[free] / size))
-
-
-def _shortened(step: Floats, longest: Floats) -> Floats:
-    return np.asarray(step / max(1.0, float(np.max(np.abs(step) / longest, initial=0.0))))

@@ -4,15 +4,13 @@ A finding that refuses says that no fit to this record can be trusted; one that 
 at.  Thresholds are set so that a healthy record gives no finding: each constant says why it is what it is.
 """
 
-from monitor_core.identification.records.arm_links import LinkWeights, link_weights
+from monitor_core.identification.records.arm_links import link_weights
 from monitor_core.identification.records.lively_parts import lively_parts
 from monitor_core.identification.records.measured_record import (
     UNITS,
-    Bools,
     Finding,
     Known,
     Record,
-    Severity,
     between,
 )
 from monitor_core.identification.records.motion_checks import (
@@ -32,7 +30,7 @@ from monitor_core.identification.records.value_patterns import (
 )
 
 __all__ = [
-    "UNITS", "Bools", "Finding", "Known", "LinkWeights", "Record", "Severity", "Span", "TurningWeight", "between",
+    "UNITS", "Finding", "Known", "Record", "Span", "TurningWeight", "between",
     "held_for", "is_about_nominal", "known_of", "link_weights", "lively_parts", "rigid_fit", "shown_inertia",
     "speed_scales", "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
 ]  # fmt: skip

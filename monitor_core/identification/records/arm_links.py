@@ -132,7 +132,8 @@ def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
     while len(chosen) < _MOST_SUMS:
         best, least = _best(balance, own, angles, chosen)
         if not least < _LESS * left:
-            beside = [(_best(balance, own, angles, [*chosen, first]), first) for first in _near(own, angles)]
+            near = [*_sums(own, angles, 0), *_sums(own, angles, 1)]
+            beside = [(_best(balance, own, angles, [*chosen, first]), first) for first in near]
             (best, least), first = min(beside, key=lambda pair: pair[0][1])
             if first in chosen or not least < _LESS**2 * left:
                 break
@@ -144,11 +145,6 @@ def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
             if least < _SIMPLER * left:
                 chosen, left = [*others, best], least
     return chosen
-
-
-def _near(own: str, angles: Sequence[str]) -> list[Sum]:
-    """The sums of at most two angles."""
-    return [*_sums(own, angles, 0), *_sums(own, angles, 1)]
 
 
 def _best(balance: _Balance, own: str, angles: Sequence[str], chosen: Sequence[Sum]) -> tuple[Sum, float]:

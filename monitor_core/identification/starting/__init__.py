@@ -9,7 +9,7 @@ If the number of masses is unknown, ``grow`` fits one, two, three, .. and report
 """
 
 from monitor_core.identification.starting.chains import masses_of
-from monitor_core.identification.starting.mass_count import Grown, Growth, grow
+from monitor_core.identification.starting.mass_count import Growth, grow
 from monitor_core.identification.starting.starting_fits import (
     best_of,
     fit_from,
@@ -18,7 +18,6 @@ from monitor_core.identification.starting.starting_fits import (
 )
 
 __all__ = [
-    "Grown",
     "Growth",
     "best_of",
     "fit_from",

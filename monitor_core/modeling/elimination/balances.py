@@ -62,16 +62,15 @@ def _solve_for(system: System, power: int, names: list[str], used: Collection[in
         rows = {k: row for k, row in rows.items() if power in row.get(name, {})}
         if not rows:
             continue
-        pivot = min(rows, key=lambda k: (not rows[k][name][power].is_unit, _weight(rows[k], power)))
+        pivot = min(
+            rows,
+            key=lambda k: (not rows[k][name][power].is_unit, sum(power in op for op in rows[k].values())),
+        )
         found[name] = pivot
         if not rows[pivot][name][power].is_unit:
             system.merge(rows[pivot][name][power])
         _clear_column(system, name, power, rows[pivot])
     return found
-
-
-def _weight(row: Row, power: int) -> int:
-    return sum(power in operator for operator in row.values())
 
 
 def _clear_column(system: System, name: str, power: int, solution: Row) -> None:
