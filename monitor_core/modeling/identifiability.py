@@ -89,7 +89,7 @@ def structural(
 def _sorted_out(free: Sequence[FlatParameter], seen: Ints, prime: int) -> Identifiability:
     """The parameters by what is ``seen`` of them (rank, p), and by the directions that stay hidden."""
     names, hidden = [p.name for p in free], null_space(seen, prime)
-    groups = [g for g in components(hidden) if len(g) > 1]
+    groups = [g for g in _components(hidden) if len(g) > 1]
     invisible = tuple(name for name, column in zip(names, seen.T, strict=True) if not column.any())
     held = _held(free, hidden, groups, prime)
     return Identifiability(
@@ -101,7 +101,7 @@ def _sorted_out(free: Sequence[FlatParameter], seen: Ints, prime: int) -> Identi
     )
 
 
-def components(basis: Ints) -> list[tuple[int, ...]]:
+def _components(basis: Ints) -> list[tuple[int, ...]]:
     """The finest partition of the columns such that the space is a direct sum; ``basis`` in reduced echelon form."""
     groups = [{column} for column in range(basis.shape[1])]
     for row in basis:

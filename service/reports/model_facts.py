@@ -40,10 +40,16 @@ def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Fa
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)
-    identifiability: tuple[str, ...] = (f"Not examined: the drive has more than {_MOST_STATES} states.",)
-    if len(space.states) <= _MOST_STATES:
-        identifiability = structural(space).words()
+    why = _not_examined(space)
+    identifiability = (f"Not examined: {why}.",) if why else structural(space).words()
     return Facts(space, nominal, missing, motion, identifiability)
+
+
+def _not_examined(space: StateSpace) -> str:
+    """Why it would take too long; empty if it does not."""
+    if len(space.states) > _MOST_STATES:
+        return f"the drive has more than {_MOST_STATES} states"
+    return ""
 
 
 OUTPUT_UNITS = {"speed": "rad/s", "angle": "rad"}

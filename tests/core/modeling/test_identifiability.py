@@ -15,11 +15,11 @@ from monitor_core.modeling.drawing import Drawing
 from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import ModelError
-from monitor_core.modeling.identifiability import components, structural
+from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import Entries, StateSpace
 from tests.core.modeling.spaces import Chain, Table, library_three_mass, table
 
-law = settings(deadline=None, max_examples=50)
+law = settings(deadline=None, max_examples=25)
 seeds = st.integers(0, 2**32 - 1)
 Complex = NDArray[np.complex128]
 
@@ -140,11 +140,6 @@ def test_a_parameter_that_is_not_there(seed: int) -> None:
         structural(library_three_mass(), ["Jm", "Jx"], seed)
 
 
-def test_nothing_is_free(seed: int) -> None:
-    assert structural(library_three_mass(), [], seed).count == 0
-    assert structural(library_three_mass(), [], seed).words() == ()
-
-
 # --- the count, by another route: the coefficients of the transfer function, floating point, SVD -----------
 
 
@@ -222,12 +217,3 @@ def test_what_can_be_found_is_what_no_hidden_direction_moves(
 def slope(ss: StateSpace, name: str, seed: int) -> NDArray[np.float64]:
     values = {p.name: np.random.default_rng(seed).uniform(0.7, 1.4) for p in ss.drawn}
     return np.imag(coefficients(ss, {**values, name: values[name] + 1e-30j})) / 1e-30
-
-
-# --- groups -----------------------------------------------------------------------------------------------
-
-
-def test_components() -> None:
-    basis = np.array([[1, 0, 0, 2, 0, 0], [0, 1, 0, 3, 0, 0], [0, 0, 0, 0, 1, 0]])
-    assert components(basis) == [(0, 1, 3), (2,), (4,), (5,)]
-    assert components(np.zeros((0, 2), dtype=np.int64)) == [(0,), (1,)]
