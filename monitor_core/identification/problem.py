@@ -11,6 +11,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, split_name
 
 Predictor = Literal["output-error", "innovations"]
+Loss = Literal["squares", "huber"]
 Motion = Literal["measured", "simulated"]
 Initial = Literal["free", "first"]
 Level = Literal["torque", "slow", "time_constant"]
@@ -70,6 +71,7 @@ class Problem:
         free_delay: it is estimated.
         disturbance: noise from which K follows; None: white torque noise of unknown level.
         K: filter gain (n,) in the drive's states, which then is held; no disturbance.
+        loss: "huber" for outliers.
         bounds: of free parameters, by name; "delay" is one.  By default what makes no sense is excluded: no negative
             inertia, spring, damper or friction.
         motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
@@ -94,6 +96,7 @@ class Problem:
     free_delay: bool = False
     disturbance: Disturbance | None = None
     K: tuple[float, ...] | None = None
+    loss: Loss = "squares"
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     motion: Motion = "measured"
     initial: Initial = "free"

@@ -72,6 +72,7 @@ class Request:
         predictor: None: as configured.
         delay: estimate the skew between torque and motion, too.
         disturbance_s: time constant of a slow torque disturbance [s]; None: there is none.
+        robust: give outliers less weight.
         start: where the fit starts; None: "search" if nominal values are known, else "records".
         schedule: parameters that follow signals, "fm: temperature".
         masses: compare chains of up to this number of masses; None: do not.
@@ -85,6 +86,7 @@ class Request:
     predictor: Predictor | None = None
     delay: bool = False
     disturbance_s: float | None = None
+    robust: bool = False
     start: Start | None = None
     schedule: tuple[str, ...] = ()
     masses: int | None = None
@@ -304,7 +306,7 @@ def _problem(
             drive, nominal, selection.free, kind,
             speed_scale=speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
             disturbance=_disturbance(kind, used, request.disturbance_s),
-            varying=schedule,
+            loss="huber" if request.robust else "squares", varying=schedule,
             interval_s=_interval_s(axis.config.sample_interval_s, [item.record for item in used]),
         )  # fmt: skip
     except ValueError as error:

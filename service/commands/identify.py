@@ -63,6 +63,7 @@ Slow = Annotated[
         help="What disturbs the torque also has a slow part with this time constant, a state of the model.",
     ),
 ]
+Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
 StartOption = Annotated[
     Literal["search", "values", "records"] | None,
     typer.Option(
@@ -102,6 +103,7 @@ def identify(
     validate: Validate = None,
     delay: Delay = False,
     disturbance: Slow = None,
+    robust: Robust = False,
     start: StartOption = None,
     masses: MassesOption = None,
     thermal: Thermal = None,
@@ -133,6 +135,7 @@ def identify(
             predictor=predictor,
             delay=delay,
             disturbance_s=disturbance,
+            robust=robust,
             start=start,
             schedule=tuple(varying or ()),
             masses=_masses(masses),

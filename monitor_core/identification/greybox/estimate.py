@@ -12,6 +12,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation.accuracy import Accuracy
+from monitor_core.identification.greybox.criterion import GROSS
 from monitor_core.identification.greybox.residuals import LEVEL as CONFIDENCE
 from monitor_core.identification.greybox.residuals import Correlation
 from monitor_core.identification.predictor.parameter_vector import LEVEL, Layout, whole_intervals
@@ -36,7 +37,7 @@ class Estimate:
         lam0: innovation variance lambda_0, the output's unit squared.
         noise: standard deviations "torque", "slow" (N m), "output", and "time_constant" (s), where K follows from
             them.
-        cost: sum of squared prediction errors.
+        cost: sum of squared prediction errors, or of their Huber losses.
         whiteness: autocorrelation of the prediction errors.
         independence: their correlation with past torque.
         accuracy: what the records tell of the parameters, in relative units and words.
@@ -47,6 +48,7 @@ class Estimate:
         converged: the fit stopped because nothing moved any more.
         moving: where it has not converged, what would still move by more than a tenth of its standard deviation, by the
             most first.
+        outliers: outputs of each record that count as not measured since their errors are gross; empty: none.
         words: doubts about the estimates, in sentences.
         started_from: where the fit started, in a sentence; empty: at the values of the problem.
     """
@@ -72,6 +74,7 @@ class Estimate:
     iterations: int
     converged: bool
     moving: tuple[str, ...] = ()
+    outliers: tuple[int, ...] = ()
     words: tuple[str, ...] = ()
     started_from: str = ""
 
@@ -127,6 +130,8 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
             f" {whole_intervals(found.delay_s, found.interval_s)} samples in the record."
         )
     yield from _levels(found, layout)
+    if count := sum(found.outliers):
+        yield f"{count} outputs are outliers, beyond {GROSS:g} standard deviations: they count as not measured."
     yield from _residuals(found)
 
 

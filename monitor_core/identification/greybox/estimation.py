@@ -11,7 +11,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DISTURBANCE_TIME
 from monitor_core.identification.greybox.comparison import fits, simulated_fits
-from monitor_core.identification.greybox.criterion import Progress, settled, solve
+from monitor_core.identification.greybox.criterion import Fitted, Progress, settled, solve, without_gross
 from monitor_core.identification.greybox.estimate import Estimate, sentences
 from monitor_core.identification.greybox.levenberg_marquardt import End
 from monitor_core.identification.greybox.residuals import Information, independence, information, whiteness
@@ -24,6 +24,8 @@ _SLACK = 20.0
 """A parameter that may be zero is compared with so many of its standard deviations, were all others known."""
 _MOVES = 0.1
 """Standard deviations."""
+_CLIPPED_VARIANCE = 0.7101645
+"""Of a standard normal variable clipped at HUBER."""
 
 
 def fit(
@@ -35,20 +37,24 @@ def fit(
 ) -> Estimate:
     """Minimise the sum of squared prediction errors of all records over theta, from the problem's values.
 
-    ``progress`` is called with the number of evaluations and the cost whenever that has fallen.
+    With Huber's loss and a gain, outputs with gross errors then count as not measured, so that the state does not
+    follow them, and the search continues.  ``progress`` is called with the number of evaluations and the cost whenever
+    that has fallen.
 
     Raises:
         ValueError: no record, another output than the drive's, no sample measured; the predictor is unstable at the
             start.
     """
-    return _estimate(*solve(problem, records, most_iterations, progress))
+    found = solve(problem, records, most_iterations, progress)
+    return _estimate(without_gross(found, most_iterations, progress))
 
 
-def _estimate(predictor: Predictor, end: End) -> Estimate:
+def _estimate(fitted: Fitted) -> Estimate:
+    predictor, end, limit, outliers = fitted
     layout, xi = predictor.layout, end.xi
     errors = predictor.errors(xi)
-    lam0 = end.normal.cost / max(end.normal.samples - xi.size, 1)
-    information = _information(predictor, xi, errors, lam0)
+    lam0 = _variance(end, errors, limit)
+    information = _information(predictor, xi, errors, lam0, limit)
     p = len(layout.names)
     theta = layout.numbers(xi)[:p]
     final = settled(predictor, xi)
@@ -82,6 +88,7 @@ def _estimate(predictor: Predictor, end: End) -> Estimate:
         iterations=end.evaluations,
         converged=end.converged,
         moving=() if end.converged else _moving(predictor, end, information.covariance),
+        outliers=outliers,
     )
     return replace(found, words=tuple(sentences(found, layout, xi)))
 
@@ -105,7 +112,18 @@ def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
     return blind and problem.predictor == "output-error" and problem.initial == "free"
 
 
-def _information(predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float) -> Information:
+def _variance(end: End, errors: Sequence[Errors], limit: float) -> float:
+    """lambda_0: mean square of the errors over the degrees of freedom."""
+    freedom = max(end.normal.samples - end.xi.size, 1)
+    if not limit < np.inf:
+        return end.normal.cost / freedom
+    clipped = sum(float(np.sum(np.clip(e.eps, -limit, limit) ** 2)) for e in errors)
+    return clipped / freedom / _CLIPPED_VARIANCE
+
+
+def _information(
+    predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float
+) -> Information:
     """Information on everything that the records share, including noise levels."""
     layout, shared = predictor.layout, predictor.layout.shared
     gradients, starts = [e.psi[:, :shared] for e in errors], [e.psi[:, shared:] for e in errors]
@@ -115,4 +133,10 @@ def _information(predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam
     sizes = np.where(layout.log, numbers, np.maximum(numbers, _SLACK * alone))
     sizes[sizes == 0] = 1.0
     names = [entry.name for entry in layout.entries]
-    return information(names, sizes, gradients, starts, [e.eps for e in errors], lam0)
+    eps, variance = [e.eps for e in errors], lam0
+    if limit < np.inf:
+        eps = [np.clip(e, -limit, limit) for e in eps]
+        inside = np.mean(np.concatenate([np.abs(e) < limit for e in eps]))
+        eps = [e / inside for e in eps]
+        variance = lam0 * _CLIPPED_VARIANCE / inside**2
+    return information(names, sizes, gradients, starts, eps, variance)

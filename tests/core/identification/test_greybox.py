@@ -9,6 +9,8 @@ from scipy.signal import lfilter
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.identification.greybox import Disturbance, Estimate, Problem, fit, traces_of
+from monitor_core.identification.greybox.criterion import choose_disturbance, outliers
+from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
@@ -106,6 +108,39 @@ def test_a_skew_beyond_one_interval(late: int, seed: int) -> None:
     assert found.delay_s == pytest.approx(late * h / parts, abs=4.5 * found.sd[-1])
     assert np.abs(pulls(found)).max() < 4.5
     assert any("more than one interval" in word for word in found.words)
+
+
+def test_outliers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rec = reference_record(seed, SAMPLES)
+    rec = replace(
+        rec, y=rec.y + np.where(rng.random(SAMPLES) < 0.03, 60.0, 0.0) * rng.standard_normal(SAMPLES)
+    )
+    squares, huber = (fit(reference_problem(loss=loss), [rec]) for loss in ("squares", "huber"))
+    assert np.abs(pulls(huber)).max() < 4.5
+    assert np.exp(np.mean(np.log(huber.sd / squares.sd))) < 0.25  # a tenth, were it not for chance
+    # Three per cent of outliers, clipped, add five per cent.
+    assert huber.lam0 == pytest.approx(1.05, abs=0.16)
+
+
+def test_outliers_do_not_enter_the_state(seed: int) -> None:
+    """One in a hundred, twenty times as large as any noise, where K is large: as if they were not there.
+
+    The errors that they leave through K are clipped, but many; with squares the estimates are five times as far away.
+    """
+    rng, away = np.random.default_rng(seed), []
+    for k in range(3):
+        clean = noisy_torque_record(seed + k, SAMPLES, 0.6, 0.3)
+        gross = rng.random(SAMPLES) < 0.01
+        rec = replace(clean, y=clean.y + np.where(gross, rng.choice([-20.0, 20.0], SAMPLES), 0.0))
+        problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.6, output=0.3))
+        best, found = fit(problem, [clean]), fit(replace(problem, loss="huber"), [rec])
+        away.append((found.theta - best.theta) / best.sd)
+        assert found.outliers == (gross.sum(),)
+        assert any(word.startswith(f"{found.outliers[0]} outputs are outliers") for word in found.words)
+        assert found.lam0 == pytest.approx(best.lam0, rel=0.1)
+    assert np.sqrt(np.mean(np.square(away))) < 0.6
+    assert sum(fit(replace(problem, loss="huber"), [clean]).outliers) <= 1
 
 
 def test_several_records_tell_more_than_one(seed: int) -> None:
@@ -266,9 +301,65 @@ def test_levels_time_constant_and_drive_are_found(seed: int) -> None:
 def test_the_monitor_gets_this_very_gain(seed: int) -> None:
     """From the estimate's drive, values and noise: K in physical states, lambda_0."""
     rec = reference_record(seed, 3000)
-    noise = Disturbance(torque=0.3, free=())
+    noise = Disturbance(torque=0.3, slow=0.5, free=())
     found = fit(reference_problem(predictor="innovations", disturbance=noise), [rec])
-    K, lam0 = filter_gain(found.model(), found.interval_s, found.noise["torque"], found.noise["output"])
+    levels = (found.noise["torque"], found.noise["output"], found.noise["slow"])
+    K, lam0 = filter_gain(found.model(), found.interval_s, *levels)
     np.testing.assert_allclose(found.K, K, rtol=1e-6, atol=1e-9 * abs(K).max())
     assert found.lam0 == pytest.approx(lam0, rel=1e-9)
-    assert len(found.K) == len(found.drive.states) == 5
+    assert len(found.K) == len(found.drive.states) == 6
+
+
+# --- Outliers one by one: those that are, not those that K made of them -----------------------------------------------
+
+
+SHORT = 600
+LIMIT = 5.0  # standard deviations of the innovations
+
+
+def predictor_of(rec: Record) -> Predictor:
+    """K is large: a torque noise of .6 N m beside an output noise of .3 rad/s."""
+    problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.6, output=0.3))
+    return Predictor(problem, [rec], choose_disturbance(problem, [rec]))
+
+
+def with_errors(rec: Record, which: np.ndarray, size: float) -> Record:
+    y = rec.y.copy()
+    y[which] += size
+    return Record(rec.t, rec.u, y, rec.quantity)
+
+
+@pytest.mark.parametrize(
+    "which",
+    [[0], [300], [300, 301], [300, 302, 305, 306], [300, 325, 350], [0, 1, 599], list(range(300, 315))],
+)
+def test_those_that_are(which: list[int], seed: int) -> None:
+    clean = reference_record(seed, SHORT, noise=0.01)
+    rec = with_errors(clean, np.array(which), 30.0)
+    predictor = predictor_of(rec)
+    xi = predictor_of(clean).start()
+    [found] = outliers(predictor, xi, LIMIT)
+    np.testing.assert_array_equal(np.flatnonzero(found), which)
+    [e] = predictor.errors(xi)
+    if 599 not in which:
+        assert np.count_nonzero(np.abs(e.eps) > LIMIT) > len(which)  # K carried them on
+
+
+@pytest.mark.parametrize(("size", "count"), [(0.9 * LIMIT, 0), (1.1 * LIMIT, 1)])
+def test_beyond_the_limit(size: float, count: int, seed: int) -> None:
+    clean = reference_record(seed, SHORT, noise=0.01)
+    predictor = predictor_of(with_errors(clean, np.array([300]), size))
+    [found] = outliers(predictor, predictor.start(), LIMIT)
+    assert found.sum() == count
+
+
+def test_a_stretch_in_which_nothing_fits_counts_whole(seed: int) -> None:
+    """300 samples from elsewhere: twenty looks take the first ones, the last look takes the rest."""
+    rec = reference_record(seed, SHORT, noise=0.01)
+    stretch = np.arange(200, 500)
+    y = rec.y.copy()
+    y[stretch] = np.random.default_rng(seed).choice([-1e3, 1e3], stretch.size)
+    predictor = predictor_of(Record(rec.t, rec.u, y, rec.quantity))
+    [found] = outliers(predictor, predictor.start(), LIMIT)
+    assert found[stretch].mean() > 0.99
+    assert not found[:200].any()

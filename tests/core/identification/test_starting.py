@@ -321,10 +321,18 @@ def disturbed(seed: int) -> Record:
     return monte_carlo.closed_loop([seed], monte_carlo.SLOW)[0]
 
 
+def with_outliers(seed: int) -> Record:
+    """One sample in fifty is off by 30 rad/s."""
+    record, rng = THREE.record(seed), np.random.default_rng(seed)
+    hit = rng.random(len(record)) < 0.02
+    return replace(record, y=record.y + np.where(hit, 30 * rng.standard_normal(len(record)), 0.0))
+
+
 ELSEWHERE: dict[str, tuple[Problem, Callable[[int], Record]]] = {
     "closed loop": (THREE.problem(), closed_loop),
     "closed loop with a slow disturbance": (replace(INNOVATIONS, disturbance=SLOW), disturbed),
     "innovations": (INNOVATIONS, THREE.record),
+    "outliers": (replace(THREE.problem(), loss="huber"), with_outliers),
 }
 
 

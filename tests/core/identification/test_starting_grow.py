@@ -73,8 +73,8 @@ def is_told(case: Case, noise: float, seed: int) -> bool:
 
 @pytest.fixture(scope="module")
 def growth(seed: int) -> Growth:
-    """Of two masses, with a record kept aside, by innovations."""
-    like = replace(TWO.problem(), predictor="innovations", free=("Jm",))
+    """Of two masses, with a record kept aside, by innovations with Huber's loss."""
+    like = replace(TWO.problem(), predictor="innovations", loss="huber", free=("Jm",))
     records = [[SHORT_TWO.record(seed + k)] for k in range(2)]
     return grow(records[0], 3, like=like, friction=["fm"], validation=records[1])
 
@@ -84,6 +84,7 @@ def test_settings_and_criteria(growth: Growth, seed: int) -> None:
     assert growth.words[0].startswith("2 masses suffice.")
     model = growth.models[1]
     assert model.estimate.problem.predictor == "innovations"
+    assert model.estimate.problem.loss == "huber"
     assert model.estimate.names == ("J1", "J2", "k1", "d1", "fm")
     assert len(model.validation) == 1
     samples = len(SHORT_TWO.record(seed))
