@@ -1,8 +1,8 @@
 """Modelica texts (drawn in OpenModelica, or written by hand) to the flat model of a drive.
 
 text -> pymoca's syntax tree, with places (parsing) -> the tree of all classes, names checked (names) -> pymoca's
-instance and flat class -> values of parameters (values), components of the library (library), signals (signals)
--> flat model (flattening, flat_parameters)
+instance and flat class -> values of parameters (values), components of the library (library, leaves), signals
+(signals) -> flat model (flattening, flat_parameters)
 """
 
 from __future__ import annotations

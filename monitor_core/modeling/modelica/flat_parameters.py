@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from monitor_core.modeling.components.units import Use, impossible, infer, is_nonnegative, is_positive, parse
-from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError
+from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.modelica.leaves import Part
 from monitor_core.modeling.modelica.parsing import is_parameter
 from monitor_core.modeling.modelica.values import Values, plain
 
@@ -14,7 +16,7 @@ from monitor_core.modeling.modelica.values import Values, plain
 def flat_parameters(
     values: Values,
     comments: Mapping[str, str],
-    uses: Sequence[Use],
+    parts: Sequence[Part],
     equations: Iterable[FlatEquation],
     known: Mapping[str, str],
 ) -> tuple[FlatParameter, ...]:
@@ -32,23 +34,29 @@ def flat_parameters(
     for name, unit in declared.items():
         if unit:
             parse(unit, values.place(name))  # refused where it is written
-    units = infer(uses, declared)
-    for use, role, number, problem in impossible(uses, values.nominal):
+    every = [use for part in parts for use in part.uses]
+    units = infer(every, declared)
+    for use, role, number, problem in impossible(every, values.nominal):
         raise ModelError(f"its {role.name} ({role.meaning}) is {number:g}: it {problem}", use.origin)
-    return tuple(_parameter(n, values, comments.get(n, ""), units.get(n, ""), uses) for n in written)
+    of_tables = sorted(occurring - set(written))  # of bearings
+    return tuple(
+        _parameter(n, values, comments.get(n, ""), units.get(n, ""), every) for n in (*written, *of_tables)
+    )
 
 
 def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequence[Use]) -> FlatParameter:
-    value = values.nominal.get(name)
+    symbol, value = values.symbols.get(name), values.nominal.get(name)
     uses = [use for use in every if name in use.value.names]
     if uses and not meaning:
         first = next((use for use in uses if use.is_name), uses[0])
         meaning = first.meaning(first.origin.component)
-    least = plain(values.symbols[name].min)
+    least = plain(symbol.min) if symbol is not None else None
     bound = least if isinstance(least, int | float) else -1
     positive = bound > 0 or is_positive(name, uses, value)
     nonnegative = not positive and (bound >= 0 or is_nonnegative(name, uses))
-    return FlatParameter(name, unit, meaning, value, positive, nonnegative, values.place(name))
+    owner = values.places[name.rpartition(".")[0]] if symbol is None else Origin()
+    place = values.place(name) if symbol is not None else replace(owner, component=name)
+    return FlatParameter(name, unit, meaning, value, positive, nonnegative, place)
 
 
 # --- Units that the user's own equations tell: of variables and parameters declared without one -----------------------

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from pymoca import ast
 from pymoca.tree import InstanceClass, InstanceSymbol, ModelicaError, flatten_instance, instantiate
 
 from monitor_core.kernel.tables import ONE
-from monitor_core.modeling.components import KINDS, fragment
 from monitor_core.modeling.components.fragments import End, Fragment, Joint, Linear, connect, join
-from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.flat import (
     CONSTANT,
     FlatComponent,
@@ -27,12 +25,12 @@ from monitor_core.modeling.flat import (
     ModelError,
     Origin,
 )
-from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.flat_parameters import flat_parameters, own_units, variable_unit
-from monitor_core.modeling.modelica.library import LEAVES, REFUSED, SIGNAL_SOURCE, Leaf
+from monitor_core.modeling.modelica.leaves import Part, Placed, bearing_joint, parts
+from monitor_core.modeling.modelica.library import BEARING, LEAVES, Leaf
 from monitor_core.modeling.modelica.parsing import is_parameter, place_of
 from monitor_core.modeling.modelica.signals import Signals
-from monitor_core.modeling.modelica.values import Values, is_given, plain
+from monitor_core.modeling.modelica.values import Values, plain
 
 
 def flatten(root: ast.Tree, model: ast.Class) -> FlatModel:
@@ -65,9 +63,14 @@ class _Flattening:
         self.flanges: list[str] = []
         self._visit(instance, "", place_of(model))
         self.values = Values(flat.symbols, self.places, root)
-        self.parts = [part_of(p, self.values) for p in self.placed if p.leaf.kind != SIGNAL_SOURCE]
+        self.parts: list[Part] = []
         self.joints: list[Joint] = []
-        kinds = {p.path: p.leaf.kind for p in self.placed}
+        for placed in self.placed:
+            found = list(parts(placed, self.values))
+            self.parts += found
+            if placed.leaf.kind == BEARING:
+                self.joints.append(bearing_joint(placed, found))
+        kinds = {p.path: p.leaf.kind for p in self.placed} | {p.name: p.kind for p in self.parts}
         self.signals = Signals(_causality(instance), kinds, self.places)
         self.own: list[FlatEquation] = []
         self.equalities: list[FlatEquation] = []
@@ -129,11 +132,15 @@ class _Flattening:
         library = join(part.fragment() for part in self.parts)
         torque = self.signals.measured_torque(self.own)
         inputs = [*([torque] if torque is not None else []), *library.inputs]
+        flanges = [
+            *self.flanges,
+            *(v.name[: -len(".phi")] for v in library.variables if v.name.endswith("flange.phi")),
+        ]
         equations = (
             *library.equations,
             *self.own,
             *self.equalities,
-            *connect(self.joints, dict.fromkeys(self.flanges)),
+            *connect(self.joints, dict.fromkeys(flanges)),
         )
         if any((CONSTANT, 0) in e.terms for e in self.own) and all(i.name != CONSTANT for i in inputs):
             inputs.append(FlatInput(CONSTANT, ONE))
@@ -141,10 +148,9 @@ class _Flattening:
         known = {i.name for i in inputs} | self.signals.given()
         variables = tuple(v for v in self._variables(library, units) if v.name not in known)
         _check(variables, inputs, equations, place_of(self.model, self.model.name))
-        uses = [use for part in self.parts for use in part.uses]
         return FlatModel(
             name=self.model.name,
-            parameters=flat_parameters(self.values, self.comments, uses, equations, units),
+            parameters=flat_parameters(self.values, self.comments, self.parts, equations, units),
             variables=variables,
             inputs=tuple(inputs),
             sensors=self.signals.outputs(library.sensors),
@@ -253,70 +259,3 @@ def _unused(variable: str) -> str:
     if last == "phi" and owner.rpartition(".")[2].startswith("flange"):
         return f"nothing is connected to {owner}"
     return f"{variable} occurs in no equation"
-
-
-# --- The components of the library: their parameters, and their part of the flat model --------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Placed:
-    """A component of the library in the model: its path, and where it is declared."""
-
-    path: str
-    leaf: Leaf
-    origin: Origin
-
-    def inside(self, name: str) -> str:
-        """The path of a member."""
-        return f"{self.path}.{name}"
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """A component of a kind of component_kinds.py, with its parameters by role.
-
-    ``uses``: the same for the check of units.  ``at``: its flanges by the names of those that are drawn.
-    """
-
-    name: str
-    kind: str
-    parameters: Mapping[str, Laurent]
-    origin: Origin
-    uses: tuple[Use, ...]
-    at: tuple[str, ...]
-
-    def fragment(self) -> Fragment:
-        """Its variables and equations."""
-        return fragment(KINDS[self.kind], self.name, self.parameters, self.origin)
-
-
-def part_of(placed: Placed, values: Values) -> Part:
-    """A library component with the values of its parameters.
-
-    Raises:
-        ModelError: a parameter has a value that is not supported.
-    """
-    _check_refused(placed, values)
-    kind, leaf = KINDS[placed.leaf.kind], placed.leaf
-    parameters = {role: values.parameter(placed.inside(name)) for role, name in leaf.roles.items()}
-    uses = tuple(
-        Use(value, kind.role(role).unit, _written_at(leaf.roles[role], placed, values), kind.role(role))
-        for role, value in parameters.items()
-    )
-    fixed = {role: Laurent.number(value) for role, value in leaf.fixed.items()}
-    flanges = tuple(placed.inside(name) for name in kind.flanges)
-    return Part(placed.path, kind.name, {**parameters, **fixed}, placed.origin, uses, flanges)
-
-
-def _written_at(name: str, placed: Placed, values: Values) -> Origin:
-    """The line of the parameter's value, under the component's name."""
-    return replace(values.place(placed.inside(name)), component=placed.path)
-
-
-def _check_refused(placed: Placed, values: Values) -> None:
-    for name, (right, reason) in REFUSED.items():
-        symbol = values.symbols.get(placed.inside(name))
-        if symbol is not None and is_given(symbol.value) and plain(symbol.value) != right:
-            given = plain(symbol.value)
-            shown = str(given).lower() if given is not None else "an expression"
-            raise ModelError(f"{name} = {shown}: {reason}", _written_at(name, placed, values))

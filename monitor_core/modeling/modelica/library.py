@@ -37,8 +37,8 @@ class Leaf:
     fixed: Mapping[str, int] = field(default_factory=dict)
 
 
-SIGNAL_SOURCE = "signal-source"
-"""No kind of component_kinds.py: the measured torque."""
+BEARING, SIGNAL_SOURCE = "bearing-friction", "signal-source"
+"""Kinds that are no kinds of component_kinds.py: friction by a table of speeds; the measured torque."""
 
 LEAVES: Mapping[str, Leaf] = {
     f"{ROTATIONAL}.Components.Inertia": Leaf("inertia", {"J": "J"}),
@@ -47,6 +47,7 @@ LEAVES: Mapping[str, Leaf] = {
     f"{ROTATIONAL}.Components.SpringDamper": Leaf("spring-damper", {"c": "c", "d": "d"}),
     f"{ROTATIONAL}.Components.IdealGear": Leaf("ideal-gear", {"ratio": "ratio"}),
     f"{ROTATIONAL}.Components.Fixed": Leaf("fixed"),
+    f"{ROTATIONAL}.Components.BearingFriction": Leaf(BEARING),
     f"{ROTATIONAL}.Sources.Torque": Leaf("torque", fixed={"kT": 1}),
     f"{ROTATIONAL}.Sources.ConstantTorque": Leaf("torque-offset", {"tau0": "tau_constant"}),
     f"{ROTATIONAL}.Sensors.SpeedSensor": Leaf("speed-sensor"),
@@ -58,9 +59,10 @@ LEAVES: Mapping[str, Leaf] = {
     f"{SOURCES}.Source": Leaf(SIGNAL_SOURCE),
 }
 
-REFUSED: Mapping[str, tuple[bool, str]] = {
+REFUSED: Mapping[str, tuple[bool | int, str]] = {
     "useSupport": (False, "a housing that moves is not supported: leave useSupport at false"),
     "useHeatPort": (False, "heat is not modelled: leave useHeatPort at false"),
+    "peak": (1, "only peak = 1 is supported: static friction is not higher than sliding friction here"),
 }
 """Parameters of library components that may only have this value: why."""
 
@@ -188,6 +190,11 @@ package Modelica
         parameter Boolean useSupport = false;
       end IdealGear;
       model Fixed Interfaces.Flange_b flange; parameter Units.SI.Angle phi0 = 0; end Fixed;
+      model BearingFriction
+        extends Interfaces.PartialTwoFlanges; parameter Real tau_pos[:, 2]; parameter Real peak = 1;
+        parameter Boolean useSupport = false; parameter Boolean useHeatPort = false;
+        parameter StateSelect stateSelect;
+      end BearingFriction;
     end Components;
     package Sources
       model Torque

@@ -286,14 +286,18 @@ def _check_variables(cls: ast.Class, nodes: Iterable[Any], place: Origin) -> Non
     for node in nodes:
         if isinstance(node, ast.Expression):
             _check_variables(cls, node.operands, place)
-            name = str(node.operator).removeprefix("Modelica.Math.")
-            if not isinstance(node.operator, str) and name not in FUNCTIONS:
-                known = ", ".join(sorted(FUNCTIONS))
-                raise ModelError(f"function {node.operator} is not supported; known are der, {known}", place)
+            if not isinstance(node.operator, str):
+                _check_function(node.operator, place)
         elif isinstance(node, ast.Array):
             _check_variables(cls, node.values, place)
         elif isinstance(node, ast.ComponentRef) and node.name != "time":
             _check_variable(cls, node, place)
+
+
+def _check_function(name: ast.ComponentRef, place: Origin) -> None:
+    if str(name).removeprefix("Modelica.Math.") not in FUNCTIONS:
+        known = ", ".join(sorted(FUNCTIONS))
+        raise ModelError(f"function {name} is not supported; known are der, {known}", place)
 
 
 def _check_variable(cls: ast.Class, name: ast.ComponentRef, place: Origin) -> None:

@@ -157,11 +157,7 @@ def _parse_tree(source: Source) -> Any:
     tree = parser.stored_definition()
     rest = tokens.LT(1)
     if rest.type != antlr4.Token.EOF:
-        problem = (
-            f'"{rest.text}" cannot stand outside of a class: a model begins with "model Name" and ends with'
-            ' "end Name;"'
-        )
-        raise ModelError(problem, Origin(file=source.name, line=rest.line))
+        raise ModelError(_stray(rest.text), Origin(file=source.name, line=rest.line))
     return tree
 
 
@@ -210,9 +206,7 @@ def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, in
     """The mistake in words, and the line where it should be corrected."""
     if token is None:
         found = re.search(r"at: '(.*)'", text, re.DOTALL)
-        character = found.group(1) if found else text
-        shown = character if character.isprintable() else f"the character {character!a}"
-        return f"{shown} is not Modelica", line
+        return f"{_printed(found.group(1) if found else text)} is not Modelica", line
     if token.type == -1:
         return _unfinished([t for t in recognizer.getTokenStream().tokens[:-1] if t.channel == 0], line)
     before = _token_before(recognizer, token)
@@ -222,6 +216,10 @@ def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, in
     wanted = f", {_wanted(missing.group(1))} is expected here" if missing else ""
     behind = f' behind "{before.text}"' if before is not None else ""
     return f'syntax error: "{token.text}" cannot stand{behind}{wanted}', line
+
+
+def _printed(text: str) -> str:
+    return text if text.isprintable() else f"the character {text!a}"
 
 
 def _wanted(name: str) -> str:
@@ -253,6 +251,10 @@ def _unfinished(tokens: list[Any], line: int) -> tuple[str, int]:
         return "the text ends in the middle of something", line
     sort, name, begin = opened[-1]
     return f'the text ends inside of {sort} {name} (line {begin}): is "end {name};" missing?', line
+
+
+def _stray(text: str) -> str:
+    return f'"{text}" cannot stand outside of a class: a model begins with "model Name" and ends with "end Name;"'
 
 
 _SORTS = ("model", "class", "block", "connector", "package", "record", "type", "function")

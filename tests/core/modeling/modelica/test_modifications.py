@@ -103,6 +103,7 @@ def test_attributes_do_not_matter(motor: str) -> None:
         "SpringDamper s(c = 1, d = 1, phi_rel0 = 0.1, phi_nominal = 1e-4, useHeatPort = false)",
         "Damper s(d = 1, stateSelect = StateSelect.prefer)",
         "IdealGear s(ratio = 2, useSupport = false)",
+        "BearingFriction s(tau_pos = [0, 1; 1, 2], peak = 1, useHeatPort = false)",
     ],
 )
 def test_settings_without_effect_are_accepted(component: str) -> None:

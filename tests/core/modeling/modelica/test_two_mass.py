@@ -17,9 +17,7 @@ model TwoMass "motor and arm"
     Placement(visible = true, transformation(origin = {-50, 0}, extent = {{-10, -10}, {10, 10}}, rotation = 0)));
   Modelica.Mechanics.Rotational.Components.Inertia motor(J = Jm, phi(fixed = true, start = 0), w.start = 0) annotation(
     Placement(visible = true, transformation(origin = {-10, 0}, extent = {{-10, -10}, {10, 10}}, rotation = 0)));
-  Modelica.Mechanics.Rotational.Components.Damper bearing(d = fm, useHeatPort = false);
-  Modelica.Mechanics.Rotational.Components.Fixed housing;
-  AxisWatch.CoulombFriction seal(fc = fc);
+  Modelica.Mechanics.Rotational.Components.BearingFriction bearing(tau_pos = [0, fc; 1, fc + fm], useSupport = false);
   Modelica.Mechanics.Rotational.Components.SpringDamper belt(c(displayUnit = "N.m/deg") = 100, d = 0.1) "toothed belt";
   Modelica.Mechanics.Rotational.Components.Inertia arm(J = 1/2, stateSelect = StateSelect.prefer);
   Modelica.Mechanics.Rotational.Sensors.SpeedSensor encoder;
@@ -30,9 +28,7 @@ equation
     Line(points = {{-90, 0}, {-62, 0}}, color = {0, 0, 127}));
   connect(torque.flange, motor.flange_a);
   connect(motor.flange_b, bearing.flange_a);
-  connect(bearing.flange_b, housing.flange);
-  connect(motor.flange_b, seal.flange);
-  connect(motor.flange_b, belt.flange_a) annotation(Line(points = {{10, 0}, {20, 0}}));
+  connect(bearing.flange_b, belt.flange_a) annotation(Line(points = {{10, 0}, {20, 0}}));
   connect(belt.flange_b, arm.flange_a);
   connect(encoder.flange, motor.flange_a);
   connect(encoder.w, y);
@@ -50,8 +46,8 @@ def test_parameters_keep_name_value_unit_meaning_and_place() -> None:
     found = {p.name: (p.value, p.unit, p.meaning, p.positive) for p in flat.parameters}
     assert found == {
         "Jm": (0.005, "kg m^2", "inertia of the motor", True),
-        "fm": (0.002, "N m s/rad", "damping of the bearing", False),
-        "fc": (0.3, "N m", "Coulomb friction of the seal", False),
+        "fm": (0.002, "N m s/rad", "viscous friction of the bearing", False),
+        "fc": (0.3, "N m", "Coulomb friction of the bearing", False),
         "belt.c": (100.0, "N m/rad", "stiffness of the belt", True),
         "belt.d": (0.1, "N m s/rad", "damping of the belt", False),
         "arm.J": (0.5, "kg m^2", "inertia of the arm", True),
@@ -62,7 +58,7 @@ def test_parameters_keep_name_value_unit_meaning_and_place() -> None:
 def test_inputs_sensors_and_angles() -> None:
     flat = read([Source("two.mo", TWO_MASS)])
     assert flat.name == "TwoMass"
-    assert [(i.name, i.kind) for i in flat.inputs] == [("u", TORQUE), ("seal.direction", COULOMB)]
+    assert [(i.name, i.kind) for i in flat.inputs] == [("u", TORQUE), ("bearing.coulomb.direction", COULOMB)]
     assert [(s.name, s.angle, s.quantity) for s in flat.sensors] == [
         ("encoder", "encoder.flange.phi", "speed")
     ]

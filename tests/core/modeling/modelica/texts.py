@@ -48,7 +48,7 @@ _CLASS = {
     "damper": "Damper",
     "spring-damper": "SpringDamper",
     "ideal-gear": "IdealGear",
-    "viscous-friction": "Damper",
+    "viscous-friction": "BearingFriction",
 }
 _SENSOR = {"speed-sensor": "SpeedSensor", "angle-sensor": "AngleSensor"}
 
@@ -132,6 +132,6 @@ def _part(part: dict[str, object]) -> tuple[list[str], list[tuple[str, str]], li
         return [f"{ROTATIONAL}.Sensors.{_SENSOR[kind]} {name};"], [(nodes[0], f"{name}.flange")], []
     inside = ", ".join(f"{role} = {name}_{role}" for role in roles)
     if kind == "viscous-friction":
-        nodes = [*nodes, "ground"]
+        inside = f"tau_pos = [0, 0; 2, 2*{name}_d]"
     ends = [(node, f"{name}.flange_{which}") for node, which in zip(nodes, "ab", strict=False)]
     return [f"{COMPONENTS}.{_CLASS[kind]} {name}({inside});"], ends, []
