@@ -5,7 +5,7 @@
       -> elimination/ -> minimal state space, exact, in symbols (statespace)
       -> Drive: the Laurent terms that the kernel takes (numbers)
 
-Which parameters can be identified at all: identifiability.  Drives of the library: standard_drives, drive_drawings.
+Which parameters can be identified at all: identifiability/.  Drives of the library: standard_drives, drive_drawings.
 Simulation: simulated_axis.
 """
 

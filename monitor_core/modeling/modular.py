@@ -7,7 +7,7 @@ this in practice.  With 31 bits a product of two residues fits into numpy's int6
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import StateSpace
 
 PRIMES = (2**31 - 1, 2**31 - 19)
+POINTS = (*PRIMES, PRIMES[0])
 
 Seed = int | np.random.Generator
 
@@ -28,15 +29,15 @@ class Point(NamedTuple):
     values: Mapping[str, int]
 
 
-def points_of(ss: StateSpace, seed: Seed) -> Iterator[Point]:
-    """Three points: all names of a state space at random, then the values of its definitions."""
+def points_of(ss: StateSpace, seed: Seed, primes: Sequence[int] = POINTS) -> Iterator[Point]:
+    """A point for each of the primes: all names of a state space at random, then the values of its definitions."""
     rng = np.random.default_rng(seed)
     names = {p.name for p in (*ss.parameters, *ss.drawn)}
     for entries in (ss.A, ss.B, ss.C):
         names.update(*(entry.names for entry in entries.values()))
     names.update(*(d.value.names for d in ss.definitions))
     free = sorted(names - {d.name for d in ss.definitions})
-    for prime in (*PRIMES, PRIMES[0]):
+    for prime in primes:
         values = dict(zip(free, rng.integers(1, prime, len(free)).tolist(), strict=True))
         for definition in ss.definitions:
             values[definition.name] = residue(definition.value, Point(prime, values))
@@ -115,6 +116,16 @@ def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
         newest, before = product(newest, A.T, prime), len(basis)
         basis = echelon(np.vstack([basis, newest]), prime)[0]
     return basis
+
+
+def inverse(values: Ints, prime: int) -> Ints:
+    """The reciprocal of each element.
+
+    Raises:
+        ValueError: one of them is zero.
+    """
+    reciprocals = [pow(v, -1, prime) for v in values.ravel().tolist()]
+    return np.array(reciprocals, dtype=np.int64).reshape(values.shape)
 
 
 def product(left: Ints, right: Ints, prime: int) -> Ints:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _MOST_STATES = 100
 """Beyond that it takes minutes to find what can be identified."""
+_MOST_MERGED = 60
+"""Parameters that stand only inside of merged ones; each of them takes a further pass."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,9 @@ def _not_examined(space: StateSpace) -> str:
     """Why it would take too long; empty if it does not."""
     if len(space.states) > _MOST_STATES:
         return f"the drive has more than {_MOST_STATES} states"
+    merged = {name for definition in space.definitions for name in definition.value.names}
+    if len(merged) > _MOST_MERGED:
+        return f"more than {_MOST_MERGED} parameters are merged into others"
     return ""
 
 

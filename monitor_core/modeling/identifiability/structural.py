@@ -1,0 +1,149 @@
+"""Which parameters, or combinations of them, the sensors of a drive can see at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from monitor_core.arrays import Ints
+from monitor_core.modeling.flat import FlatParameter, ModelError
+from monitor_core.modeling.identifiability.combinations import by_unit, combinations_of
+from monitor_core.modeling.identifiability.jacobian import Sample, samples_of
+from monitor_core.modeling.identifiability.lattice import components
+from monitor_core.modeling.modular import Seed, rank
+from monitor_core.modeling.statespace import StateSpace
+from monitor_core.wording import listed
+
+_HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
+"""By unit: what is known best from a data sheet first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identifiability:
+    """What any record, however exciting, can tell at most of the parameters that are not known already.
+
+    ``identifiable``: seen by themselves (up to a finite number of values). ``groups``: parameters that cannot be
+    distinguished; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts
+    those that have no simple form. ``invisible``: no sensor shows them at all. ``suggestion``: a smallest set to
+    hold known so that all others can be found; none of the ``invisible`` can, so they belong to it.
+    """
+
+    identifiable: tuple[str, ...]
+    groups: tuple[tuple[str, ...], ...]
+    seen: tuple[tuple[str, ...], ...]
+    unnamed: tuple[int, ...]
+    invisible: tuple[str, ...]
+    suggestion: tuple[str, ...]
+
+    @property
+    def combinations(self) -> tuple[str, ...]:
+        """All that is seen of the groups."""
+        return tuple(chain.from_iterable(self.seen))
+
+    @property
+    def count(self) -> int:
+        """How many numbers can be found."""
+        return len(self.identifiable) + len(self.combinations) + sum(self.unnamed)
+
+    def words(self) -> tuple[str, ...]:
+        """The same in plain sentences."""
+        return tuple(_sentences(self))
+
+
+def structural(
+    ss: StateSpace, free: Sequence[str] | None = None, seed: Seed = 0, inputs: Sequence[int] | None = None
+) -> Identifiability:
+    """What the sensors can see of the ``free`` parameters (default: all that were drawn), the others being known.
+
+    ``inputs``: columns of B, each a known signal of its own (torque, direction of motion, 1, gravity); default all.
+
+    Raises:
+        ModelError: the drive has no parameter of that name.
+    """
+    drawn = {p.name: p for p in ss.drawn}
+    for name in free or ():
+        if name not in drawn:
+            raise ModelError(f"no parameter {name}: the drive has {', '.join(drawn)}")
+    names = tuple(drawn if free is None else dict.fromkeys(free))
+    columns = range(len(ss.inputs)) if inputs is None else inputs
+    if not names:
+        return Identifiability((), (), (), (), (), ())
+    rng = np.random.default_rng(seed)
+    samples = samples_of(ss, names, rng, columns)
+    combinations = combinations_of(ss, names, samples, rng, columns)
+    return _sorted_out([drawn[name] for name in names], samples[0][0], combinations)
+
+
+def _sorted_out(
+    free: Sequence[FlatParameter], sample: Sample, combinations: Sequence[tuple[str, frozenset[str]]]
+) -> Identifiability:
+    """The parameters by what is hidden of them, and the combinations with the groups that they are of."""
+    names, hidden = [p.name for p in free], sample.hidden
+    alone = [j for j in range(len(names)) if not hidden[:, j].any()]
+    invisible = [j for j in range(len(names)) if not sample.seen[:, j].any()]
+    groups = [g for g in components(hidden) if len(g) > 1]
+    seen = tuple(
+        tuple(text for text, inside in combinations if inside & {names[j] for j in g}) for g in groups
+    )
+    ranks = [len(g) - rank(hidden[:, g], sample.prime) for g in groups]
+    return Identifiability(
+        identifiable=tuple(names[j] for j in alone),
+        groups=tuple(tuple(names[j] for j in g) for g in groups),
+        seen=seen,
+        unnamed=tuple(r - len(found) for r, found in zip(ranks, seen, strict=True)),
+        invisible=tuple(names[j] for j in invisible),
+        suggestion=(
+            *(names[j] for j in _held(free, hidden, groups, sample.prime)),
+            *(names[j] for j in invisible),
+        ),
+    )
+
+
+def _held(
+    free: Sequence[FlatParameter], hidden: Ints, groups: Sequence[tuple[int, ...]], prime: int
+) -> list[int]:
+    """Parameters that, held, leave no hidden direction in the groups; the best known ones first."""
+    chosen: list[int] = []
+    for j in sorted(chain.from_iterable(groups), key=lambda j: (by_unit(free[j].unit, _HELD), j)):
+        if rank(hidden[:, [*chosen, j]], prime) > len(chosen):
+            chosen.append(j)
+    return chosen
+
+
+# --- The same in plain sentences --------------------------------------------------------------------------------------
+
+
+_FEW = 12
+"""So many names are listed; more are counted."""
+
+
+def _sentences(result: Identifiability) -> Iterator[str]:
+    if result.identifiable:
+        yield f"{listed(result.identifiable)} can be found."
+    alone = not result.identifiable and len(result.groups) == 1
+    for names, seen, more in zip(result.groups, result.seen, result.unnamed, strict=True):
+        yield _group(names, seen, more, alone)
+    for name in result.invisible:
+        yield f"{name} cannot be seen at all: whatever its value, the sensors show the same."
+    held = [name for name in result.suggestion if name not in result.invisible]
+    if held:
+        rest = [name for names in result.groups for name in names if name not in held]
+        found = listed(rest) if len(rest) <= _FEW else f"the other {len(rest)}"
+        yield f"Hold {listed(held)} known and {found} can be found."
+
+
+def _group(names: Sequence[str], seen: Sequence[str], more: int, alone: bool) -> str:
+    kinds = list(seen) + ([_unnamed(more, "more " if seen else "")] if more else [])
+    who = listed(names) if len(names) <= _FEW else f"{len(names)} parameters ({listed(names)})"
+    if not kinds:
+        return f"Nothing of {who} can be seen."
+    start = "Only" if alone else f"Of {who} only"
+    end = f": {who} cannot be distinguished." if alone else "."
+    return f"{start} {listed(kinds)} can be seen{end}"
+
+
+def _unnamed(count: int, more: str) -> str:
+    return f"one {more}combination" if count == 1 else f"{count} {more}combinations"
