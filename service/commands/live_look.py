@@ -8,20 +8,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.wording import listed, percent
+from service.can.frames import FrameKey
+from service.can.user_errors import RecordError
 from service.commands.bus_recording import Heard, Show, record_buses
 from service.commands.checked_axis import moves
+from service.commands.signal_proposals import exchanged, review
 from service.config import Config, NamedAxis
+from service.config.bus_messages import messages_of
+from service.config.commissioned import corrected
+from service.ingest.axis_input import AxisInput
+from service.ingest.bus_samples import Ingest
+from service.ingest.identification_records import Loaded, load
 from service.ingest.timestamp_jitter import remarks
-
-if TYPE_CHECKING:
-    from service.can.frames import FrameKey
-    from service.ingest.axis_input import AxisInput
-    from service.ingest.identification_records import Loaded
 
 LOOK = "look.log"
 """Name of the record of the look"""
@@ -73,8 +77,6 @@ def look_at(
         DescriptionError, IngestError: the configuration cannot be used.
         RecordError: the record cannot be written.
     """
-    from service.config.bus_messages import messages_of
-
     path = folder / LOOK
     path.unlink(missing_ok=True)
     heard = record_buses(config, path, seconds, stop, show)
@@ -98,8 +100,6 @@ def look_at(
 
 
 def _inputs(config: Config) -> Iterator[tuple[NamedAxis, AxisInput]]:
-    from service.ingest.bus_samples import Ingest
-
     ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
     for axis in config.axes:
         yield axis, ingests[axis.config.bus].axes[axis.id]
@@ -107,10 +107,7 @@ def _inputs(config: Config) -> Iterator[tuple[NamedAxis, AxisInput]]:
 
 def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, str]]:
     """The samples of each axis; and why there are none, of the others."""
-    from service.can.user_errors import RecordError
-    from service.ingest.identification_records import load
-
-    found, lost = dict[str, "Loaded"](), dict[str, str]()
+    found, lost = dict[str, Loaded](), dict[str, str]()
     for axis in config.axes:
         try:
             found[axis.id] = load(str(path), config, axis.id)
@@ -123,8 +120,6 @@ def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, st
 
 
 def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
-    from service.config.bus_messages import messages_of
-
     for bus in config.bus:
         traffic, state, lost = heard.traffic[bus.name], heard.states[bus.name], heard.lost[bus.name]
         where = f"bus {bus.name} ({bus.interface} {bus.channel})"
@@ -189,7 +184,7 @@ def _facts(axis: NamedAxis, inputs: AxisInput, found: Loaded) -> str:
     )
 
 
-def _range(values: np.typing.NDArray[np.float64]) -> str:
+def _range(values: Floats) -> str:
     return f"{values.min():.3g} to {values.max():.3g}"
 
 
@@ -234,9 +229,6 @@ def _proposals(
     text: str, folder: Path, record: str, loaded: Mapping[str, Loaded]
 ) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
     """Faults, and changes of the configuration that will be proposed, by axis."""
-    from service.commands.signal_proposals import exchanged, review
-    from service.config.commissioned import corrected
-
     moving = [axis_id for axis_id, item in loaded.items() if moves(item.record.y, item.record.quantity)]
     others = exchanged(text, dict.fromkeys(moving, (record,)), folder) if moving else {}
     for axis_id, changes in others.items():

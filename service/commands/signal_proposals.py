@@ -6,22 +6,24 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.identification import Record, rigid_fit, speed_scales, suspicions, wrap_of
+from service.can.messages import find_counter
 from service.commands.checked_axis import Checked, moves
 from service.commands.output_files import replace_text
-from service.commands.signal_doubts import unchecked, unknown_units
-from service.commands.signal_faults import faults
+from service.commands.signal_faults import faults, unchecked, unknown_units
 from service.commands.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.config import Config, NamedAxis, load
 from service.config.commissioned import Correction, corrected
-
-if TYPE_CHECKING:
-    from monitor_core.identification import Record
-    from service.ingest.identification_records import Loaded, Source
+from service.ingest.axis_records import wanted
+from service.ingest.bus_samples import Ingest
+from service.ingest.identification_records import Loaded, Source
+from service.ingest.identification_records import load as load_record
+from service.ingest.records import LogRecord, is_table
 
 _SAME_INTERVAL = 0.01
 """Relative: a measured interval that differs by less is the configured one."""
@@ -158,8 +160,6 @@ def _beside(motion: Loaded, torque: Loaded) -> Floats:
 
 def _explained(motion: Record, torque: Floats) -> float:
     """Part of the torque that is explained if the motion is that of a mass which it drives."""
-    from monitor_core.identification import rigid_fit, speed_scales
-
     if np.ptp(torque) == 0 or np.ptp(motion.y[motion.measured]) == 0:
         return 0.0
     record = replace(motion, u=torque)
@@ -188,16 +188,11 @@ def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, Na
 
 
 def _loaded(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Loaded]:
-    from service.ingest.identification_records import load as load_record
-
     return [load_record(record, config, axis.id) for record in records]
 
 
 def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Checked, tuple[str, ...]]:
     """An axis with the records in which it moves, if it moves in any; and their names."""
-    from service.ingest.axis_records import wanted
-    from service.ingest.records import is_table
-
     loaded = dict(zip(records, _loaded(config, axis, records), strict=True))
     moving = {
         text: item for text, item in loaded.items() if moves(item.record.y, item.record.quantity)
@@ -242,10 +237,6 @@ def _interval_s(checked: Checked) -> tuple[float, float]:
 
 def _receipts(checked: Checked, source: Source) -> tuple[Floats, Floats]:
     """Times at which the torque or the counter came [s], with or without becoming a sample, and its cycle (N,)."""
-    from service.can.messages import find_counter
-    from service.ingest.bus_samples import Ingest
-    from service.ingest.records import LogRecord
-
     config, bus, signals = checked.config, checked.axis.config.bus, {checked.axis.id: ()}
     assert bus is not None  # else there is no log of it
     time = checked.axis.config.time
@@ -302,8 +293,6 @@ def _bunches(checked: Checked) -> Iterator[Correction]:
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:
-    from monitor_core.identification import suspicions
-
     for finding in (f for record in checked.records for f in suspicions(record)):
         if finding.kind == "wrong-sign":
             reason = f"{finding.sentence} (or turn that of the motion)"
@@ -312,8 +301,6 @@ def _sign(checked: Checked) -> Iterator[Correction]:
 
 def _wrap(checked: Checked) -> Iterator[Correction]:
     """The angle starts again after each turn, or after each overflow of a counter."""
-    from monitor_core.identification import wrap_of
-
     angle = checked.axis.config.angle
     if angle is None or checked.output != "angle":
         return
