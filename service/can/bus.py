@@ -54,11 +54,7 @@ _SEND_TIMEOUT_S = 1.0
 
 
 def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> Bus:
-    """Open a bus.
-
-    Args:
-        config: its settings.
-        wanted: let only these frames through (in the kernel, where the interface supports it); None: all.
+    """Open a bus; ``wanted``: let only these frames through, in the kernel where the interface supports it; None: all.
 
     Raises:
         BusError: it cannot be opened; the text says what to do.
@@ -83,9 +79,7 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
 def reaches_hardware(config: BusSettings, devices: Path = Path("/sys/class/net")) -> bool:
     """Whether what is sent on a bus may reach a drive: where it is not known to be virtual, it may.
 
-    Args:
-        config: the bus.
-        devices: where Linux describes its network interfaces.
+    ``devices``: where Linux describes its network interfaces.
     """
     if config.interface != "socketcan":
         return config.interface not in _IN_THE_MACHINE

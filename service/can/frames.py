@@ -61,10 +61,9 @@ class Frame(NamedTuple):
 
 
 class FrameBlock:
-    """Frames in the order of their receipt, as records without an object for each.
+    """Frames in the order of their receipt, as records (N,) without an object for each.
 
-    Args:
-        records: of CLASSIC_RECORD, or of FD_RECORD where a frame may be longer than 8 bytes (N,).
+    They are of CLASSIC_RECORD, or of FD_RECORD where a frame may be longer than 8 bytes.
     """
 
     __slots__ = ("records",)

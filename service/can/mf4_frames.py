@@ -42,11 +42,7 @@ class Mf4Part(NamedTuple):
 
 
 class Mf4Frames:
-    """The frames that a logger has recorded.
-
-    Args:
-        path: name of the file, for messages.
-        file: its content.
+    """The frames that a logger has recorded in a file, whose path is for messages.
 
     Raises:
         RecordError: asammdf is not installed.

@@ -153,11 +153,7 @@ class BlockReceiver(Receiver):
     """Reads the socket of a bus in blocks, with kernel time stamps and the kernel's counter of drops.
 
     Frames wait in the kernel while a block is collected, so this thread runs fifty times a second and not once for each
-    frame; their time stamps are those of their receipt.
-
-    Args:
-        bus: an open one.
-        message: what a message of its socket looks like.
+    frame; their time stamps are those of their receipt.  ``message``: what a message of the socket looks like.
     """
 
     def __init__(self, bus: can.BusABC, message: np.dtype[np.void]) -> None:
@@ -330,10 +326,8 @@ def reader_of(interface: str) -> str:
 def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:
     """The frame in a message of python-can, with its time rounded to whole microseconds once.
 
-    Args:
-        message: as received or read from a file.
-        stored: from a file: its time is used as it is; otherwise a time that does not count from 1970 is replaced by
-            now.
+    The time of a message that is ``stored`` in a file is used as it is; else one that does not count from 1970 is
+    replaced by now.
 
     Raises:
         ValueError, OverflowError: of a damaged file: no frame has such a time, id or length.

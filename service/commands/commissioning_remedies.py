@@ -76,12 +76,8 @@ def retry(
 ) -> Retry | None:
     """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
 
-    Args:
-        report: of the identification.
-        text: of the configuration that it was made with.
-        axis: of that configuration.
-        tried: the drives of identifications before.
-        links: what the weight of links follows; None: the torque shows none.
+    ``text``: of the configuration that it was made with; ``tried``: the drives before; ``links``: finds what the weight
+    of links follows; None: the torque shows none.
     """
     watched = watched_in(report)
     if report.rejection or not watched:

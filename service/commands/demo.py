@@ -119,13 +119,9 @@ def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir:
 
 
 def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
-    """Run the daemon, and the robot in parallel once its bus is read; an error of either ends both.
+    """Run the daemon with ``config``, which ``file`` holds, and the robot ``moved`` once its bus is read.
 
-    Args:
-        config: of the daemon.
-        file: of its configuration; the report of its commissioning is beside it.
-        moved: the robot.
-        fault: that of the robot.
+    An error of either ends both.
     """
     from service.commands.daemon import run_daemon
 

@@ -29,12 +29,7 @@ _PROPOSED = 'name = "robot1"'
 def commission_robot(source: Path, robot: Config, folder: Path, minutes: float, budget: str) -> Path:
     """Record, describe, commission and connect the simulated robot; returns the configuration that ``run`` takes.
 
-    Args:
-        source: configuration of the simulated robot, with its bus.
-        robot: the same as read, with the axes that are wanted.
-        folder: for everything that is written.
-        minutes: length of the record.
-        budget: of false alarms, as ``commission`` takes it.
+    ``source`` is its configuration, ``robot`` the same as read, with the axes that are wanted.
 
     Raises:
         typer.Exit: an axis could not be commissioned; the report in the folder says why.

@@ -24,10 +24,7 @@ class DaemonFailedError(Exception):
 
 @contextmanager
 def explained(*mistakes: type[Exception]) -> Iterator[None]:
-    """Turn the errors that a user can cause into a message and an exit code.
-
-    Args:
-        mistakes: further errors that mean a mistake of the user here.
+    """Turn the errors that a user can cause into a message and an exit code; ``mistakes`` are further ones here.
 
     Raises:
         typer.Exit: after such an error.

@@ -139,12 +139,7 @@ def prepare(
 ) -> IdentificationTask:
     """Read and check the records of an axis, and state the problem.
 
-    Args:
-        config: says where the axis is in the records.
-        axis: of that configuration.
-        records: files, each with or without a range; see ``service.ingest.identification_records``.
-        validation: the same, for records that are only predicted.
-        request: what the user asks for.
+    ``records`` and ``validation``, which are only predicted, are files, each with or without a range.
 
     Raises:
         IdentificationError: an unknown name, parameters that cannot be distinguished, a record that is refused.

@@ -33,11 +33,7 @@ class LinkLoad(NamedTuple):
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
     """The angles that the weight on an axis follows; None: it shows no weight, or only that which turns with itself.
 
-    Args:
-        text: of the configuration, valid in ``folder``.
-        axis_id: "robot.axis".
-        records: files of the axis, each with or without a range.
-        folder: where files may be written.
+    ``text``: of the configuration, valid in ``folder``; ``records``: files, each with or without a range.
 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.

@@ -62,15 +62,9 @@ class Look(NamedTuple):
 def look_at(
     config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show = lambda *_: None
 ) -> Look:
-    """Listen for so many seconds, and say what there is.
+    """Listen for so many seconds, or until ``stop``, and say what there is.
 
-    Args:
-        config: with its buses.
-        text: of the same configuration, valid in ``folder``.
-        folder: for the record of the look.
-        seconds: how long.
-        stop: ends it before.
-        show: called with the progress.
+    ``text``: of the configuration, valid in ``folder``, where the record of the look is written.
 
     Raises:
         BusError: a bus cannot be opened.

@@ -48,12 +48,8 @@ def check_minutes(minutes: float) -> None:
 def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bool) -> None:
     """Look at the buses, ask whether to go on, and record them.
 
-    Args:
-        config: with its buses.
-        text: of the same configuration, valid in ``folder``.
-        folder: for everything that is written.
-        seconds: length of the record.
-        yes: go on without asking, if an axis has signals.
+    ``text``: of the configuration, valid in ``folder``, where everything is written; ``yes``: go on without asking, if
+    an axis has signals.
 
     Raises:
         typer.Exit: the user does not want to go on.

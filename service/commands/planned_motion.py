@@ -91,12 +91,7 @@ def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -
 
 
 def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
-    """The drive of an axis with its nominal values, and how its parameters will be estimated.
-
-    Raises:
-        ExcitationError: a nominal value or a noise is not known.
-        AxisError: the axis has no predictor.
-    """
+    """The drive of an axis with its nominal values, and how its parameters will be estimated."""
     config = axis.config
     values, h = given_values(config), config.sample_interval_s
     _check_known(axis)

@@ -38,10 +38,7 @@ _NOTHING = "no frame has been taken from any bus yet: they are silent, or the da
 class SignalLook:
     """Looks at the signals of an axis, one look at a time.
 
-    Args:
-        config: returns the configuration in force.
-        extracts: keep the last frames; None: nothing does.
-        now_us: wall clock.
+    ``config`` returns the configuration in force; ``extracts`` keep the last frames; None: nothing does.
     """
 
     def __init__(

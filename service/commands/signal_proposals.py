@@ -65,13 +65,9 @@ class Review(NamedTuple):
 
 
 def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Review:
-    """Look at the signals of an axis.
+    """Look at the signals of an axis in files, each with or without a range.
 
-    Args:
-        text: of a configuration that is valid in ``folder``.
-        axis_id: "robot.axis".
-        records: files, each with or without a range.
-        folder: where files may be written.
+    ``text``: of a configuration that is valid in ``folder``.
 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.

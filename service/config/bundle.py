@@ -41,9 +41,7 @@ class Bundle(NamedTuple):
 def bundle(file: Path, config: Config) -> Bundle:
     """The files of a configuration, in which all names stay as they are where that is possible.
 
-    Args:
-        file: the configuration.
-        config: what it says, with the environment.
+    ``config``: what the file says, with the environment.
 
     Raises:
         OSError: it cannot be read.

@@ -118,9 +118,7 @@ def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:
 def recentred(axis: NamedAxis, values: Mapping[str, float]) -> str:
     """The content of an epoch of an axis with other values of monitored parameters; thresholds stay in their sizes.
 
-    Args:
-        axis: with the values that are in force.
-        values: by the names that are monitored, such as 1/Ja.
+    ``values``: by the names that are monitored, such as 1/Ja; the axis has the values that are in force.
 
     Raises:
         EpochValuesError: the axis cannot have these values.

@@ -52,12 +52,9 @@ class AxisColumns:
         return {column: f"the {what} of axis {self._id}" for column, what in wanted.items()}
 
     def samples(self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None) -> SampleBlock:
-        """The samples in these rows.
+        """The samples in these rows, the first of which has that number in the file.
 
-        Args:
-            rows: some rows of the table.
-            first_row: number of the first of them in the file.
-            sound: rows to look at (N,); None: all.
+        ``sound``: rows to look at (N,); None: all.
         """
         torque, motion = self.quantities(rows)
         time_us = self._times(rows, first_row, len(torque))

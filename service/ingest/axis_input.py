@@ -44,12 +44,9 @@ _HELD = 4.0
 
 
 class AxisInput:
-    """Samples of one axis from the decoded messages of its bus.
+    """Samples of one axis from the decoded messages of its bus, with these auxiliary signals.
 
-    Args:
-        axis: as configured.
-        decoder: of its bus; it is asked for the signals of this axis.
-        signals: the auxiliary signals that the samples carry.
+    The decoder of the bus is asked for the signals of this axis.
 
     Raises:
         DescriptionError: the bus has no such message or signal.

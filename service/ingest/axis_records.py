@@ -102,14 +102,7 @@ def axis_record(
     signals: Sequence[Source],
     progress: Progress = lambda _: None,
 ) -> AxisRecord:
-    """The samples of an axis in a table or a CAN log, with continuous angles.
-
-    Args:
-        path: the file.
-        config: says where the axis is in it.
-        axis: the axis.
-        signals: auxiliary signals that the samples carry.
-        progress: called after each block.
+    """The samples of an axis, with these signals, in a table or a CAN log, with continuous angles.
 
     Raises:
         RecordError: the file cannot be read, or is damaged.

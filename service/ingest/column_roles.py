@@ -182,12 +182,9 @@ class Named(NamedTuple):
 def axes_by_values(
     values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]
 ) -> list[AxisRoles]:
-    """Which columns are torque and motion of which axis.
+    """Which columns (N,) that change are torque and motion of which axis.
 
-    Args:
-        values: columns (N,) that change, by name.
-        t: (N,) their times, s; None: evenly spaced.
-        named: what their names say.
+    ``t``: their times (N,) [s]; None: evenly spaced.  ``named``: what their names say.
     """
     by_role: dict[str, list[str]] = {}
     for name in values:

@@ -12,15 +12,11 @@ _LAST_NUMBER = re.compile(r"\d+$")
 
 
 class LogChannels:
-    """The bus of each channel in a log.
+    """The bus of each channel in a log, at whose beginning these were ``seen``.
 
     A channel is the bus of that channel or that name.  Formats that number channels do not know names: there channel 0
     is can0, or whichever bus has a channel that ends with its number, as python-can writes such files.  Where a log
     begins with one channel only, which no bus has, and there is one bus, that is it: a log of another plant.
-
-    Args:
-        buses: of the configuration.
-        seen: channels at the beginning of the log.
     """
 
     def __init__(self, buses: Sequence[BusConfig], seen: Sequence[str]) -> None:

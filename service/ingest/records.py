@@ -143,10 +143,7 @@ def _has_columns(config: AxisConfig) -> bool:
 class LogRecord:
     """A CAN log: its frames pass through the same pipeline as those of a bus.
 
-    Args:
-        path: the file.
-        config: buses and axes.
-        carried: axes to read and the signals of their samples; None: as the monitoring needs them.
+    ``carried``: axes to read and the signals of their samples; None: as the monitoring needs them.
 
     Raises:
         RecordError: it cannot be opened, or there is no bus.

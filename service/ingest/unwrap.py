@@ -33,13 +33,9 @@ class Motion(NamedTuple):
 
 
 class Turns:
-    """Continuous angles of one axis from those of its signal, sample by sample.
+    """Continuous angles of one axis from those of its signal, of that period [rad], sample by sample.
 
-    After a gap the angles start from those of the signal again: the predictor restarts there, too.
-
-    Args:
-        period: of the angle [rad].
-        gap_us: a longer time between samples is a gap [us].
+    After a gap, a longer time than ``gap_us``, they start from those of the signal again, as the predictor does.
     """
 
     def __init__(self, period: float, gap_us: int) -> None:
