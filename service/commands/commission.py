@@ -14,19 +14,21 @@ import typer
 from rich.console import Console
 
 from monitor_core.wording import duration
+from service.can.user_errors import RecordError
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
 from service.commands.options import LOG_KINDS, ConfigPath, configuration
 from service.commands.output_files import replace_text
 from service.commands.progress import axes_bars
+from service.config import Config
+from service.config.commissioned import RECORDS, REPORT, Correction, commissioned, corrected, relocated
+from service.reports.commissioning_report import Outcome, as_html, motion_step, next_step, recording_s
+from service.reports.formats import Provenance
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
     from service.commands.axis_commissioning import Order
     from service.commands.signal_proposals import Review
-    from service.config import Config
-    from service.config.commissioned import Correction
-    from service.reports.commissioning_report import Outcome
 
 CONFIG = "axiswatch.toml"
 Output = Annotated[
@@ -75,8 +77,6 @@ def commission(
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
     from service.commands.live_recording import record_live, recorded
-    from service.config.commissioned import relocated
-    from service.reports.commissioning_report import motion_step, next_step, recording_s
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
@@ -143,7 +143,6 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
         typer.BadParameter: there are proposals, and nobody to ask.
     """
     from service.commands.signal_proposals import exchanged, review
-    from service.config.commissioned import corrected
 
     text, folder = orders[0].text, orders[0].folder
     records = {order.axis_id: order.records for order in orders}
@@ -212,7 +211,6 @@ def _check_source(records: Sequence[str] | None, minutes: float | None, output: 
         typer.BadParameter: neither, both, or no time.
     """
     from service.commands.live_recording import check_minutes, recorded
-    from service.config.commissioned import RECORDS
 
     if records and minutes is not None:
         raise typer.BadParameter(
@@ -242,11 +240,8 @@ def _orders(
     Raises:
         RecordError: no record has any axis, or one cannot be read.
     """
-    from service.can.user_errors import RecordError
     from service.commands.axis_commissioning import Order
     from service.ingest.axis_records import silent_in, wanted
-    from service.reports.commissioning_report import Outcome
-    from service.reports.formats import Provenance
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}
     orders, refused = list[Order](), list[Outcome]()
@@ -292,9 +287,6 @@ def _write(
     corrections: Mapping[str, Sequence[Correction]],
     words: str,
 ) -> None:
-    from service.config.commissioned import REPORT, commissioned, corrected
-    from service.reports.commissioning_report import as_html
-
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
     replace_text(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))

@@ -56,7 +56,9 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
 
     if isinstance(error, ClientError):
         return MISTAKE if error.refused else UNAVAILABLE
-    mistakes += (
+    if isinstance(error, BusError):
+        return NO_BUS
+    own = (
         IngestError,
         DescriptionError,
         AxisError,
@@ -64,14 +66,9 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
         ModelError,
         IdentificationError,
         CalibrationError,
-        UnprotectedError,
-        CertificateError,
-        LinkSecretError,
     )
-    codes: list[tuple[tuple[type[Exception], ...], int]] = [
-        ((BusError,), NO_BUS),
-        (mistakes, MISTAKE),
-        ((StoreError, CannotListenError), UNAVAILABLE),
-        ((DaemonFailedError,), FAULT),
-    ]
-    return next((code for kinds, code in codes if isinstance(error, kinds)), None)
+    if isinstance(error, (*own, UnprotectedError, CertificateError, LinkSecretError, *mistakes)):
+        return MISTAKE
+    if isinstance(error, StoreError | CannotListenError):
+        return UNAVAILABLE
+    return FAULT if isinstance(error, DaemonFailedError) else None
