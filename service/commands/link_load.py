@@ -13,8 +13,7 @@ from monitor_core.drive import Term
 from monitor_core.identification import link_weights
 from service.commands.signal_proposals import configured
 from service.config import Config, NamedAxis, given_values
-from service.config.commissioned import Correction, corrected
-from service.config.signal_tables import SIGNAL
+from service.config.commissioned import SIGNAL, Correction, corrected
 from service.ingest.identification_records import load
 
 _MOST_TURN = 4 * np.pi

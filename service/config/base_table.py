@@ -75,6 +75,3 @@ def intervals(count: float) -> Callable[[dict[str, Any]], Any]:
         return count * validated["sample_interval_s"]
 
     return default
-
-
-# --- Times as people write them: 10min, 1h, "14 days" -----------------------------------------------------------------
