@@ -22,7 +22,7 @@ from can.interfaces.udp_multicast import UdpMulticastBus
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
-from service.can.frames import CLASSIC_RECORD, EXTENDED, FD_BYTES, FD_RECORD, NO_FRAMES, Frame, FrameBlock
+from service.can.frames import EXTENDED, FD_BYTES, NO_FRAMES, Frame, FrameBlock
 
 Rejected = Literal["error_frame", "remote_frame"]
 
@@ -297,17 +297,10 @@ def _times_us(notes: NDArray[np.void]) -> Ints:
 
 
 def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:
-    wide = bool((raw["length"] > 8).any())
-    records = np.zeros(len(raw), FD_RECORD if wide else CLASSIC_RECORD)
-    extended = (raw["id"] & EXTENDED) != 0
-    records["t_us"] = t_us
-    records["id"] = np.where(extended, raw["id"] & (EXTENDED | _ID), raw["id"] & _STANDARD_ID)
-    records["length"] = raw["length"]
-    records["flags"] = raw["flags"] & ~np.uint8(_FDF)
-    width = records["data"].shape[1]
-    inside = np.arange(width) < raw["length"][:, np.newaxis]
-    records["data"] = np.where(inside, raw["data"][:, :width], 0)  # beyond is what an older frame has left
-    return FrameBlock(records)
+    ids, lengths, flags = raw["id"], raw["length"].astype(np.int64), raw["flags"] & ~np.uint8(_FDF)
+    ids = np.where(ids & EXTENDED, ids & (EXTENDED | _ID), ids & _STANDARD_ID)
+    # Beyond its length the data are what an older frame has left.
+    return FrameBlock.from_columns(t_us, ids.astype(np.int64), lengths, raw["data"], flags.astype(np.int64))
 
 
 def receiver_of(bus: can.BusABC) -> Receiver:
