@@ -270,14 +270,9 @@ def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console
         for number, outcome in enumerate(outcomes(orders, reviews, lambda step: bars.show(*step)), 1):
             found[outcome.axis_id] = outcome
             bars.end(outcome.axis_id)
-            console.print(f"[{number}/{len(orders)}] {_line(outcome)}", markup=False)
+            words = outcome.refusal or f"{outcome.outlook} {outcome.verdict}"
+            console.print(f"[{number}/{len(orders)}] {outcome.axis_id}: {words}", markup=False)
     return [found[order.axis_id] for order in orders]
-
-
-def _line(outcome: Outcome) -> str:
-    if outcome.refusal:
-        return f"{outcome.axis_id}: {outcome.refusal}"
-    return f"{outcome.axis_id}: {outcome.outlook} {outcome.verdict}"
 
 
 def _write(

@@ -153,20 +153,18 @@ def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
 
 
 def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: threading.Event) -> None:
+    def happened(fault: Fault) -> None:
+        log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
+
     ready.wait()
     try:
         with open_buses(config.bus) as buses:
-            sent = run_robot(
-                robot, sender(config, buses), stop, _log_fault, latest_s=_LATEST_S, catch_up=_CATCH_UP
-            )
+            sending = sender(config, buses)
+            sent = run_robot(robot, sending, stop, happened, latest_s=_LATEST_S, catch_up=_CATCH_UP)
     finally:
         stop.set()
     if sent.left_out:
         log.warning("this machine is too busy: the robot left out samples", samples=sent.left_out)
-
-
-def _log_fault(fault: Fault) -> None:
-    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
 
 
 def _print_welcome(url: str, fault: Fault, monitored: str) -> None:

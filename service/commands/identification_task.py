@@ -252,15 +252,14 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
 def _monitored(axis: AxisConfig, drive: Drive, schedule: Schedule) -> tuple[str, ...]:
     """The monitored parameters; in place of the load the constant torque that is its weight, which it scales."""
     offsets = drive.constant_torques()
-    weight = next(
-        (name for name, terms in schedule.items() if name in offsets and any(map(_turns, terms))), None
+    turning = (
+        name
+        for name, terms in schedule.items()
+        if name in offsets and any(Term.read(term).turns for term in terms)
     )
+    weight = next(turning, None)
     names = [weight if name == LOAD else name for name in axis.model.monitor]
     return tuple(dict.fromkeys(name for name in names if name is not None))
-
-
-def _turns(term: str) -> bool:
-    return Term.read(term).turns
 
 
 def _thermal_start(

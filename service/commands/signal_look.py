@@ -6,7 +6,7 @@ The frames are those that the daemon keeps for recordings, so that a look costs 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import TimeoutError as NotGivenError
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -83,12 +83,16 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     inputs, known = ingest.axes[axis.id], ingest.decoder.known
     own = _own(concatenate_frames([frames for bus, frames in kept if bus == axis.config.bus]), inputs, known)
     missing: tuple[str, ...] = (_NOTHING,)
-    if kept:
-        missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), _span_s(kept)))
+    if kept:  # the daemon may have begun a moment ago
+        times = [int(t_us) for _, frames in kept for t_us in (frames.t_us.min(), frames.t_us.max())]
+        span_s = (max(times) - min(times)) / 1e6
+        missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), span_s))
     for _ in ingest.feed_values(own):
         pass
     stamps = inputs.stamps
-    problems = [*_silent(own, now_us), *missing]
+    problems = [*missing]
+    if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
+        problems.insert(0, f"nothing has come for {age_s:.0f} s: what follows is how it was before")
     with TemporaryDirectory(prefix="axiswatch-look-") as folder:
         path = Path(folder) / "look.log"
         loaded, lost = _loaded(config, axis, own, path)
@@ -106,23 +110,11 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     return _found(axis, loaded, stamps.scatter_s, problems, proposals, doubts)
 
 
-def _span_s(kept: Frames) -> float:
-    """How long the frames of all buses took; the daemon may have begun a moment ago."""
-    times = [int(t_us) for _, frames in kept for t_us in (frames.t_us.min(), frames.t_us.max())]
-    return (max(times) - min(times)) / 1e6
-
-
 def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:
     """The frames that carry signals of the axis."""
     keys = {q.key for q in (*inputs.sampled, *(held.quantity for held in inputs.held))}
     wanted = [number for number in np.unique(frames.ids) if any(known.carries(key, number) for key in keys)]
     return frames.select(np.isin(frames.ids, wanted))
-
-
-def _silent(own: FrameBlock, now_us: int) -> Iterator[str]:
-    """Frames that are kept, and are old: what follows is how it was."""
-    if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
-        yield f"nothing has come for {age_s:.0f} s: what follows is how it was before"
 
 
 def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> tuple[Loaded | None, str]:

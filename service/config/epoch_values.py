@@ -175,7 +175,8 @@ def _checked(axis: NamedAxis, configured: NamedAxis) -> NamedAxis:
     Raises:
         EpochValuesError: they do not.
     """
-    found = [f"{dotted(f.path)}: {f.message}{_also(f.other)}" for f in axis_findings(axis.config)]
+    findings = axis_findings(axis.config)
+    found = [f"{dotted(f.path)}: {f.message}{f' {dotted(f.other)}' if f.other else ''}" for f in findings]
     if not found and needed(axis) != needed(configured):
         found = [
             f"they follow {_names(needed(axis))}, but the daemon reads {_names(needed(configured))} for this axis: put"
@@ -188,10 +189,6 @@ def _checked(axis: NamedAxis, configured: NamedAxis) -> NamedAxis:
     except AxisError as error:
         raise EpochValuesError(str(error)) from None
     return axis
-
-
-def _also(other: tuple[str | int, ...] | None) -> str:
-    return "" if other is None else f" {dotted(other)}"
 
 
 def _names(sources: Iterable[Any]) -> str:

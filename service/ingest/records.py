@@ -16,7 +16,7 @@ from service.can.frames import FrameBlock
 from service.can.log_bytes import GZIP
 from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
 from service.can.user_errors import RecordError
-from service.config.schema import AxisConfig, BusConfig, Config
+from service.config.schema import BusConfig, Config
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Carried, Ingest, carried_by
 from service.ingest.table_files import TABLE_SUFFIXES, CsvTable, check_columns, open_table
@@ -101,7 +101,7 @@ class TableRecord:
     def __init__(self, path: Path, config: Config) -> None:
         self.path = path
         self._table = open_table(path)
-        axes = [axis for axis in config.axes if _has_columns(axis.config)]
+        axes = [a for a in config.axes if a.config.torque.column or a.config.motion.column]
         signals = carried_by(config)
         self._axes = {axis.id: AxisColumns(axis.id, axis.config, signals[axis.id]) for axis in axes}
         if not self._axes:
@@ -134,10 +134,6 @@ class TableRecord:
             samples = {axis_id: axis.samples(rows, first_row) for axis_id, axis in self._axes.items()}
             first_row += len(next(iter(rows.columns.values())))
             yield Step({axis_id: block for axis_id, block in samples.items() if block.size}, rows.done)
-
-
-def _has_columns(config: AxisConfig) -> bool:
-    return config.torque.column is not None or config.motion.column is not None
 
 
 class LogRecord:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,7 +67,10 @@ def as_html(report: IdentificationReport) -> str:
         masses=content.masses_table(result.growth) if result.growth else None,
         traces=list(report.traces()),
         fits=content.fits_table(report),
-        trace_pictures=list(_trace_pictures(report)),
+        trace_pictures=[
+            (f"{trace.name} ({purpose})", safe(trace_picture(trace, result.start.drive.output, f"trace{k}")))
+            for k, (purpose, _, trace) in enumerate(report.traces())
+        ],
         bode_picture=safe(bode_picture(result.bode)),
         residual_picture=safe(residual_picture(report)),
         tests=list(content.residual_words(report)),
@@ -87,12 +89,6 @@ def _bar(row: ParameterRow) -> str | None:
         return None
     share = math.log(max(sd, _LEAST) / _LEAST) / math.log(_MOST / _LEAST)
     return f"{100 * min(max(share, 0.03), 1):.0f}"
-
-
-def _trace_pictures(report: IdentificationReport) -> Iterator[tuple[str, str]]:
-    output = report.result.start.drive.output
-    for k, (purpose, _, trace) in enumerate(report.traces()):
-        yield f"{trace.name} ({purpose})", safe(trace_picture(trace, output, f"trace{k}"))
 
 
 def _correlation(r: float) -> dict[str, Any]:
