@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import typer
 
@@ -16,6 +17,14 @@ taken, the state directory cannot be used, or the daemon does not answer or is n
 could not be commissioned."""
 EPILOG = " ".join(EXIT_CODES.split())
 """Of the help of each command."""
+GROUP: dict[str, Any] = {
+    "epilog": EPILOG,
+    "no_args_is_help": True,
+    "add_completion": False,
+    "rich_markup_mode": "markdown",
+    "pretty_exceptions_enable": False,
+}
+"""Settings of every group of commands."""
 
 
 class DaemonFailedError(Exception):

@@ -55,11 +55,12 @@ from service.reports.identification_report import IdentificationReport
 
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
-_SAME_INTERVAL = 0.01
+SAME_INTERVAL = 0.01
 """Relative; the same tolerance as between a file of nominal values and its axis."""
 _OTHER_SAMPLING = 2.0
 """Ratio of intervals from which on it is another sampling, not an inexact clock."""
-_TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+"""Of times, by how many of them are a second"""
 
 
 @dataclass(frozen=True)
@@ -347,7 +348,7 @@ def _doubts(records: Sequence[Record], known: Known) -> list[str]:
 def _interval_s(configured_s: float, records: Sequence[Record]) -> float:
     """The configured interval if the records have it, else theirs: K belongs to it."""
     measured_s = float(np.median([record.mean_interval_s for record in records]))
-    alike = math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL)
+    alike = math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL)
     return configured_s if alike else float(f"{measured_s:.5g}")
 
 
@@ -360,11 +361,11 @@ def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[s
         differ = f"{record.name}: {apart}, but sample_interval_s = {interval_s:g}"
         if not 1 / _OTHER_SAMPLING < ratio < _OTHER_SAMPLING:
             mistake = "correct it, or the times, which must be in seconds"
-            for factor, unit in _TIME_UNITS.items():
+            for factor, unit in TIME_UNITS.items():
                 if math.isclose(ratio, factor, rel_tol=0.1):
                     mistake = f"times must be in seconds, these look like {unit}"
             raise IdentificationError(f"{differ}: {mistake}")
-        if not math.isclose(ratio, 1.0, rel_tol=_SAME_INTERVAL):
+        if not math.isclose(ratio, 1.0, rel_tol=SAME_INTERVAL):
             yield (
                 f"{differ}: the result belongs to the interval of this record; for the daemon, set sample_interval_s ="
                 f" {measured_s:.5g}."

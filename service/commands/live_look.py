@@ -83,10 +83,10 @@ def look_at(
         missing = tuple(missing_messages(axis, inputs, traffic, heard.seconds))
         found = loaded.get(axis.id)
         facts = "" if found is None else _facts(axis, inputs, found)
-        unusable = () if missing or found is not None else (no_samples(lost.get(axis.id, "")),)
         faults, corrections = proposals.get(axis.id, ((), ()))
-        problems = missing or unusable or (*(tuple(unmoved(axis, found)) or faults), *lossy(found))
+        problems = missing or (no_samples(lost.get(axis.id, "")),)
         if found is not None:
+            problems = missing or (*(tuple(unmoved(axis, found)) or faults), *lossy(found))
             stamps = remarks(axis.id, axis.config.sample_interval_s, heard.stamps[axis.id])
             facts = "; ".join([facts, *(words.removeprefix(f"{axis.id}: ") for words in stamps)])
         axes.append(AxisLook(axis.id, facts, found is not None, problems, corrections))
@@ -182,10 +182,8 @@ def _range(values: Floats) -> str:
     return f"{values.min():.3g} to {values.max():.3g}"
 
 
-def unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
+def unmoved(axis: NamedAxis, found: Loaded) -> Iterator[str]:
     """An axis that stands, or a signal that is stuck: which of them, by the other signal."""
-    if found is None:
-        return
     record, config = found.record, axis.config
     torque, motion = (f"{s.message}.{s.signal}" for s in (config.torque, config.motion))
     stands, constant = not moves(record.y, config.output), bool(np.ptp(record.u) == 0)
@@ -203,10 +201,8 @@ def unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
         )
 
 
-def lossy(found: Loaded | None) -> Iterator[str]:
+def lossy(found: Loaded) -> Iterator[str]:
     """Frames that are lost on their way to this machine, or never sent."""
-    if found is None:
-        return
     lost = found.source.dropped.get("missing", 0)
     share = lost / (lost + found.source.samples)
     if share > _LOSSY:

@@ -14,6 +14,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import Record, rigid_fit, speed_scales, suspicions, wrap_of
 from service.can.messages import find_counter
 from service.commands.checked_axis import Checked, moves
+from service.commands.identification_task import SAME_INTERVAL, TIME_UNITS
 from service.commands.output_files import replace_text
 from service.commands.signal_faults import faults, unchecked, unknown_units
 from service.commands.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
@@ -25,8 +26,6 @@ from service.ingest.identification_records import Loaded, Source
 from service.ingest.identification_records import load as load_record
 from service.ingest.records import LogRecord, is_table
 
-_SAME_INTERVAL = 0.01
-"""Relative: a measured interval that differs by less is the configured one."""
 _BUNCHED = 0.05
 """Of the samples: so many frames come too close to another one where they come in bunches."""
 _PARTS = 5
@@ -35,8 +34,6 @@ _FEWEST = 100
 """Frames that tell their interval"""
 _PAUSE_S = 0.5
 """After a longer one a counter may have wrapped, or the controller was off"""
-_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-"""Of times, by how many of them are a second."""
 _ABOUT = 2.5
 """Times in another unit need not have the configured interval; by this factor they may differ."""
 _EXPLAINS = 0.3
@@ -203,14 +200,14 @@ def _unit_of_time(checked: Checked) -> Iterator[Correction]:
     if checked.axis.config.time.column is None:
         return
     ratio = _interval_s(checked)[0] / checked.axis.config.sample_interval_s
-    for factor, unit in _UNITS.items():
+    for factor, unit in TIME_UNITS.items():
         if 1 / _ABOUT < ratio / factor < _ABOUT:
             yield Correction(("time", "factor"), 1 / factor, f"the times look like {unit}")
 
 
 def _interval(checked: Checked) -> Iterator[Correction]:
     configured_s, (measured_s, off) = checked.axis.config.sample_interval_s, _interval_s(checked)
-    if not math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL + off):
+    if not math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL + off):
         reason = f"the samples of the records are {measured_s:.6g} s apart, not {configured_s:g} s"
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 

@@ -19,7 +19,7 @@ from service.can.user_errors import RecordError
 from service.config.schema import BusConfig, Config
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Carried, Ingest, carried_by
-from service.ingest.table_files import TABLE_SUFFIXES, CsvTable, check_columns, open_table
+from service.ingest.table_files import TABLE_SUFFIXES, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
 
@@ -125,7 +125,7 @@ class TableRecord:
     @property
     def left_out(self) -> Sequence[str]:
         """Lines that could not be read, with what is wrong in them; known when all has been read."""
-        return self._table.left_out if isinstance(self._table, CsvTable) else ()
+        return self._table.left_out
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.monitoring import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, ParameterStatus
 from monitor_core.wording import duration
 from service.reports import replay_course as kinds
@@ -30,7 +30,7 @@ from service.reports.plot_style import (
     figure,
     legend_of,
 )
-from service.reports.replay_course import SIGMAS, Course, Marks, runs_of, time_unit
+from service.reports.replay_course import SIGMAS, Course, runs_of, time_unit
 from service.reports.replay_result import ReplayedAxis
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ class _Drawing:
                 runs, (0, 1), color=ZONE, alpha=0.6, lw=0, transform=transform, zorder=0, label=_NOTHING
             )
 
-    def _fates(self, chosen: Sequence[ParameterStatus]) -> Iterator[tuple[str, Marks]]:
+    def _fates(self, chosen: Sequence[ParameterStatus]) -> Iterator[tuple[str, Bools]]:
         """What kept from learning, of which there was any, and the bins with it."""
         for name, where in (
             ("no samples", self._course.gaps),
@@ -248,7 +248,7 @@ class _Drawing:
             if where.any():
                 yield name, where
 
-    def _draw_fates(self, axes: Axes, fates: Sequence[tuple[str, Marks]]) -> None:
+    def _draw_fates(self, axes: Axes, fates: Sequence[tuple[str, Bools]]) -> None:
         for k, (_, where) in enumerate(fates):
             axes.broken_barh(list(runs_of(where, self._edges)), (k - 0.32, 0.64), color=QUIET, lw=0)
         axes.set_yticks(range(len(fates)), [name for name, _ in fates], fontsize=8.5)
