@@ -68,9 +68,7 @@ class Receiver:
         Raises:
             can.CanOperationError, OSError: the bus is down or gone; what came before has been returned.
         """
-        fault, self._fault = self._fault, None
-        if fault is not None:
-            raise fault
+        self._raise_fault()
         frames, rejected = list[Frame](), dict[Rejected, int]()
         left_s, end = _IDLE_S, 0.0
         while len(frames) < most and left_s > 0 and not stop.is_set():
@@ -92,6 +90,12 @@ class Receiver:
             end = end or now + BLOCK_S
             left_s = end - now
         return Received(FrameBlock.from_frames(frames), rejected)
+
+    def _raise_fault(self) -> None:
+        """Raise what has ended the last block."""
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault
 
 
 # --- Sockets: many messages in one system call, into memory that is there ---------------------------------------------
@@ -176,6 +180,7 @@ class BlockReceiver(Receiver):
 
     def read(self, most: int, stop: Event) -> Received:
         """See Receiver."""
+        self._raise_fault()
         if not self._more:
             if not self._poll.poll(1000 * _IDLE_S):
                 return _NOTHING
@@ -235,13 +240,6 @@ class DatagramReceiver(BlockReceiver):
         super().__init__(bus, _DATAGRAM)
         self._classic = bus.protocol is can.CanProtocol.CAN_20
         self._passes = lru_cache(4096)(partial(_passes, bus))
-
-    def read(self, most: int, stop: Event) -> Received:
-        """See Receiver."""
-        fault, self._fault = self._fault, None
-        if fault is not None:
-            raise fault
-        return super().read(most, stop)
 
     def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
         frames, rejected = list[Frame](), dict[Rejected, int]()

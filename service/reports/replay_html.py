@@ -6,20 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from monitor_core.wording import duration
+from service.reports import plot_style as style
 from service.reports import replay_report as content
 from service.reports.formats import render, safe
-from service.reports.plot_style import (
-    ALARM,
-    ALARM_OPEN,
-    BAND,
-    ONSET,
-    PANEL,
-    QUIET,
-    TEXT,
-    as_svg,
-    figure,
-    legend_of,
-)
 from service.reports.replay_course import SIGMAS, Course, TimeUnit, runs_of, time_unit
 from service.reports.replay_plots import axis_pictures
 from service.reports.replay_report import dated
@@ -166,7 +155,7 @@ _ROW, _FRAME = 0.26, 1.25
 """Heights of a row and of what is around all of them, inches."""
 _HALF = 0.3
 """Of the height of a bar, in rows."""
-_LINES = ("tested", "not tested", ALARM_OPEN, ONSET)
+_LINES = ("tested", "not tested", style.ALARM_OPEN, style.ONSET)
 _TESTED, _NOT_TESTED, _, _ = _LINES
 
 
@@ -177,7 +166,7 @@ def overview_picture(axes: Sequence[ReplayedAxis]) -> str:
         return ""
     longest_s = max(1e-6 * course.timeline.end_us for _, course, _ in rows)
     unit = time_unit(longest_s)
-    with figure(_ROW * len(rows) + _FRAME) as drawn:
+    with style.figure(_ROW * len(rows) + _FRAME) as drawn:
         panel = drawn.subplots(1, 1)
         for row, (axis, course, name) in enumerate(rows):
             _draw_tested(panel, row, course, name, unit)
@@ -196,8 +185,8 @@ def overview_picture(axes: Sequence[ReplayedAxis]) -> str:
         end = max(longest_s, 1e-6) / unit.seconds
         panel.set(ylim=(len(rows) - 0.4, -0.6), xlim=(0.0, end))
         panel.set_xlabel(f"time since the first sample [{unit.name}]")
-        legend_of(drawn, [panel], _LINES)
-        return as_svg(drawn, "when each parameter was tested, and the alarms", "overview")
+        style.legend_of(drawn, [panel], _LINES)
+        return style.as_svg(drawn, "when each parameter was tested, and the alarms", "overview")
 
 
 def _rows(axes: Sequence[ReplayedAxis]) -> Iterator[tuple[ReplayedAxis, Course, str]]:
@@ -209,17 +198,15 @@ def _rows(axes: Sequence[ReplayedAxis]) -> Iterator[tuple[ReplayedAxis, Course, 
 def _draw_tested(panel: Axes, row: int, course: Course, name: str, unit: TimeUnit) -> None:
     """Hatched grey over the length of the record, and over it where the parameter was tested."""
     edges, place = course.edges / unit.seconds, (row - _HALF, 2 * _HALF)
-    all_of_it = [(0.0, float(edges[-1]))]
-    panel.broken_barh(
-        all_of_it, place, facecolor=PANEL, edgecolor=QUIET, hatch="////", lw=0.5, label=_NOT_TESTED
-    )
-    panel.broken_barh(list(runs_of(course.tested(name), edges)), place, color=BAND, lw=0, label=_TESTED)
+    hatched: style.Look = {"facecolor": style.PANEL, "edgecolor": style.QUIET, "hatch": "////", "lw": 0.5}
+    panel.broken_barh([(0.0, float(edges[-1]))], place, **hatched, label=_NOT_TESTED)
+    panel.broken_barh(list(runs_of(course.tested(name), edges)), place, color=style.BAND, lw=0, label=_TESTED)
 
 
 def _draw_alarms(panel: Axes, row: int, axis: ReplayedAxis, name: str, unit: TimeUnit) -> None:
     for alarm in axis.alarm_spans([name], unit):
         bar, place = [(alarm.start, alarm.end - alarm.start)], (row - _HALF, 2 * _HALF)
-        panel.broken_barh(bar, place, color=ALARM, lw=0, label=ALARM_OPEN)
-        panel.text(alarm.start, row, f" {alarm.arrow}", color=PANEL, va="center", fontsize=8)
+        panel.broken_barh(bar, place, color=style.ALARM, lw=0, label=style.ALARM_OPEN)
+        panel.text(alarm.start, row, f" {alarm.arrow}", color=style.PANEL, va="center", fontsize=8)
         if alarm.onset is not None:
-            panel.plot(alarm.onset, [row - 0.42] * 2, "|-", color=TEXT, ms=6, label=ONSET)
+            panel.plot(alarm.onset, [row - 0.42] * 2, "|-", color=style.TEXT, ms=6, label=style.ONSET)
