@@ -94,18 +94,11 @@ def commission(
         orders, silent = _orders(text, read, used, output, options_for(budget_s), yes)
         reviews = _reviewed(orders, yes, console, _command(records or (), config, output, budget))
         outcomes = [*_carried_out(orders, reviews, console), *silent]
-    corrections = {outcome.axis_id: outcome.corrections for outcome in outcomes}
     motion_minutes = max(1, math.ceil(recording_s(outcomes) / 60))
-    again = _command(
-        (*records, "RECORD") if records else (),
-        config,
-        output,
-        budget,
-        None if records else motion_minutes,
-        yes,
-    )
+    given, minutes_again = ((*records, "RECORD"), None) if records else ((), motion_minutes)
+    again = _command(given, config, output, budget, minutes_again, yes)
     words = next_step(outcomes, output / CONFIG, bool(read.bus), again)
-    _write(config, orders[0], outcomes, corrections, words)
+    _write(config, orders[0], outcomes, words)
     for step in (motion_step(outcome, output / CONFIG) for outcome in outcomes):
         if step:
             console.print(step, markup=False)
@@ -123,11 +116,7 @@ def _wanted(minutes: float, yes: bool) -> bool:
 
 
 def _exit(outcomes: Sequence[Outcome]) -> None:
-    """End with the exit code of what became of the axes.
-
-    Raises:
-        typer.Exit: not all of them are ready.
-    """
+    """End with the exit code of what became of the axes."""
     if any(outcome.fault for outcome in outcomes):
         raise typer.Exit(FAULT)
     if not any(outcome.found for outcome in outcomes):
@@ -137,11 +126,7 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
 
 
 def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
-    """What was found about the signals of each axis, with the corrections to which the user agrees.
-
-    Raises:
-        typer.BadParameter: there are proposals, and nobody to ask.
-    """
+    """What was found about the signals of each axis, with the corrections to which the user agrees."""
     from service.commands.signal_proposals import exchanged, review
 
     text, folder = orders[0].text, orders[0].folder
@@ -205,11 +190,7 @@ def _command(
 
 
 def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
-    """Check that there is something to commission from: records, or a time to record.
-
-    Raises:
-        typer.BadParameter: neither, both, or no time.
-    """
+    """Check that there is something to commission from: records, or a time to record."""
     from service.commands.live_recording import check_minutes, recorded
 
     if records and minutes is not None:
@@ -235,11 +216,7 @@ def _orders(
     options: CalibrationOptions,
     shorten: bool,
 ) -> tuple[list[Order], list[Outcome]]:
-    """What is to be done for each axis with the records that have it; and the outcomes of axes that none has.
-
-    Raises:
-        RecordError: no record has any axis, or one cannot be read.
-    """
+    """What is to be done for each axis with the records that have it; and the outcomes of axes that none has."""
     from service.commands.axis_commissioning import Order
     from service.ingest.axis_records import silent_in, wanted
 
@@ -275,19 +252,14 @@ def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console
     return [found[order.axis_id] for order in orders]
 
 
-def _write(
-    path: Path,
-    order: Order,
-    outcomes: Sequence[Outcome],
-    corrections: Mapping[str, Sequence[Correction]],
-    words: str,
-) -> None:
+def _write(path: Path, order: Order, outcomes: Sequence[Outcome], words: str) -> None:
+    """The report, and the configuration at this path with what was found, if anything was."""
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
     replace_text(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))
     if found:
-        for axis_id, changes in corrections.items():
-            text = corrected(text, axis_id, changes)
+        for outcome in outcomes:
+            text = corrected(text, outcome.axis_id, outcome.corrections)
         heading = [f"Made from {path.name} by `axiswatch commission`, {order.provenance.date}."]
         replace_text(order.folder / CONFIG, commissioned(text, found, heading))
         written.insert(0, order.folder / CONFIG)

@@ -94,11 +94,7 @@ def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step:
 
 
 def _from_table(record: Path, output: Path) -> None:
-    """Write a configuration for a table.
-
-    Raises:
-        RecordError: it cannot be read, or holds no axis.
-    """
+    """Write a configuration for a table."""
     from service.commands.proposed_configuration import table_lines
     from service.ingest.column_roles import roles
     from service.ingest.records import is_table
@@ -119,11 +115,7 @@ def _from_table(record: Path, output: Path) -> None:
 
 
 def _from_description(description: Path, output: Path) -> None:
-    """Write a configuration for the bus that a file describes.
-
-    Raises:
-        DescriptionError: the file cannot be used, or holds no axis.
-    """
+    """Write a configuration for the bus that a file describes."""
     from service.commands.proposed_configuration import bus_lines
     from service.ingest.signal_roles import axes_in, summary
 
@@ -137,13 +129,7 @@ def _from_description(description: Path, output: Path) -> None:
 
 
 def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -> None:
-    """Write a configuration for a bus, by what it sends.
-
-    Raises:
-        DescriptionError: the file cannot be used.
-        BusError: the bus cannot be opened.
-        RecordError: it is silent, or carries no axis that the file describes.
-    """
+    """Write a configuration for a bus, by what it sends."""
     from service.commands.proposed_configuration import bus_lines
     from service.ingest.live_roles import roles_on_bus
     from service.ingest.signal_roles import summary
@@ -171,13 +157,7 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
 def _from_drives(
     eds: Path, nodes: list[int] | None, bus: BusConfig | None, seconds: float, output: Path
 ) -> None:
-    """Write a configuration for CANopen drives, those given or those that are heard on the bus.
-
-    Raises:
-        DescriptionError: the file cannot be used, or the drives do not send torque and motion.
-        BusError: the bus cannot be opened.
-        RecordError: no such drive is heard.
-    """
+    """Write a configuration for CANopen drives, those given or those that are heard on the bus."""
     from service.commands.proposed_configuration import drive_lines
     from service.ingest.drive_objects import nodes_in, objects_of
 

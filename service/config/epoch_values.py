@@ -170,11 +170,7 @@ def _without(table: _T, keys: Collection[str]) -> _T:
 
 
 def _checked(axis: NamedAxis, configured: NamedAxis) -> NamedAxis:
-    """The axis, which the rules of the configuration allow.
-
-    Raises:
-        EpochValuesError: they do not.
-    """
+    """The axis, which the rules of the configuration allow."""
     findings = axis_findings(axis.config)
     found = [f"{dotted(f.path)}: {f.message}{f' {dotted(f.other)}' if f.other else ''}" for f in findings]
     if not found and needed(axis) != needed(configured):
