@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
+from service.can.messages import ByteOrder
 
-ByteOrder = Literal["little", "big"]
 FieldKind = Literal["signal", "counter", "state", "constant", "random"]
 """What a number does: it varies smoothly; goes up by one each frame; has few values; never changes; cannot be told from
 noise, as a checksum."""
