@@ -26,10 +26,10 @@ from service.ingest.axis_input import AxisInput
 from service.ingest.bus_samples import Ingest
 from service.ingest.identification_records import Loaded, load
 from service.ingest.timestamp_jitter import remarks
+from service.ingest.unit_names import UNITS
 
 LOOK = "look.log"
 """Name of the record of the look"""
-_UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s"}
 _LOSSY = 0.02
 """Of the samples, that are missing"""
 _NAMED = 5
@@ -174,7 +174,7 @@ def _facts(axis: NamedAxis, inputs: AxisInput, found: Loaded) -> str:
     moving = "it moves" if moves(record.y, output) else "it does not move"
     return (
         f"{1 / record.mean_interval_s:.4g} samples a second from {_ids(keys)} on {axis.config.bus};"
-        f" torque {_range(record.u)} N m, {output} {_range(record.y[record.measured])} {_UNITS[output]}; {moving}"
+        f" torque {_range(record.u)} N m, {output} {_range(record.y[record.measured])} {UNITS[output]}; {moving}"
     )
 
 

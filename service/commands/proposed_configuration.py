@@ -13,7 +13,7 @@ from service.config.schema import BusConfig
 from service.ingest.column_roles import AxisRoles, TableRoles
 from service.ingest.drive_objects import DriveObjects
 from service.ingest.signal_roles import BusAxis, SignalRole
-from service.ingest.unit_names import Quantity, unit_in
+from service.ingest.unit_names import UNITS, Quantity, unit_in
 from service.ingest.unknown_messages import UnknownMessage
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
@@ -216,20 +216,14 @@ def _unit_words(role: SignalRole) -> str:
     if role.current:
         return "a current: add kT_Nm_per_A, the torque constant"
     if not role.unit and role.sureness == "guess":
-        unit = {"torque": "N m", "angle": "rad", "speed": "rad/s"}[role.quantity]
-        return f"by its values; factor is {unit} for each count"
+        return f"by its values; factor is {UNITS[role.quantity]} for each count"
     if not role.unit:
-        return (
-            f"by its name; it has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"
-        )
-    if role.factor is None:
-        what = (
-            "rated torque / 1000 or / 100 [N m]"
-            if role.quantity == "torque"
-            else "2 pi / counts of a turn [rad]"
-        )
-        return f"in {role.unit}; factor is {what}"
-    return f"in {role.unit}"
+        assumed = "N m" if role.quantity == "torque" else "radians"
+        return f"by its name; it has no unit, so {assumed} are assumed"
+    if role.factor is not None:
+        return f"in {role.unit}"
+    rated, counts = "rated torque / 1000 or / 100 [N m]", "2 pi / counts of a turn [rad]"
+    return f"in {role.unit}; factor is {rated if role.quantity == 'torque' else counts}"
 
 
 def _quoted(text: str) -> str:

@@ -21,6 +21,7 @@ from service.can.messages import MessageSet
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis
 from service.config.schema import SignalConfig
+from service.ingest.unit_names import UNITS
 from service.pipeline.recording import Extracts, Frames
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
@@ -150,7 +151,7 @@ def _found(
             "missing": lost / (lost + len(record)),
             "moves": moves(record.y, axis.config.output),
         }
-        unit = {"angle": "rad", "speed": "rad/s"}[axis.config.output]
+        unit = UNITS[axis.config.output]
         measured = record.y[record.measured]
         signals = [_range(axis.config.torque, "N m", record.u), _range(axis.config.motion, unit, measured)]
     return SignalCheck(

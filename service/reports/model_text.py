@@ -12,7 +12,8 @@ from rich.text import Text
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling import Laurent, Resonances, StateSpace, modes
-from service.reports.model_facts import OUTPUT_UNITS, Facts, matrices
+from service.ingest.unit_names import UNITS
+from service.reports.model_facts import Facts, matrices
 
 _PAPER = "three-mass"
 _INDENT = 2
@@ -88,7 +89,7 @@ def _signals(space: StateSpace) -> Table:
     for i, u in enumerate(space.inputs, 1):
         rows.append((f"u{i}", _INPUTS[u.kind] if u.kind == ONE else f"{u.name}: {_INPUTS[u.kind]}"))
     for i, s in enumerate(space.sensors, 1):
-        rows.append((f"y{i}", f"{s.name}: {s.quantity}, {OUTPUT_UNITS[s.quantity]}"))
+        rows.append((f"y{i}", f"{s.name}: {s.quantity}, {UNITS[s.quantity]}"))
     return _grid(rows, key="cyan")
 
 
