@@ -15,7 +15,7 @@ from service.ingest.records import read_record
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.excitation_report import UNITS
 from service.reports.plot_style import LIMIT, TEXT, ZONE, as_svg, figure
-from service.reports.replay_overview import overview_picture
+from service.reports.replay_html import overview_picture
 from service.reports.replay_result import Replay, Replayed
 from service.simulation.healthy_table import table_lines
 from service.simulation.robot import Fault

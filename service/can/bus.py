@@ -54,11 +54,7 @@ _SEND_TIMEOUT_S = 1.0
 
 
 def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> Bus:
-    """Open a bus.
-
-    Args:
-        config: its settings.
-        wanted: let only these frames through (in the kernel, where the interface supports it); None: all.
+    """Open a bus; ``wanted``: let only these frames through, in the kernel where the interface supports it; None: all.
 
     Raises:
         BusError: it cannot be opened; the text says what to do.
@@ -67,8 +63,11 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
     if wanted is not None:
         options["can_filters"] = [_filter(key) for key in wanted]
     try:
-        if config.interface == "socketcan":
-            _check_device(config.channel)
+        # python-can leaves its socket open where there is no device.
+        if config.interface == "socketcan" and all(
+            device != config.channel for _, device in socket.if_nameindex()
+        ):
+            raise OSError(errno.ENODEV, "no such device")
         return can.Bus(ignore_config=True, **options)
     except (can.CanInterfaceNotImplementedError, NotImplementedError) as error:
         raise BusError(f"bus {config.name}: cannot use interface {config.interface} here: {error}") from None
@@ -83,9 +82,7 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
 def reaches_hardware(config: BusSettings, devices: Path = Path("/sys/class/net")) -> bool:
     """Whether what is sent on a bus may reach a drive: where it is not known to be virtual, it may.
 
-    Args:
-        config: the bus.
-        devices: where Linux describes its network interfaces.
+    ``devices``: where Linux describes its network interfaces.
     """
     if config.interface != "socketcan":
         return config.interface not in _IN_THE_MACHINE
@@ -139,12 +136,6 @@ def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
 def _filter(key: FrameKey) -> CanFilter:
     mask = _EXTENDED_MASK if key.extended else _STANDARD_MASK
     return {"can_id": key.can_id, "can_mask": mask, "extended": key.extended}
-
-
-def _check_device(name: str) -> None:
-    """Check that the device exists: python-can leaves its socket open where it does not."""
-    if name not in {device for _, device in socket.if_nameindex()}:
-        raise OSError(errno.ENODEV, "no such device")
 
 
 def _hint(config: BusSettings, error: OSError) -> str:

@@ -78,11 +78,8 @@ class ReaderStats:
 class CanReader:
     """Reads one bus until it is closed; recovers when the bus goes down, disappears or comes back.
 
-    Call ``open`` first where a bus that cannot be opened is an error; otherwise the thread keeps trying.
-
-    Args:
-        config: the bus.
-        wanted: the frames to let through; None: all.
+    Call ``open`` first where a bus that cannot be opened is an error; otherwise the thread keeps trying.  ``wanted``:
+    the frames to let through; None: all.
     """
 
     def __init__(self, config: BusSettings, wanted: Iterable[FrameKey] | None) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
-from service.can.frames import CLASSIC_BYTES, CLASSIC_RECORD, EXTENDED, FD_BYTES, FD_RECORD, FrameBlock
+from service.can.frames import CLASSIC_BYTES, EXTENDED, FD_BYTES, FrameBlock
 
 _ID = 0x1FFFFFFF
 ERROR = 0x20000000
@@ -75,16 +75,13 @@ def parse_lines(text: bytes) -> Parsed:
     sound &= paired & named
     errors = sound & (ids & ERROR != 0) & (marks.id_end - marks.name_end > 4)
     good = sound & ~errors
-    records = np.zeros(int(np.count_nonzero(good)), FD_RECORD if width > CLASSIC_BYTES else CLASSIC_RECORD)
-    extended = marks.id_end - marks.name_end > 4
-    records["t_us"], records["length"] = t_us[good], length[good] // 2
-    records["id"] = np.where(extended, ids & _ID | EXTENDED, ids)[good]
-    records["flags"] = np.where(wide, letters[marks.data - 1] - ord("0"), 0)[good]
-    records["data"] = data[good]
+    ids = np.where(marks.id_end - marks.name_end > 4, ids & _ID | EXTENDED, ids)
+    flags = np.where(wide, _HEX[letters[marks.data - 1]], 0)
+    frames = FrameBlock.from_columns(t_us[good], ids[good], length[good] // 2, data[good], flags[good])
     odd = np.ones(len(ends), np.bool_)
     odd[lines[sound]] = False
     names, channels = _numbered(name[good])
-    return Parsed(FrameBlock(records), lines[good], channels, names, lines[errors], np.flatnonzero(odd))
+    return Parsed(frames, lines[good], channels, names, lines[errors], np.flatnonzero(odd))
 
 
 def _marked(letters: Text, starts: Ints, ends: Ints) -> tuple[Ints, _Marks]:

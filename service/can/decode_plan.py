@@ -143,12 +143,7 @@ def _beyond_floats(signal: Signal, scale: float, offset: float) -> bool:
 
 
 class MessagePlan:
-    """Decodes signals of one message.
-
-    Args:
-        message: of a database.
-        wanted: names of its signals.
-    """
+    """Decodes the signals of these names of one message."""
 
     def __init__(self, message: Message, wanted: Iterable[str]) -> None:
         self.length = message.length

@@ -1,4 +1,4 @@
-"""Decoding of the wanted signals in blocks of frames."""
+"""Decoding of the wanted signals in blocks of frames, with the times of what a SYNC has sampled."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from monitor_core.arrays import Ints
 from service.can.decode_plan import Column, MessagePlan
 from service.can.frames import EXTENDED, FrameBlock, FrameKey
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
-from service.can.sync_cycle import SyncCycle
 
 FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
 """Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Decoder.dropped``."""
@@ -107,3 +106,40 @@ class Decoder:
             places, t_us = places[some], t_us[some]
             signals = {name: Column(c.values[some], c.present[some]) for name, c in signals.items()}
         return Decoded(places, t_us, signals)
+
+
+class SyncCycle:
+    """The SYNC of a bus, block by block: what a CANopen drive sends after one has been sampled at it.
+
+    All that is sent in one cycle gets the time of its SYNC: torque and motion in two PDOs belong together, and the wait
+    of a frame for the bus does not count.  A second frame after the same SYNC shows that one was lost: it keeps its own
+    time.
+    """
+
+    def __init__(self, key: FrameKey) -> None:
+        self.key = key
+        self._places = np.zeros(0, np.int64)
+        self._times_us = np.zeros(1, np.int64)
+        """Of the last SYNC before the block, and of those in it"""
+        self._begun = False
+        """Whether there was a SYNC before the block"""
+        self._answered, self._answering = set[FrameKey](), set[FrameKey]()
+        """Messages that have come after the last SYNC before the block, and after the last one in it"""
+
+    def take(self, frames: FrameBlock) -> int:
+        """Look at the next block; returns how many SYNCs it has."""
+        self._answered = self._answering | (set() if self._places.size else self._answered)
+        self._answering = set()
+        self._begun = self._begun or bool(self._places.size)
+        self._places = np.flatnonzero(frames.ids == self.key.record_id)
+        self._times_us = np.concatenate([self._times_us[-1:], frames.t_us[self._places]])
+        return len(self._places)
+
+    def times_us(self, key: FrameKey, frames: FrameBlock, places: Ints) -> Ints:
+        """The times (N,) of the frames of one message, which are at these places (N,) of the block."""
+        cycles = np.searchsorted(self._places, places)
+        if cycles[-1] == len(self._places):
+            self._answering.add(key)
+        before = np.concatenate([[0 if key in self._answered else -1], cycles[:-1]])
+        first = (cycles != before) & ((cycles > 0) | self._begun)
+        return np.where(first, self._times_us[cycles], frames.t_us[places])

@@ -61,10 +61,9 @@ class Frame(NamedTuple):
 
 
 class FrameBlock:
-    """Frames in the order of their receipt, as records without an object for each.
+    """Frames in the order of their receipt, as records (N,) without an object for each.
 
-    Args:
-        records: of CLASSIC_RECORD, or of FD_RECORD where a frame may be longer than 8 bytes (N,).
+    They are of CLASSIC_RECORD, or of FD_RECORD where a frame may be longer than 8 bytes.
     """
 
     __slots__ = ("records",)
@@ -75,15 +74,28 @@ class FrameBlock:
     @classmethod
     def from_frames(cls, frames: Sequence[Frame]) -> FrameBlock:
         """The block of these frames."""
-        lengths = [len(frame.data) for frame in frames]
-        wide = max(lengths, default=0) > CLASSIC_BYTES
-        records = np.zeros(len(frames), FD_RECORD if wide else CLASSIC_RECORD)
-        width = FD_BYTES if wide else CLASSIC_BYTES
-        records["t_us"] = [frame.t_us for frame in frames]
-        records["id"] = [frame.can_id | EXTENDED if frame.extended else frame.can_id for frame in frames]
-        records["length"] = lengths
+        lengths = np.array([len(frame.data) for frame in frames], np.int64)
+        width = int(lengths.max(initial=0))
         data = b"".join([frame.data.ljust(width, b"\0") for frame in frames])
-        records["data"] = np.frombuffer(data, np.uint8).reshape(-1, width)
+        t_us = np.array([frame.t_us for frame in frames], np.int64)
+        ids = [frame.can_id | EXTENDED if frame.extended else frame.can_id for frame in frames]
+        columns = np.frombuffer(data, np.uint8).reshape(len(frames), width)
+        return cls.from_columns(t_us, np.array(ids, np.int64), lengths, columns)
+
+    @classmethod
+    def from_columns(
+        cls, t_us: Ints, ids: Ints, lengths: Ints, data: NDArray[np.uint8], flags: Ints | int = 0
+    ) -> FrameBlock:
+        """The block of frames with these times, ids with their flag, lengths (N,) and data (N, W).
+
+        Data beyond the length are passed over; ``flags``: those of CAN FD (N,).
+        """
+        width = FD_BYTES if lengths.max(initial=0) > CLASSIC_BYTES else CLASSIC_BYTES
+        records = np.zeros(len(lengths), FD_RECORD if width > CLASSIC_BYTES else CLASSIC_RECORD)
+        records["t_us"], records["id"], records["length"], records["flags"] = t_us, ids, lengths, flags
+        data = data[:, :width]
+        inside = np.arange(data.shape[1]) < lengths[:, np.newaxis]
+        records["data"][:, : data.shape[1]] = np.where(inside, data, 0)
         return cls(records)
 
     @property

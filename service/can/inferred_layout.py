@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
+from service.can.messages import ByteOrder
 
-ByteOrder = Literal["little", "big"]
 FieldKind = Literal["signal", "counter", "state", "constant", "random"]
 """What a number does: it varies smoothly; goes up by one each frame; has few values; never changes; cannot be told from
 noise, as a checksum."""
@@ -64,10 +64,7 @@ class Field(NamedTuple):
 def find_multiplexer(data: NDArray[np.uint8]) -> int | None:
     """The byte that tells what the others mean, as in inverters that send one register after another; None: none does.
 
-    Divided by its values, the frames have a much shorter description.
-
-    Args:
-        data: as of ``infer_layout`` (N, W).
+    Divided by its values, the frames (N, W) have a much shorter description.
     """
     undivided = _total(infer_layout(data))
     best: tuple[float, int] | None = None
@@ -90,8 +87,7 @@ def _total(fields: tuple[Field, ...]) -> float:
 def infer_layout(data: NDArray[np.uint8]) -> tuple[Field, ...]:
     """The numbers in the data of one id, in their order; together they are all bytes.
 
-    Args:
-        data: of at least FEWEST_FRAMES frames with the same length W, in the order of receipt (N, W).
+    ``data``: of at least FEWEST_FRAMES frames with the same length W, in the order of receipt (N, W).
     """
     length = data.shape[1]
     best: list[tuple[float, tuple[Field, ...]]] = [(0.0, ())]  # of the first bytes

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import zlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
 GZIP = ".gz"
-_PIECE = 64 * 1024
-_WITH_GZIP_HEADER = 31
 _BLF_HEAD = 16
 """Bytes of the head of an object; where none of them is left the file ends as it should."""
 _PADDING = 3
@@ -56,9 +55,7 @@ class _Gunzip(io.RawIOBase):
     """What is compressed in a file; where that is damaged or cut off it ends, and all bytes before have been given."""
 
     def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._inflate = zlib.decompressobj(_WITH_GZIP_HEADER)
-        self._ready = b""
+        self._file, self._inside = file, gzip.GzipFile(fileobj=file)
         self.cut = self.damage = ""
 
     def readable(self) -> bool:
@@ -66,36 +63,17 @@ class _Gunzip(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        while not self._ready and self._next():
-            pass
-        view = memoryview(buffer).cast("B")
-        count = min(len(view), len(self._ready))
-        view[:count] = self._ready[:count]
-        self._ready = self._ready[count:]
-        return count
-
-    def _next(self) -> bool:
-        """Decompress some more; False at the end."""
-        if self.damage or self.cut:
-            return False
-        if self._inflate.eof:  # files that were appended to each other are read as one
-            piece = self._inflate.unused_data.lstrip(b"\0") or self._file.read(_PIECE).lstrip(b"\0")
-            if not piece:
-                return False
-            self._inflate = zlib.decompressobj(_WITH_GZIP_HEADER)
-        else:
-            piece = self._inflate.unconsumed_tail or self._file.read(_PIECE)
+        view, piece = memoryview(buffer).cast("B"), b""
         try:
-            self._ready = self._inflate.decompress(piece, _PIECE)
-        except zlib.error as error:
-            self.damage = (
-                f"damaged before byte {self._file.tell()} of the compressed ones, or no gzip ({error})"
-            )
-            return False
-        if not piece and not self._ready and not self._inflate.eof:
+            if not (self.damage or self.cut):
+                piece = self._inside.read1(len(view))
+        except EOFError:
             self.cut = f"the compressed data ends too early, at byte {self._file.tell()}"
-            return False
-        return True
+        except (gzip.BadGzipFile, zlib.error) as error:
+            at = self._file.tell()
+            self.damage = f"damaged before byte {at} of the compressed ones, or no gzip ({error})"
+        view[: len(piece)] = piece
+        return len(piece)
 
 
 class CompleteReads(io.RawIOBase):

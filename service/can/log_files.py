@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from itertools import islice
 from pathlib import Path
@@ -202,15 +202,15 @@ class CanLog:
 
     def _lines(self, suffix: str) -> Iterator[_Entry]:
         """The frames in the lines of an .asc or .trc file."""
-        lines, ended = LogLines(self._bytes.stream), False
+        lines, ended, is_trc = LogLines(self._bytes.stream), False, suffix == ".trc"
         try:
             while not ended:
                 try:
-                    for message in _line_reader(lines, suffix):
+                    for message in (
+                        can.TRCReader(lines) if is_trc else can.ASCReader(lines, relative_timestamp=False)
+                    ):
                         _check_length(message)
-                        if (
-                            suffix == ".trc"
-                        ):  # has channels from 1 on; those of other formats begin with 0 here
+                        if is_trc:  # it has channels from 1 on; those of other formats begin with 0 here
                             message.channel = int(str(message.channel)) - 1
                         yield from self._entry(message)
                     ended = True
@@ -272,12 +272,6 @@ class CanLog:
 
 _Entry = tuple[str, Frame]
 """Channel and frame"""
-
-
-def _line_reader(lines: LogLines, suffix: str) -> Iterable[can.Message]:
-    if suffix == ".asc":
-        return can.ASCReader(lines, relative_timestamp=False)
-    return can.TRCReader(lines)
 
 
 def _check_length(message: can.Message) -> None:

@@ -11,15 +11,7 @@ from can.util import dlc2len
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Ints
-from service.can.frames import (
-    CLASSIC_BYTES,
-    CLASSIC_RECORD,
-    EXTENDED,
-    FD_BYTES,
-    FD_RECORD,
-    FrameBlock,
-    concatenate_frames,
-)
+from service.can.frames import EXTENDED, FD_BYTES, FrameBlock, concatenate_frames
 from service.can.user_errors import RecordError
 
 _ROWS = 8192
@@ -42,11 +34,7 @@ class Mf4Part(NamedTuple):
 
 
 class Mf4Frames:
-    """The frames that a logger has recorded.
-
-    Args:
-        path: name of the file, for messages.
-        file: its content.
+    """The frames that a logger has recorded in a file, whose path is for messages.
 
     Raises:
         RecordError: asammdf is not installed.
@@ -111,17 +99,12 @@ class Mf4Frames:
         extended = frame_id & EXTENDED != 0
         if "IDE" in names:
             extended = samples[names["IDE"]] != 0
-        width = FD_BYTES if (length > CLASSIC_BYTES).any() else CLASSIC_BYTES
-        records = np.zeros(len(samples), FD_RECORD if width > CLASSIC_BYTES else CLASSIC_RECORD)
-        records["t_us"] = self._start_us + np.rint(t_s * 1e6).astype(np.int64)
-        records["id"] = np.where(extended, frame_id & _ID | EXTENDED, frame_id & _ID)
-        records["length"] = length
-        inside = np.arange(min(width, data.shape[1])) < length[:, np.newaxis]
-        records["data"][:, : inside.shape[1]] = np.where(inside, data[:, : inside.shape[1]], 0)
+        t_us = self._start_us + np.rint(t_s * 1e6).astype(np.int64)
+        ids = np.where(extended, frame_id & _ID | EXTENDED, frame_id & _ID)
         channels = np.zeros(len(samples), np.int64)
         if "BusChannel" in names:
             channels = samples[names["BusChannel"]].astype(np.int64)
-        return records, channels
+        return FrameBlock.from_columns(t_us, ids, length, data).records, channels
 
 
 _Rows = tuple[NDArray[np.void], Ints]

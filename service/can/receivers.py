@@ -22,7 +22,7 @@ from can.interfaces.udp_multicast import UdpMulticastBus
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
-from service.can.frames import CLASSIC_RECORD, EXTENDED, FD_BYTES, FD_RECORD, NO_FRAMES, Frame, FrameBlock
+from service.can.frames import EXTENDED, FD_BYTES, NO_FRAMES, Frame, FrameBlock
 
 Rejected = Literal["error_frame", "remote_frame"]
 
@@ -68,9 +68,7 @@ class Receiver:
         Raises:
             can.CanOperationError, OSError: the bus is down or gone; what came before has been returned.
         """
-        fault, self._fault = self._fault, None
-        if fault is not None:
-            raise fault
+        self._raise_fault()
         frames, rejected = list[Frame](), dict[Rejected, int]()
         left_s, end = _IDLE_S, 0.0
         while len(frames) < most and left_s > 0 and not stop.is_set():
@@ -92,6 +90,12 @@ class Receiver:
             end = end or now + BLOCK_S
             left_s = end - now
         return Received(FrameBlock.from_frames(frames), rejected)
+
+    def _raise_fault(self) -> None:
+        """Raise what has ended the last block."""
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault
 
 
 # --- Sockets: many messages in one system call, into memory that is there ---------------------------------------------
@@ -153,11 +157,7 @@ class BlockReceiver(Receiver):
     """Reads the socket of a bus in blocks, with kernel time stamps and the kernel's counter of drops.
 
     Frames wait in the kernel while a block is collected, so this thread runs fifty times a second and not once for each
-    frame; their time stamps are those of their receipt.
-
-    Args:
-        bus: an open one.
-        message: what a message of its socket looks like.
+    frame; their time stamps are those of their receipt.  ``message``: what a message of the socket looks like.
     """
 
     def __init__(self, bus: can.BusABC, message: np.dtype[np.void]) -> None:
@@ -180,6 +180,7 @@ class BlockReceiver(Receiver):
 
     def read(self, most: int, stop: Event) -> Received:
         """See Receiver."""
+        self._raise_fault()
         if not self._more:
             if not self._poll.poll(1000 * _IDLE_S):
                 return _NOTHING
@@ -240,13 +241,6 @@ class DatagramReceiver(BlockReceiver):
         self._classic = bus.protocol is can.CanProtocol.CAN_20
         self._passes = lru_cache(4096)(partial(_passes, bus))
 
-    def read(self, most: int, stop: Event) -> Received:
-        """See Receiver."""
-        fault, self._fault = self._fault, None
-        if fault is not None:
-            raise fault
-        return super().read(most, stop)
-
     def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
         frames, rejected = list[Frame](), dict[Rejected, int]()
         packed = zip(raw["data"], self._lengths.tolist(), t_us.tolist(), strict=False)
@@ -301,17 +295,10 @@ def _times_us(notes: NDArray[np.void]) -> Ints:
 
 
 def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:
-    wide = bool((raw["length"] > 8).any())
-    records = np.zeros(len(raw), FD_RECORD if wide else CLASSIC_RECORD)
-    extended = (raw["id"] & EXTENDED) != 0
-    records["t_us"] = t_us
-    records["id"] = np.where(extended, raw["id"] & (EXTENDED | _ID), raw["id"] & _STANDARD_ID)
-    records["length"] = raw["length"]
-    records["flags"] = raw["flags"] & ~np.uint8(_FDF)
-    width = records["data"].shape[1]
-    inside = np.arange(width) < raw["length"][:, np.newaxis]
-    records["data"] = np.where(inside, raw["data"][:, :width], 0)  # beyond is what an older frame has left
-    return FrameBlock(records)
+    ids, lengths, flags = raw["id"], raw["length"].astype(np.int64), raw["flags"] & ~np.uint8(_FDF)
+    ids = np.where(ids & EXTENDED, ids & (EXTENDED | _ID), ids & _STANDARD_ID)
+    # Beyond its length the data are what an older frame has left.
+    return FrameBlock.from_columns(t_us, ids.astype(np.int64), lengths, raw["data"], flags.astype(np.int64))
 
 
 def receiver_of(bus: can.BusABC) -> Receiver:
@@ -330,10 +317,8 @@ def reader_of(interface: str) -> str:
 def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:
     """The frame in a message of python-can, with its time rounded to whole microseconds once.
 
-    Args:
-        message: as received or read from a file.
-        stored: from a file: its time is used as it is; otherwise a time that does not count from 1970 is replaced by
-            now.
+    The time of a message that is ``stored`` in a file is used as it is; else one that does not count from 1970 is
+    replaced by now.
 
     Raises:
         ValueError, OverflowError: of a damaged file: no frame has such a time, id or length.

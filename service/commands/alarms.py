@@ -17,7 +17,7 @@ from service.commands.daemon_options import (
     print_json,
     short_time,
 )
-from service.commands.exit_codes import EPILOG, explained
+from service.commands.exit_codes import GROUP, explained
 
 AlarmIds = Annotated[list[int], typer.Argument(metavar="ID...", help="Numbers of the alarms.")]
 AlarmStateName = Literal[
@@ -27,11 +27,7 @@ AlarmStateName = Literal[
 
 alarms = typer.Typer(
     help="Alarms of a running daemon: list, show, acknowledge, shelve, comment; statistics; axes out of service.",
-    epilog=EPILOG,
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    pretty_exceptions_enable=False,
+    **GROUP,
 )
 
 

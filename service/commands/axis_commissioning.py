@@ -12,10 +12,17 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.calibration import CalibrationError, CalibrationOptions
+from monitor_core.excitation import ExcitationError
+from monitor_core.identification import IdentificationError
+from monitor_core.modeling import ModelError
+from service.can.messages import DescriptionError
+from service.can.user_errors import IngestError
+from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.commissioning_remedies import (
     Retry,
     memories_of,
@@ -25,24 +32,27 @@ from service.commands.commissioning_remedies import (
     retry,
     watched_in,
 )
+from service.commands.identification_task import Request, drawing_of, prepare
+from service.commands.link_load import link_load
 from service.commands.output_files import replace_text
 from service.commands.planned_motion import MotionRequest, planned
 from service.commands.signal_proposals import Review, configured
-from service.config.commissioned import (
-    Correction,
-    Found,
-    commissioned,
-    corrected,
-    motion_file,
-    pages_of,
-)
+from service.config import ConfigErrors
+from service.config.axis_settings import AxisError
+from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of
+from service.ingest.axis_records import sha256_of, wanted
+from service.reports import calibration_files, identification_html
 from service.reports.commissioning_report import Outcome, own_config
+from service.reports.excitation_report import as_csv
+from service.reports.formats import Provenance
+from service.reports.identification_files import as_toml
+from service.reports.identification_report import outlook_words, verdict_line
 
-if TYPE_CHECKING:
-    from monitor_core.calibration import CalibrationOptions
-    from service.reports.formats import Provenance
-
-
+_MISTAKES = (
+    *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError),
+    *(ConfigErrors, AxisError, ExcitationError),
+)
+"""They end the way of an axis."""
 Progress = Callable[[str, str, float], None]
 """Called with the phase, "identify" or "calibrate", its present work, and how much of that is done, 0 to 1"""
 
@@ -94,12 +104,6 @@ def commission_axis(
 
 
 def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
-    from service.commands.identification_task import Request, drawing_of, prepare
-    from service.commands.link_load import link_load
-    from service.reports.identification_files import as_toml
-    from service.reports.identification_html import as_html
-    from service.reports.identification_report import outlook_words, verdict_line
-
     progress("identify", "reading the records", 0.0)
     again: Retry | None = None
     tried: list[str] = []
@@ -127,11 +131,11 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 )
                 outcome = replace(outcome, notes=(*outcome.notes, followed))
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
-    except _mistakes() as error:
+    except _MISTAKES as error:
         return replace(outcome, refusal=f"not identified: {error}")
     taken = "" if again is None else f"; --yes takes {again.words}"
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
-    replace_text(order.folder / page, as_html(report))
+    replace_text(order.folder / page, identification_html.as_html(report))
     outcome = replace(
         outcome,
         verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
@@ -157,9 +161,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     progress("identify", "planning a motion", 0.0)
     changed = corrected(text, order.axis_id, outcome.corrections)
     own = commissioned(changed, {axis.id: outcome.found or Found(values, None, motion.lost)})
-    if (
-        outcome.found is None
-    ):  # no part of the commissioned configuration, but a motion is planned with its values
+    if outcome.found is None:  # no part of what is commissioned, but a motion is planned with its values
         replace_text(order.folder / own_config(axis.id), own)
     outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
     return _with_motion(order, own, outcome, motion.request)
@@ -167,15 +169,13 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
 
 def _with_motion(order: Order, own: str, outcome: Outcome, request: MotionRequest) -> Outcome:
     """With a motion of the axis in a file; ``own``: text of its configuration, with its nominal values."""
-    from service.reports.excitation_report import as_csv
-
     file = motion_file(order.axis_id)
     path = order.folder / file
     path.parent.mkdir(exist_ok=True)
     try:
         _, axis = configured(own, order.axis_id, order.folder)
         experiment = planned(axis, request, np.random.default_rng(_PHASES))
-    except _mistakes() as error:
+    except _MISTAKES as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))
     replace_text(path, as_csv(experiment))
     seconds = experiment.task.schedule.samples * experiment.task.plant.interval_s
@@ -187,10 +187,6 @@ _PHASES = 1
 
 
 def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
-    from monitor_core.calibration import CalibrationError
-    from service.commands.calibrate import as_identified, calibrate_axis
-    from service.reports.calibration_files import as_html, as_toml
-
     options, found, step = order.options, None, _within("calibrate", progress)
     for _ in range(_MOST_REMEDIES):
         assert outcome.found is not None
@@ -207,15 +203,15 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 taken = "" if remedy is None else f"; --yes takes {remedy.words}"
                 return replace(outcome, refusal=f"not calibrated: {error}{taken}")
             outcome, options = remedy.outcome, remedy.options
-        except _mistakes() as error:
+        except _MISTAKES as error:
             return replace(outcome, refusal=f"not calibrated: {error}")
     if found is None:
         return replace(
             outcome, refusal="not calibrated: the records are too short, or move the axis too little"
         )
     page, values = pages_of(order.axis_id)[1], f"{order.axis_id}-thresholds.toml"
-    replace_text(order.folder / page, as_html(found))
-    replace_text(order.folder / values, as_toml(found))
+    replace_text(order.folder / page, calibration_files.as_html(found))
+    replace_text(order.folder / values, calibration_files.as_toml(found))
     first = found.detectors[0]
     return replace(
         outcome,
@@ -237,28 +233,10 @@ def _within(phase: str, progress: Progress) -> Callable[[str, float, float], Non
     return lambda work, done, total: progress(phase, work, done / total if total else 0.0)
 
 
-def _mistakes() -> tuple[type[Exception], ...]:
-    from monitor_core.calibration import CalibrationError
-    from monitor_core.excitation import ExcitationError
-    from monitor_core.identification import IdentificationError
-    from monitor_core.modeling import ModelError
-    from service.can.messages import DescriptionError
-    from service.can.user_errors import IngestError, RecordError
-    from service.config import ConfigErrors
-    from service.config.axis_settings import AxisError
-
-    return (
-        *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError, RecordError),
-        *(ConfigErrors, AxisError, ExcitationError),
-    )
-
-
 # --- What was found before --------------------------------------------------------------------------------------------
 
 
 def _digest(text: str, order: Order) -> str:
-    from service.ingest.axis_records import sha256_of, wanted
-
     parts = [order.provenance.version, text, order.axis_id, repr(order.options), repr(order.shorten)]
     parts += [f"{record} {sha256_of(wanted(record).path)}" for record in order.records]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()

@@ -9,13 +9,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import SimpleQueue, get_context
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from service.commands.axis_commissioning import Order, commission_axis
-
-if TYPE_CHECKING:
-    from service.commands.signal_proposals import Review
-    from service.reports.commissioning_report import Outcome
+from service.commands.signal_proposals import Review
+from service.reports.commissioning_report import Outcome
 
 _POLL_S = 0.2
 """So often steps are shown; a process tells no more of them."""
@@ -60,8 +58,6 @@ def outcomes(
 
 
 def _result(task: Future[Outcome], axis_id: str) -> Outcome:
-    from service.reports.commissioning_report import Outcome
-
     try:
         return task.result()
     except BrokenProcessPool:
@@ -101,8 +97,6 @@ def _commission(order: Order, review: Review) -> Outcome:
 
 def _commissioned(order: Order, review: Review, show: Callable[[Step], None]) -> Outcome:
     """What becomes of an axis; a fault of the program is printed, and ends the way of this axis alone."""
-    from service.reports.commissioning_report import Outcome
-
     try:
         return commission_axis(order, review, _steps(order.axis_id, show))
     except Exception as error:

@@ -10,7 +10,7 @@ import typer
 
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Force, configuration
-from service.commands.output_files import check_writable
+from service.commands.output_files import check_new
 from service.texts import iso, now_us
 
 Output = Annotated[
@@ -35,9 +35,7 @@ def backup(config: ConfigPath, output: Output, secrets: Secrets = False, force: 
     from service.store.archive import FORMAT, Manifest, state_files, write_archive
 
     read = configuration(config, without_bus=True)
-    if output.exists() and not force:
-        raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
-    check_writable(output)
+    check_new(output, force)
     with explained(OSError):
         found = bundle(config, read)
         state = state_files(read.service.state_dir, secrets)

@@ -18,7 +18,7 @@ from service.commands.daemon_options import (
     print_json,
     short_time,
 )
-from service.commands.exit_codes import EPILOG, explained
+from service.commands.exit_codes import GROUP, explained
 
 Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="The axis, as in `axiswatch status`.")]
 VerifyHours = Annotated[
@@ -32,11 +32,7 @@ VerifyHours = Annotated[
 
 baseline = typer.Typer(
     help="New nominal values of an axis of a running daemon: start, status, cancel, restore.",
-    epilog=EPILOG,
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    pretty_exceptions_enable=False,
+    **GROUP,
 )
 
 

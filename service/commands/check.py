@@ -38,18 +38,8 @@ def _buses(config: Config) -> Table:
 
     table = Table("bus", "interface", "channel", "read by", "messages", title="Buses", title_justify="left")
     for bus in config.bus:
-        table.add_row(
-            *map(
-                escape,
-                (
-                    bus.name,
-                    bus.interface,
-                    bus.channel,
-                    reader_of(bus.interface),
-                    messages_of(config, bus.name).source,
-                ),
-            )
-        )
+        described, reader = messages_of(config, bus.name).source, reader_of(bus.interface)
+        table.add_row(*map(escape, (bus.name, bus.interface, bus.channel, reader, described)))
     return table
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -18,12 +18,13 @@ from monitor_core.identification import (
     shown_inertia,
     whole_numbers,
 )
+from service.can.messages import find_signal
+from service.commands.identification_task import known_values
 from service.config import Config, NamedAxis
+from service.config.bus_messages import messages_of
+from service.config.drive_sources import model_of_axis
 from service.config.schema import SignalConfig
-
-if TYPE_CHECKING:
-    from monitor_core.drive import Drive
-    from service.ingest.identification_records import Loaded
+from service.ingest.identification_records import Loaded
 
 Signal = Literal["torque", "motion"]
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
@@ -39,12 +40,9 @@ class Checked:
     """An axis with what is looked at: records as configured, and the values that are known of it."""
 
     def __init__(self, config: Config, axis: NamedAxis, loaded: Sequence[Loaded], in_tables: bool) -> None:
-        from service.commands.identification_task import known_values
-        from service.config.drive_sources import model_of_axis
-
         self.config, self.axis, self.in_tables = config, axis, in_tables
         self.records, self.sources = [item.record for item in loaded], [item.source for item in loaded]
-        self.drive: Drive = model_of_axis(axis.config).drive
+        self.drive = model_of_axis(axis.config).drive
         self.values, unknown = known_values(axis, self.drive)
         self.inertia_known = not unknown
 
@@ -94,21 +92,26 @@ class Checked:
         """What is measured beside the torque."""
         return "angle" if self.axis.config.output == "angle" else "speed"
 
+    def source(self, signal: Signal) -> SignalConfig:
+        """Where a signal comes from."""
+        return self.axis.config.torque if signal == "torque" else self.axis.config.motion
+
+    def quantity(self, signal: Signal) -> Literal["torque", "angle", "speed"]:
+        """What a signal is."""
+        return "torque" if signal == "torque" else self.output
+
     def factor(self, signal: Signal) -> float:
         """As configured."""
-        config = self.axis.config
-        return config.torque.factor if signal == "torque" else config.motion.factor
+        return self.source(signal).factor
 
     def key(self, signal: Signal) -> tuple[str, ...]:
         """Of the factor."""
-        return ("torque" if signal == "torque" else self.output, "factor")
+        return (self.quantity(signal), "factor")
 
     def raw(self, signal: Signal) -> Floats:
         """The values of all records as they are in the files."""
-        config = self.axis.config
-        source: SignalConfig = config.torque if signal == "torque" else config.motion
-        values = np.concatenate([r.u if signal == "torque" else r.y[r.measured] for r in self.records])
-        factor, offset = source.scale
+        values = np.concatenate([values_of(record, signal) for record in self.records])
+        factor, offset = self.source(signal).scale
         return np.asarray((values - offset) / factor)
 
     def in_whole_numbers(self, signal: Signal) -> bool:
@@ -117,14 +120,16 @@ class Checked:
 
     def unit_text(self, signal: Signal) -> str:
         """What names the unit: the column, or the unit in the description of the bus."""
-        config = self.axis.config
-        source: SignalConfig = config.torque if signal == "torque" else config.motion
+        source = self.source(signal)
         if self.in_tables:
             return source.column or ""
-        from service.can.messages import find_signal
-        from service.config.bus_messages import messages_of
+        known = messages_of(self.config, self.axis.config.bus)
+        return find_signal(known, source.message, source.signal)[1].unit or ""
 
-        return find_signal(messages_of(self.config, config.bus), source.message, source.signal)[1].unit or ""
+
+def values_of(record: Record, signal: Signal) -> Floats:
+    """The torque, or the motion where it is measured (N,)."""
+    return record.u if signal == "torque" else record.y[record.measured]
 
 
 def fastest(records: Sequence[Record]) -> float:

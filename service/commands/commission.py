@@ -14,19 +14,21 @@ import typer
 from rich.console import Console
 
 from monitor_core.wording import duration
+from service.can.user_errors import RecordError
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
 from service.commands.options import LOG_KINDS, ConfigPath, configuration
 from service.commands.output_files import replace_text
 from service.commands.progress import axes_bars
+from service.config import Config
+from service.config.commissioned import RECORDS, REPORT, Correction, commissioned, corrected, relocated
+from service.reports.commissioning_report import Outcome, as_html, motion_step, next_step, recording_s
+from service.reports.formats import Provenance
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
     from service.commands.axis_commissioning import Order
     from service.commands.signal_proposals import Review
-    from service.config import Config
-    from service.config.commissioned import Correction
-    from service.reports.commissioning_report import Outcome
 
 CONFIG = "axiswatch.toml"
 Output = Annotated[
@@ -75,8 +77,6 @@ def commission(
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
     from service.commands.live_recording import record_live, recorded
-    from service.config.commissioned import relocated
-    from service.reports.commissioning_report import motion_step, next_step, recording_s
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
@@ -94,18 +94,11 @@ def commission(
         orders, silent = _orders(text, read, used, output, options_for(budget_s), yes)
         reviews = _reviewed(orders, yes, console, _command(records or (), config, output, budget))
         outcomes = [*_carried_out(orders, reviews, console), *silent]
-    corrections = {outcome.axis_id: outcome.corrections for outcome in outcomes}
     motion_minutes = max(1, math.ceil(recording_s(outcomes) / 60))
-    again = _command(
-        (*records, "RECORD") if records else (),
-        config,
-        output,
-        budget,
-        None if records else motion_minutes,
-        yes,
-    )
+    given, minutes_again = ((*records, "RECORD"), None) if records else ((), motion_minutes)
+    again = _command(given, config, output, budget, minutes_again, yes)
     words = next_step(outcomes, output / CONFIG, bool(read.bus), again)
-    _write(config, orders[0], outcomes, corrections, words)
+    _write(config, orders[0], outcomes, words)
     for step in (motion_step(outcome, output / CONFIG) for outcome in outcomes):
         if step:
             console.print(step, markup=False)
@@ -123,11 +116,7 @@ def _wanted(minutes: float, yes: bool) -> bool:
 
 
 def _exit(outcomes: Sequence[Outcome]) -> None:
-    """End with the exit code of what became of the axes.
-
-    Raises:
-        typer.Exit: not all of them are ready.
-    """
+    """End with the exit code of what became of the axes."""
     if any(outcome.fault for outcome in outcomes):
         raise typer.Exit(FAULT)
     if not any(outcome.found for outcome in outcomes):
@@ -137,13 +126,8 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
 
 
 def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
-    """What was found about the signals of each axis, with the corrections to which the user agrees.
-
-    Raises:
-        typer.BadParameter: there are proposals, and nobody to ask.
-    """
+    """What was found about the signals of each axis, with the corrections to which the user agrees."""
     from service.commands.signal_proposals import exchanged, review
-    from service.config.commissioned import corrected
 
     text, folder = orders[0].text, orders[0].folder
     records = {order.axis_id: order.records for order in orders}
@@ -206,13 +190,8 @@ def _command(
 
 
 def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
-    """Check that there is something to commission from: records, or a time to record.
-
-    Raises:
-        typer.BadParameter: neither, both, or no time.
-    """
+    """Check that there is something to commission from: records, or a time to record."""
     from service.commands.live_recording import check_minutes, recorded
-    from service.config.commissioned import RECORDS
 
     if records and minutes is not None:
         raise typer.BadParameter(
@@ -237,16 +216,9 @@ def _orders(
     options: CalibrationOptions,
     shorten: bool,
 ) -> tuple[list[Order], list[Outcome]]:
-    """What is to be done for each axis with the records that have it; and the outcomes of axes that none has.
-
-    Raises:
-        RecordError: no record has any axis, or one cannot be read.
-    """
-    from service.can.user_errors import RecordError
+    """What is to be done for each axis with the records that have it; and the outcomes of axes that none has."""
     from service.commands.axis_commissioning import Order
     from service.ingest.axis_records import silent_in, wanted
-    from service.reports.commissioning_report import Outcome
-    from service.reports.formats import Provenance
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}
     orders, refused = list[Order](), list[Outcome]()
@@ -275,32 +247,19 @@ def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console
         for number, outcome in enumerate(outcomes(orders, reviews, lambda step: bars.show(*step)), 1):
             found[outcome.axis_id] = outcome
             bars.end(outcome.axis_id)
-            console.print(f"[{number}/{len(orders)}] {_line(outcome)}", markup=False)
+            words = outcome.refusal or f"{outcome.outlook} {outcome.verdict}"
+            console.print(f"[{number}/{len(orders)}] {outcome.axis_id}: {words}", markup=False)
     return [found[order.axis_id] for order in orders]
 
 
-def _line(outcome: Outcome) -> str:
-    if outcome.refusal:
-        return f"{outcome.axis_id}: {outcome.refusal}"
-    return f"{outcome.axis_id}: {outcome.outlook} {outcome.verdict}"
-
-
-def _write(
-    path: Path,
-    order: Order,
-    outcomes: Sequence[Outcome],
-    corrections: Mapping[str, Sequence[Correction]],
-    words: str,
-) -> None:
-    from service.config.commissioned import REPORT, commissioned, corrected
-    from service.reports.commissioning_report import as_html
-
+def _write(path: Path, order: Order, outcomes: Sequence[Outcome], words: str) -> None:
+    """The report, and the configuration at this path with what was found, if anything was."""
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
     replace_text(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))
     if found:
-        for axis_id, changes in corrections.items():
-            text = corrected(text, axis_id, changes)
+        for outcome in outcomes:
+            text = corrected(text, outcome.axis_id, outcome.corrections)
         heading = [f"Made from {path.name} by `axiswatch commission`, {order.provenance.date}."]
         replace_text(order.folder / CONFIG, commissioned(text, found, heading))
         written.insert(0, order.folder / CONFIG)

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import COSINE, SINE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Record
 from service.commands.checked_axis import fastest
+from service.commands.link_load import LinkLoad
 from service.commands.planned_motion import MotionRequest
+from service.config import AxisConfig, NamedAxis
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.commissioning_report import Outcome
-from service.reports.identification_report import shaped_for
-
-if TYPE_CHECKING:
-    from monitor_core.calibration import CalibrationError, CalibrationOptions
-    from service.commands.link_load import LinkLoad
-    from service.config import NamedAxis
-    from service.config.schema import AxisConfig
-    from service.reports.identification_report import IdentificationReport
+from service.reports.identification_report import IdentificationReport, shaped_for
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
 _LIBRARY = ("one-mass", *_SEVERAL_MASSES)
@@ -80,12 +76,8 @@ def retry(
 ) -> Retry | None:
     """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
 
-    Args:
-        report: of the identification.
-        text: of the configuration that it was made with.
-        axis: of that configuration.
-        tried: the drives of identifications before.
-        links: what the weight of links follows; None: the torque shows none.
+    ``text``: of the configuration that it was made with; ``tried``: the drives before; ``links``: finds what the weight
+    of links follows; None: the torque shows none.
     """
     watched = watched_in(report)
     if report.rejection or not watched:
@@ -139,10 +131,8 @@ def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -
         name, drive = _THREE_MASS
     else:
         return None
-    if weight:
-        drive = drive._replace(
-            values={"r": 1.0, **drive.values}
-        )  # where the weight is, the angle of the arm tells
+    if weight:  # where it is, the angle of the arm tells
+        drive = drive._replace(values={"r": 1.0, **drive.values})
     return None if name + weight in tried else (name + weight, drive)
 
 

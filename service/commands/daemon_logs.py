@@ -18,7 +18,6 @@ _PRIORITIES = {"debug": 7, "info": 6, "warning": 4, "warn": 4, "error": 3, "exce
 def configure_logs(
     log_format: LogFormat = "auto",
     stream: TextIO | None = None,
-    level: int = logging.INFO,
     environ: Mapping[str, str] = os.environ,
 ) -> None:
     """Send all logs, those of libraries too, to a stream.
@@ -26,7 +25,6 @@ def configure_logs(
     Args:
         log_format: auto is console on a terminal, else JSON.
         stream: default the standard error stream.
-        level: less important ones are left out.
         environ: with JOURNAL_STREAM, if systemd has connected the stream to its journal.
     """
     target = stream or sys.stderr
@@ -54,7 +52,7 @@ def configure_logs(
     )
     root = logging.getLogger()
     root.handlers[:] = [handler]
-    root.setLevel(level)
+    root.setLevel(logging.INFO)
     # The daemon itself reports better what these log at INFO.
     for name in ("can", "uvicorn", "asyncio"):
         logging.getLogger(name).setLevel(logging.WARNING)

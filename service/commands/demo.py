@@ -12,13 +12,20 @@ from rich.console import Console
 
 from service.can.bus import open_buses
 from service.commands.calibrate import Budget
+from service.commands.commission import CONFIG
+from service.commands.commission import commission as commission_records
 from service.commands.daemon_logs import configure_logs
 from service.commands.exit_codes import explained
+from service.commands.init import init
 from service.commands.options import Port, axis_named, configuration
+from service.commands.output_files import replace_text
+from service.commands.progress import progress_bar
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
+from service.config.commissioned import connected, relocated
 from service.config.drive_sources import shipped
 from service.config.schema import WebConfig
+from service.simulation.healthy_table import table_lines
 from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 
 log = structlog.get_logger(__name__)
@@ -32,6 +39,9 @@ _FEW_AXES = 2
 """With --commission: more take longer."""
 ROBOT, COMMISSIONED = "demo.toml", "demo/axiswatch.toml"
 """The simulated robot as it is; and as it was commissioned, from records of it."""
+_RECORD_SEED = 1
+_PROPOSED = 'name = "robot1"'
+"""By init, which does not know the robot."""
 
 Axes = Annotated[
     int | None,
@@ -82,12 +92,9 @@ def demo(
     wanted = Fault(broken.id, factors(fault or ["fm=1.3"]), fault_after)
     with explained():  # a fault that cannot be simulated is refused before minutes of work
         SimulatedRobot(robot, faults=[wanted])
+    commissioned = shipped(COMMISSIONED)
     if commission:
-        from service.commands.demo_commissioning import commission_robot
-
-        commissioned = commission_robot(shipped(ROBOT), robot, output, minutes, budget)
-    else:
-        commissioned = shipped(COMMISSIONED)
+        commissioned = _commissioned(shipped(ROBOT), robot, output, minutes, budget)
     with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as state_dir:
         monitored = _monitored(configuration(commissioned), robot, port, Path(state_dir))
         _run(monitored, commissioned, robot, wanted)
@@ -119,13 +126,9 @@ def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir:
 
 
 def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
-    """Run the daemon, and the robot in parallel once its bus is read; an error of either ends both.
+    """Run the daemon with ``config``, which ``file`` holds, and the robot ``moved`` once its bus is read.
 
-    Args:
-        config: of the daemon.
-        file: of its configuration; the report of its commissioning is beside it.
-        moved: the robot.
-        fault: that of the robot.
+    An error of either ends both.
     """
     from service.commands.daemon import run_daemon
 
@@ -150,20 +153,18 @@ def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
 
 
 def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: threading.Event) -> None:
+    def happened(fault: Fault) -> None:
+        log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
+
     ready.wait()
     try:
         with open_buses(config.bus) as buses:
-            sent = run_robot(
-                robot, sender(config, buses), stop, _log_fault, latest_s=_LATEST_S, catch_up=_CATCH_UP
-            )
+            sending = sender(config, buses)
+            sent = run_robot(robot, sending, stop, happened, latest_s=_LATEST_S, catch_up=_CATCH_UP)
     finally:
         stop.set()
     if sent.left_out:
         log.warning("this machine is too busy: the robot left out samples", samples=sent.left_out)
-
-
-def _log_fault(fault: Fault) -> None:
-    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
 
 
 def _print_welcome(url: str, fault: Fault, monitored: str) -> None:
@@ -174,3 +175,45 @@ def _print_welcome(url: str, fault: Fault, monitored: str) -> None:
         f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s. At the first start the kernel is "
         "compiled; its samples wait for that, and so does the fault.  Ctrl-C ends the demo."
     )
+
+
+# --- The way from a robot to its monitor: each step is the one of the command that a user would take ------------------
+
+
+def _commissioned(source: Path, robot: Config, folder: Path, minutes: float, budget: str) -> Path:
+    """Record, describe, commission and connect the simulated robot; returns the configuration that ``run`` takes.
+
+    ``source`` is its configuration, ``robot`` the same as read, with the axes that are wanted.
+
+    Raises:
+        typer.Exit: an axis could not be commissioned; the report in the folder says why.
+    """
+    console = Console(highlight=False, soft_wrap=True)
+    record, first, made = folder / "healthy.csv", folder / "axis.toml", folder / CONFIG
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"{folder}: {error.strerror}", param_hint="--output") from None
+
+    console.print(f"[bold]1. Record[/] {minutes:g} minutes of the healthy robot: {record}")
+    with progress_bar(record.name) as progress:
+        replace_text(record, "".join(table_lines(robot, 60 * minutes, _RECORD_SEED, progress)))
+
+    console.print(f"[bold]2. Describe it[/]: axiswatch init {record} --output {first}")
+    init(record, first, force=True)
+    name = f'name = "{robot.robot[0].name}"'
+    replace_text(first, first.read_text(encoding="utf-8").replace(_PROPOSED, name))
+
+    console.print(
+        f"[bold]3. Commission it[/]: axiswatch commission {record} --config {first} --budget {budget}"
+        f" --output {folder}"
+    )
+    commission_records(first, [str(record)], folder, budget, yes=True)
+
+    console.print(f"[bold]4. Add the bus[/], and run it: axiswatch run --config {made}")
+    signals = relocated(source.read_text(encoding="utf-8"), source.parent, folder.resolve())
+    text = connected(
+        made.read_text(encoding="utf-8"), signals, f"The bus and the signals are those of {source.name}."
+    )
+    replace_text(made, text)
+    return made

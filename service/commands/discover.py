@@ -9,14 +9,18 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from service.can.frames import FrameBlock, concatenate_frames
+from service.can.inferred_layout import Field
+from service.can.left_out import left_out_words
+from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
+from service.can.user_errors import RecordError
 from service.commands.exit_codes import explained
+from service.commands.init import ListenFor, heard_on, propose
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
-from service.commands.output_files import check_writable, write_all
+from service.commands.output_files import check_new
+from service.config.schema import BusConfig
 
 if TYPE_CHECKING:
-    from service.can.frames import FrameBlock
-    from service.can.inferred_layout import Field
-    from service.config.schema import BusConfig
     from service.ingest.unknown_messages import UnknownMessage
 
 Log = Annotated[
@@ -24,9 +28,6 @@ Log = Annotated[
     typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot."),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
-ListenFor = Annotated[
-    float, typer.Option("--seconds", min=1.0, max=600.0, metavar="N", help="With --bus: how long.")
-]
 Channel = Annotated[
     str | None,
     typer.Option("--channel", metavar="NAME", help="Of a log of several buses: this one. Default: the busiest."),
@@ -50,48 +51,36 @@ def discover(
     """
     if (record is None) == (bus is None):
         raise typer.BadParameter("give either a CAN log or --bus INTERFACE:CHANNEL", param_hint="RECORD")
-    check_writable(output)
-    if output.exists() and not force:
-        raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
-    console = Console(highlight=False, soft_wrap=True)
+    check_new(output, force)
     with explained():
-        from service.can.user_errors import RecordError
-        from service.commands.init import heard_on
         from service.commands.proposed_configuration import unknown_bus_lines
         from service.ingest.signal_roles import summary
         from service.ingest.unknown_messages import discover_axes, used_messages
 
         source: BusConfig | None = None
         if record is not None:
-            name, frames = _logged(record, channel, console)
+            name, frames = _logged(record, channel)
         else:
             source = bus_named(bus or "", None)
-            name, frames = source.name, heard_on(source, seconds, console)
+            name, frames = source.name, heard_on(source, seconds)
         found = discover_axes(frames)
-        console.print(_table(found.messages))
+        Console(highlight=False, soft_wrap=True).print(_table(found.messages))
         if not found.axes:
             raise RecordError(
                 "no torque and motion of an axis among these numbers; record while the robot moves, for some"
                 " seconds at least, with changes of its speed; one axis after another is best"
             )
-    for words in summary(found.axes):
-        console.print(words, markup=False)
-    lines = unknown_bus_lines(found.axes, used_messages(found), name, source)
-    write_all([(output, "\n".join(lines) + "\n")])
-    console.print(
-        f"{output} is written; put the units into it: they cannot be seen on the bus.", markup=False
+    propose(
+        output,
+        summary(found.axes),
+        unknown_bus_lines(found.axes, used_messages(found), name, source),
+        f"{output} is written; put the units into it: they cannot be seen on the bus.\n"
+        f"Next: axiswatch commission {record or '--minutes 10'} --config {output}",
     )
-    what = f"{record}" if record is not None else "--minutes 10"
-    console.print(f"Next: axiswatch commission {what} --config {output}", markup=False)
 
 
-def _logged(record: Path, channel: str | None, console: Console) -> tuple[str, FrameBlock]:
+def _logged(record: Path, channel: str | None) -> tuple[str, FrameBlock]:
     """The name of a bus in a log and its frames."""
-    from service.can.frames import concatenate_frames
-    from service.can.left_out import left_out_words
-    from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
-    from service.can.user_errors import RecordError
-
     if not log_suffix(record):
         raise RecordError(
             f"{record} is no CAN log ({' '.join(LOG_SUFFIXES)}); a table is for `axiswatch init {record}`"
@@ -103,14 +92,14 @@ def _logged(record: Path, channel: str | None, console: Console) -> tuple[str, F
             if part := block.frames.select(block.channels == number):
                 blocks.setdefault(name, []).append(part)
     if log.left_out:
-        console.print(left_out_words(record, log.left_out), markup=False)
+        print(left_out_words(record, log.left_out))
     sizes = {name: sum(part.size for part in parts) for name, parts in blocks.items()}
     if channel is not None and channel not in blocks:
         raise RecordError(f"no channel {channel} in {record}; it has {', '.join(blocks)}")
     chosen = max(sizes, key=sizes.__getitem__) if channel is None else channel
     if len(blocks) > 1:
         others = ", ".join(f"{name} ({sizes[name]} frames)" for name in blocks if name != chosen)
-        console.print(f"Looking at {chosen}; --channel chooses another one: {others}", markup=False)
+        print(f"Looking at {chosen}; --channel chooses another one: {others}")
     return chosen, concatenate_frames(blocks[chosen])
 
 

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import typer
 
@@ -16,6 +17,14 @@ taken, the state directory cannot be used, or the daemon does not answer or is n
 could not be commissioned."""
 EPILOG = " ".join(EXIT_CODES.split())
 """Of the help of each command."""
+GROUP: dict[str, Any] = {
+    "epilog": EPILOG,
+    "no_args_is_help": True,
+    "add_completion": False,
+    "rich_markup_mode": "markdown",
+    "pretty_exceptions_enable": False,
+}
+"""Settings of every group of commands."""
 
 
 class DaemonFailedError(Exception):
@@ -24,10 +33,7 @@ class DaemonFailedError(Exception):
 
 @contextmanager
 def explained(*mistakes: type[Exception]) -> Iterator[None]:
-    """Turn the errors that a user can cause into a message and an exit code.
-
-    Args:
-        mistakes: further errors that mean a mistake of the user here.
+    """Turn the errors that a user can cause into a message and an exit code; ``mistakes`` are further ones here.
 
     Raises:
         typer.Exit: after such an error.
@@ -59,7 +65,9 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
 
     if isinstance(error, ClientError):
         return MISTAKE if error.refused else UNAVAILABLE
-    mistakes += (
+    if isinstance(error, BusError):
+        return NO_BUS
+    own = (
         IngestError,
         DescriptionError,
         AxisError,
@@ -67,14 +75,9 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
         ModelError,
         IdentificationError,
         CalibrationError,
-        UnprotectedError,
-        CertificateError,
-        LinkSecretError,
     )
-    codes: list[tuple[tuple[type[Exception], ...], int]] = [
-        ((BusError,), NO_BUS),
-        (mistakes, MISTAKE),
-        ((StoreError, CannotListenError), UNAVAILABLE),
-        ((DaemonFailedError,), FAULT),
-    ]
-    return next((code for kinds, code in codes if isinstance(error, kinds)), None)
+    if isinstance(error, (*own, UnprotectedError, CertificateError, LinkSecretError, *mistakes)):
+        return MISTAKE
+    if isinstance(error, StoreError | CannotListenError):
+        return UNAVAILABLE
+    return FAULT if isinstance(error, DaemonFailedError) else None

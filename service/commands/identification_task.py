@@ -55,11 +55,12 @@ from service.reports.identification_report import IdentificationReport
 
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
-_SAME_INTERVAL = 0.01
+SAME_INTERVAL = 0.01
 """Relative; the same tolerance as between a file of nominal values and its axis."""
 _OTHER_SAMPLING = 2.0
 """Ratio of intervals from which on it is another sampling, not an inexact clock."""
-_TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+"""Of times, by how many of them are a second"""
 
 
 @dataclass(frozen=True)
@@ -139,12 +140,7 @@ def prepare(
 ) -> IdentificationTask:
     """Read and check the records of an axis, and state the problem.
 
-    Args:
-        config: says where the axis is in the records.
-        axis: of that configuration.
-        records: files, each with or without a range; see ``service.ingest.identification_records``.
-        validation: the same, for records that are only predicted.
-        request: what the user asks for.
+    ``records`` and ``validation``, which are only predicted, are files, each with or without a range.
 
     Raises:
         IdentificationError: an unknown name, parameters that cannot be distinguished, a record that is refused.
@@ -257,15 +253,14 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
 def _monitored(axis: AxisConfig, drive: Drive, schedule: Schedule) -> tuple[str, ...]:
     """The monitored parameters; in place of the load the constant torque that is its weight, which it scales."""
     offsets = drive.constant_torques()
-    weight = next(
-        (name for name, terms in schedule.items() if name in offsets and any(map(_turns, terms))), None
+    turning = (
+        name
+        for name, terms in schedule.items()
+        if name in offsets and any(Term.read(term).turns for term in terms)
     )
+    weight = next(turning, None)
     names = [weight if name == LOAD else name for name in axis.model.monitor]
     return tuple(dict.fromkeys(name for name in names if name is not None))
-
-
-def _turns(term: str) -> bool:
-    return Term.read(term).turns
 
 
 def _thermal_start(
@@ -353,7 +348,7 @@ def _doubts(records: Sequence[Record], known: Known) -> list[str]:
 def _interval_s(configured_s: float, records: Sequence[Record]) -> float:
     """The configured interval if the records have it, else theirs: K belongs to it."""
     measured_s = float(np.median([record.mean_interval_s for record in records]))
-    alike = math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL)
+    alike = math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL)
     return configured_s if alike else float(f"{measured_s:.5g}")
 
 
@@ -366,11 +361,11 @@ def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[s
         differ = f"{record.name}: {apart}, but sample_interval_s = {interval_s:g}"
         if not 1 / _OTHER_SAMPLING < ratio < _OTHER_SAMPLING:
             mistake = "correct it, or the times, which must be in seconds"
-            for factor, unit in _TIME_UNITS.items():
+            for factor, unit in TIME_UNITS.items():
                 if math.isclose(ratio, factor, rel_tol=0.1):
                     mistake = f"times must be in seconds, these look like {unit}"
             raise IdentificationError(f"{differ}: {mistake}")
-        if not math.isclose(ratio, 1.0, rel_tol=_SAME_INTERVAL):
+        if not math.isclose(ratio, 1.0, rel_tol=SAME_INTERVAL):
             yield (
                 f"{differ}: the result belongs to the interval of this record; for the daemon, set sample_interval_s ="
                 f" {measured_s:.5g}."

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
-from rich.console import Console
 
 from monitor_core.arrays import Floats
+from service.can.bus_reader import CanReader
+from service.can.canopen_drives import SUFFIXES
+from service.can.frames import FrameBlock, concatenate_frames
+from service.can.message_files import KINDS, read_messages
+from service.can.messages import DescriptionError
+from service.can.user_errors import RecordError
 from service.commands.exit_codes import explained
+from service.commands.listen import rounds
 from service.commands.options import BusOption, Force, bus_named
-from service.commands.output_files import check_writable, write_all
+from service.commands.output_files import check_new, write_all
 from service.commands.signal_handling import stopped_by_signals
+from service.config.schema import BusConfig
 
 if TYPE_CHECKING:
-    from service.can.frames import FrameBlock
-    from service.config.schema import BusConfig
     from service.ingest.column_roles import TableRoles
 
 RecordFile = Annotated[
@@ -62,57 +68,54 @@ def init(
     file describes the values are those on the bus, while the robot moves, where --bus names it. Of CANopen drives the
     EDS tells what they send; what it is in SI units is in their data sheets.
     """
-    check_writable(output)
-    if output.exists() and not force:
-        raise typer.BadParameter(f"{output} is there already; --force overwrites it", param_hint="--output")
+    check_new(output, force)
     with explained():
-        from service.can.canopen_drives import SUFFIXES
-        from service.can.message_files import KINDS
-        from service.can.user_errors import RecordError
-        from service.commands.proposed_configuration import table_lines
-        from service.ingest.column_roles import roles
-        from service.ingest.records import is_table
-
         if record.suffix.lower() in KINDS:
             if bus is None:
                 _from_description(record, output)
             else:
                 _from_bus(record, bus_named(bus, record), seconds, output)
-            return
-        if record.suffix.lower() in SUFFIXES:
+        elif record.suffix.lower() in SUFFIXES:
             _from_drives(record, node, None if bus is None else bus_named(bus), seconds, output)
-            return
-        if bus is not None:
+        elif bus is not None:
             raise typer.BadParameter(
                 f"{record} describes no bus: give its .dbc, .kcd, .sym or .arxml file, or the .eds of its drives",
                 param_hint="--bus",
             )
-        if not is_table(record):
-            raise typer.BadParameter(
-                f"{record} is a CAN log: give the description of its bus in its place (.dbc .kcd .sym .arxml)",
-                param_hint="FILE",
-            )
-        columns, interval_s = _read(record)
-        found = roles(columns)
-        if not found.axes:
-            raise RecordError(
-                f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}"
-            )
-    console = Console(highlight=False, soft_wrap=True)
-    for words in _summary(found):
-        console.print(words, markup=False)
-    write_all([(output, "\n".join(table_lines(found, record.name, interval_s)) + "\n")])
-    console.print(f"Next: axiswatch commission {record} --config {output}", markup=False)
+        else:
+            _from_table(record, output)
+
+
+def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step: str) -> None:
+    """Print what was found, write the lines of the configuration, and say what comes next."""
+    print(*found, sep="\n")
+    write_all([(output, "\n".join(lines) + "\n")])
+    print(next_step)
+
+
+def _from_table(record: Path, output: Path) -> None:
+    """Write a configuration for a table."""
+    from service.commands.proposed_configuration import table_lines
+    from service.ingest.column_roles import roles
+    from service.ingest.records import is_table
+
+    if not is_table(record):
+        raise typer.BadParameter(
+            f"{record} is a CAN log: give the description of its bus in its place (.dbc .kcd .sym .arxml)",
+            param_hint="FILE",
+        )
+    columns, interval_s = _read(record)
+    found = roles(columns)
+    if not found.axes:
+        raise RecordError(
+            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}"
+        )
+    lines = table_lines(found, record.name, interval_s)
+    propose(output, _summary(found), lines, f"Next: axiswatch commission {record} --config {output}")
 
 
 def _from_description(description: Path, output: Path) -> None:
-    """Write a configuration for the bus that a file describes.
-
-    Raises:
-        DescriptionError: the file cannot be used, or holds no axis.
-    """
-    from service.can.message_files import read_messages
-    from service.can.messages import DescriptionError
+    """Write a configuration for the bus that a file describes."""
     from service.commands.proposed_configuration import bus_lines
     from service.ingest.signal_roles import axes_in, summary
 
@@ -121,31 +124,19 @@ def _from_description(description: Path, output: Path) -> None:
         raise DescriptionError(
             f"no torque and motion of an axis in {description}, by the names and units of its signals"
         )
-    console = Console(highlight=False, soft_wrap=True)
-    for words in summary(axes):
-        console.print(words, markup=False)
-    write_all([(output, "\n".join(bus_lines(axes, description, output)) + "\n")])
-    console.print(f"Next: axiswatch commission RECORD.log --config {output}", markup=False)
+    lines = bus_lines(axes, description, output)
+    propose(output, summary(axes), lines, f"Next: axiswatch commission RECORD.log --config {output}")
 
 
 def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -> None:
-    """Write a configuration for a bus, by what it sends.
-
-    Raises:
-        DescriptionError: the file cannot be used.
-        BusError: the bus cannot be opened.
-        RecordError: it is silent, or carries no axis that the file describes.
-    """
-    from service.can.message_files import read_messages
-    from service.can.user_errors import RecordError
+    """Write a configuration for a bus, by what it sends."""
     from service.commands.proposed_configuration import bus_lines
     from service.ingest.live_roles import roles_on_bus
     from service.ingest.signal_roles import summary
 
-    console = Console(highlight=False, soft_wrap=True)
     where = f"{bus.interface} {bus.channel}"
     known = read_messages(description)  # a mistake in it is reported before anything is waited for
-    frames = heard_on(bus, seconds, console)
+    frames = heard_on(bus, seconds)
     found = roles_on_bus(known, frames)
     if not found.came:
         raise RecordError(
@@ -157,34 +148,23 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
             f"no torque and motion of an axis on {where}: of {description} there came {_few(found.came)};"
             " do the axes move?"
         )
-    for words in summary(found.axes):
-        console.print(words, markup=False)
-    for what, names in (("never came", found.missing), (f"not in {description.name}", found.strange)):
-        if names:
-            console.print(f"{what}: {_few(names)}", markup=False)
-    write_all([(output, "\n".join(bus_lines(found.axes, description, output, bus)) + "\n")])
-    console.print(f"Next: axiswatch commission --config {output} --minutes 10", markup=False)
+    others = (("never came", found.missing), (f"not in {description.name}", found.strange))
+    words = [*summary(found.axes), *(f"{what}: {_few(names)}" for what, names in others if names)]
+    lines = bus_lines(found.axes, description, output, bus)
+    propose(output, words, lines, f"Next: axiswatch commission --config {output} --minutes 10")
 
 
 def _from_drives(
     eds: Path, nodes: list[int] | None, bus: BusConfig | None, seconds: float, output: Path
 ) -> None:
-    """Write a configuration for CANopen drives, those given or those that are heard on the bus.
-
-    Raises:
-        DescriptionError: the file cannot be used, or the drives do not send torque and motion.
-        BusError: the bus cannot be opened.
-        RecordError: no such drive is heard.
-    """
-    from service.can.user_errors import RecordError
+    """Write a configuration for CANopen drives, those given or those that are heard on the bus."""
     from service.commands.proposed_configuration import drive_lines
     from service.ingest.drive_objects import nodes_in, objects_of
 
-    console = Console(highlight=False, soft_wrap=True)
     if nodes is None:
         if bus is None:
             raise typer.BadParameter("say which drives: --node 3 --node 4, or --bus", param_hint="--node")
-        heard = heard_on(bus, seconds, console)
+        heard = heard_on(bus, seconds)
         nodes = nodes_in(eds, heard)
         if not nodes:
             raise RecordError(
@@ -192,10 +172,9 @@ def _from_drives(
                 " master on, which starts the drives and sends the SYNC?"
             )
     drives = {node: objects_of(eds, node) for node in nodes}
-    for node, found in drives.items():
-        console.print(f"node {node}: {found}", markup=False)
-    write_all([(output, "\n".join(drive_lines(drives, eds, output, bus)) + "\n")])
-    console.print(f"Next: fill in {output}, then axiswatch listen --config {output}", markup=False)
+    words = [f"node {node}: {found}" for node, found in drives.items()]
+    lines = drive_lines(drives, eds, output, bus)
+    propose(output, words, lines, f"Next: fill in {output}, then axiswatch listen --config {output}")
 
 
 _NAMED = 12
@@ -206,32 +185,23 @@ def _few(names: Sequence[str]) -> str:
     return ", ".join(names[:_NAMED]) + more
 
 
-def heard_on(bus: BusConfig, seconds: float, console: Console) -> FrameBlock:
+def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
     """All frames on a bus in that time; Ctrl-C ends it early.
 
     Raises:
         BusError: the bus cannot be opened.
         RecordError: it is silent.
     """
-    from service.can.bus_reader import CanReader
-    from service.can.frames import concatenate_frames
-    from service.can.user_errors import RecordError
-    from service.commands.listen import rounds
-
     where = f"{bus.interface} {bus.channel}"
-    console.print(f"Listening to {where} for {seconds:g} s; the robot should move ...", markup=False)
-
-    blocks: list[FrameBlock] = []
+    print(f"Listening to {where} for {seconds:g} s; the robot should move ...", flush=True)
     reader = CanReader(bus, None)
     reader.open()
     try:
         reader.start()
         with stopped_by_signals() as stop:
-            for (block,) in rounds([reader], seconds, stop):
-                blocks.append(block)
+            frames = concatenate_frames([block for (block,) in rounds([reader], seconds, stop)])
     finally:
         reader.close()
-    frames = concatenate_frames(blocks)
     if not frames:
         raise RecordError(
             f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
@@ -242,9 +212,6 @@ def heard_on(bus: BusConfig, seconds: float, console: Console) -> FrameBlock:
 
 def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:
     """The long columns of numbers, and the sample interval, where a variable of its own is that."""
-    import numpy as np
-
-    from service.can.user_errors import RecordError
     from service.ingest.table_files import open_table
 
     table, found = open_table(record), dict[str, Floats]()
@@ -254,12 +221,10 @@ def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:
         except RecordError:
             continue  # a column of texts
     longest = max(map(len, found.values()), default=0)
-    intervals = [
-        float(v[0])
-        for name, v in found.items()
-        if len(v) == 1 and name.lower() in ("sample_time", "dt", "ts")
-    ]
-    return {n: v for n, v in found.items() if len(v) == longest}, intervals[0] if intervals else None
+    intervals = (
+        float(v[0]) for n, v in found.items() if len(v) == 1 and n.lower() in ("sample_time", "dt", "ts")
+    )
+    return {n: v for n, v in found.items() if len(v) == longest}, next(intervals, None)
 
 
 def _summary(found: TableRoles) -> Iterator[str]:

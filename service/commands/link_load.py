@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,12 +12,9 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import Term
 from monitor_core.identification import link_weights
 from service.commands.signal_proposals import configured
-from service.config.commissioned import Correction, corrected
-from service.config.drives import given_values
-from service.config.signal_tables import SIGNAL
-
-if TYPE_CHECKING:
-    from service.config import Config, NamedAxis
+from service.config import Config, NamedAxis, given_values
+from service.config.commissioned import SIGNAL, Correction, corrected
+from service.ingest.identification_records import load
 
 _MOST_TURN = 4 * np.pi
 """Range of the angle of an arm's axis [rad]; one that moves farther is that of a motor before its gearbox."""
@@ -35,17 +32,11 @@ class LinkLoad(NamedTuple):
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
     """The angles that the weight on an axis follows; None: it shows no weight, or only that which turns with itself.
 
-    Args:
-        text: of the configuration, valid in ``folder``.
-        axis_id: "robot.axis".
-        records: files of the axis, each with or without a range.
-        folder: where files may be written.
+    ``text``: of the configuration, valid in ``folder``; ``records``: files, each with or without a range.
 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.
     """
-    from service.ingest.identification_records import load
-
     config, axis = configured(text, axis_id, folder)
     arm = {other.config.name: _signal(axis, other) for other in _arm(config, axis)}
     if axis.config.name not in arm or len(arm) < 2:

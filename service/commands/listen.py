@@ -23,6 +23,7 @@ from service.commands.signal_handling import stopped_by_signals
 from service.config import Config, needed
 from service.ingest.bus_samples import Ingest, Values
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
+from service.ingest.unit_names import UNITS
 from service.texts import now_us
 
 _LINES_S = 1.0
@@ -30,7 +31,6 @@ _TAKE_S = 0.1
 _MOST = 1_000_000
 """Frames of a bus that are taken at once"""
 
-_UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
 _OLD_S = 1.0
 _COLUMNS = ("axis", "quantity", "value", "signal", "raw value", "rate", "age")
 Stamped = Mapping[str, Stamps]
@@ -182,7 +182,7 @@ class Latest:
                 continue
             v = seen.values
             age_s = max(0, at_us - seen.last_us) / 1e6
-            si = f"{v.si[-1]:.6g} {_UNITS.get(quantity, '')}".rstrip()
+            si = f"{v.si[-1]:.6g} {UNITS.get(quantity, '')}".rstrip()
             signal = f"{v.message}.{v.signal}"
             old = f"{age_s:.1f} s" if age_s >= _OLD_S else "now"
             yield (axis_id, quantity, si, signal, f"{v.physical[-1]:.6g}", f"{seen.rate_hz:.1f} Hz", old)

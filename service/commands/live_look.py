@@ -8,24 +8,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.wording import listed, percent
+from service.can.frames import FrameKey
+from service.can.user_errors import RecordError
 from service.commands.bus_recording import Heard, Show, record_buses
 from service.commands.checked_axis import moves
+from service.commands.signal_proposals import exchanged, review
 from service.config import Config, NamedAxis
+from service.config.bus_messages import messages_of
+from service.config.commissioned import corrected
+from service.ingest.axis_input import AxisInput
+from service.ingest.bus_samples import Ingest
+from service.ingest.identification_records import Loaded, load
 from service.ingest.timestamp_jitter import remarks
-
-if TYPE_CHECKING:
-    from service.can.frames import FrameKey
-    from service.ingest.axis_input import AxisInput
-    from service.ingest.identification_records import Loaded
+from service.ingest.unit_names import UNITS
 
 LOOK = "look.log"
 """Name of the record of the look"""
-_UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s"}
 _LOSSY = 0.02
 """Of the samples, that are missing"""
 _NAMED = 5
@@ -58,23 +62,15 @@ class Look(NamedTuple):
 def look_at(
     config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show = lambda *_: None
 ) -> Look:
-    """Listen for so many seconds, and say what there is.
+    """Listen for so many seconds, or until ``stop``, and say what there is.
 
-    Args:
-        config: with its buses.
-        text: of the same configuration, valid in ``folder``.
-        folder: for the record of the look.
-        seconds: how long.
-        stop: ends it before.
-        show: called with the progress.
+    ``text``: of the configuration, valid in ``folder``, where the record of the look is written.
 
     Raises:
         BusError: a bus cannot be opened.
         DescriptionError, IngestError: the configuration cannot be used.
         RecordError: the record cannot be written.
     """
-    from service.config.bus_messages import messages_of
-
     path = folder / LOOK
     path.unlink(missing_ok=True)
     heard = record_buses(config, path, seconds, stop, show)
@@ -87,10 +83,10 @@ def look_at(
         missing = tuple(missing_messages(axis, inputs, traffic, heard.seconds))
         found = loaded.get(axis.id)
         facts = "" if found is None else _facts(axis, inputs, found)
-        unusable = () if missing or found is not None else (no_samples(lost.get(axis.id, "")),)
         faults, corrections = proposals.get(axis.id, ((), ()))
-        problems = missing or unusable or (*(tuple(unmoved(axis, found)) or faults), *lossy(found))
+        problems = missing or (no_samples(lost.get(axis.id, "")),)
         if found is not None:
+            problems = missing or (*(tuple(unmoved(axis, found)) or faults), *lossy(found))
             stamps = remarks(axis.id, axis.config.sample_interval_s, heard.stamps[axis.id])
             facts = "; ".join([facts, *(words.removeprefix(f"{axis.id}: ") for words in stamps)])
         axes.append(AxisLook(axis.id, facts, found is not None, problems, corrections))
@@ -98,8 +94,6 @@ def look_at(
 
 
 def _inputs(config: Config) -> Iterator[tuple[NamedAxis, AxisInput]]:
-    from service.ingest.bus_samples import Ingest
-
     ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
     for axis in config.axes:
         yield axis, ingests[axis.config.bus].axes[axis.id]
@@ -107,10 +101,7 @@ def _inputs(config: Config) -> Iterator[tuple[NamedAxis, AxisInput]]:
 
 def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, str]]:
     """The samples of each axis; and why there are none, of the others."""
-    from service.can.user_errors import RecordError
-    from service.ingest.identification_records import load
-
-    found, lost = dict[str, "Loaded"](), dict[str, str]()
+    found, lost = dict[str, Loaded](), dict[str, str]()
     for axis in config.axes:
         try:
             found[axis.id] = load(str(path), config, axis.id)
@@ -123,8 +114,6 @@ def _loaded(config: Config, path: Path) -> tuple[dict[str, Loaded], dict[str, st
 
 
 def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
-    from service.config.bus_messages import messages_of
-
     for bus in config.bus:
         traffic, state, lost = heard.traffic[bus.name], heard.states[bus.name], heard.lost[bus.name]
         where = f"bus {bus.name} ({bus.interface} {bus.channel})"
@@ -185,18 +174,16 @@ def _facts(axis: NamedAxis, inputs: AxisInput, found: Loaded) -> str:
     moving = "it moves" if moves(record.y, output) else "it does not move"
     return (
         f"{1 / record.mean_interval_s:.4g} samples a second from {_ids(keys)} on {axis.config.bus};"
-        f" torque {_range(record.u)} N m, {output} {_range(record.y[record.measured])} {_UNITS[output]}; {moving}"
+        f" torque {_range(record.u)} N m, {output} {_range(record.y[record.measured])} {UNITS[output]}; {moving}"
     )
 
 
-def _range(values: np.typing.NDArray[np.float64]) -> str:
+def _range(values: Floats) -> str:
     return f"{values.min():.3g} to {values.max():.3g}"
 
 
-def unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
+def unmoved(axis: NamedAxis, found: Loaded) -> Iterator[str]:
     """An axis that stands, or a signal that is stuck: which of them, by the other signal."""
-    if found is None:
-        return
     record, config = found.record, axis.config
     torque, motion = (f"{s.message}.{s.signal}" for s in (config.torque, config.motion))
     stands, constant = not moves(record.y, config.output), bool(np.ptp(record.u) == 0)
@@ -214,10 +201,8 @@ def unmoved(axis: NamedAxis, found: Loaded | None) -> Iterator[str]:
         )
 
 
-def lossy(found: Loaded | None) -> Iterator[str]:
+def lossy(found: Loaded) -> Iterator[str]:
     """Frames that are lost on their way to this machine, or never sent."""
-    if found is None:
-        return
     lost = found.source.dropped.get("missing", 0)
     share = lost / (lost + found.source.samples)
     if share > _LOSSY:
@@ -234,9 +219,6 @@ def _proposals(
     text: str, folder: Path, record: str, loaded: Mapping[str, Loaded]
 ) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
     """Faults, and changes of the configuration that will be proposed, by axis."""
-    from service.commands.signal_proposals import exchanged, review
-    from service.config.commissioned import corrected
-
     moving = [axis_id for axis_id, item in loaded.items() if moves(item.record.y, item.record.quantity)]
     others = exchanged(text, dict.fromkeys(moving, (record,)), folder) if moving else {}
     for axis_id, changes in others.items():

@@ -13,7 +13,7 @@ from rich.console import Console
 from monitor_core.wording import duration
 from service.can.frame_recorder import span_s
 from service.can.user_errors import RecordError
-from service.commands.bus_recording import Heard, record_buses
+from service.commands.bus_recording import record_buses
 from service.commands.live_look import Look, look_at
 from service.commands.progress import steps_bar
 from service.commands.signal_handling import stopped_by_signals
@@ -48,12 +48,8 @@ def check_minutes(minutes: float) -> None:
 def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bool) -> None:
     """Look at the buses, ask whether to go on, and record them.
 
-    Args:
-        config: with its buses.
-        text: of the same configuration, valid in ``folder``.
-        folder: for everything that is written.
-        seconds: length of the record.
-        yes: go on without asking, if an axis has signals.
+    ``text``: of the configuration, valid in ``folder``, where everything is written; ``yes``: go on without asking, if
+    an axis has signals.
 
     Raises:
         typer.Exit: the user does not want to go on.
@@ -78,7 +74,8 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
         raise typer.Exit
     if not any(axis.has_signals for axis in look.axes):
         raise RecordError("nothing is recorded: no axis has its signals on the buses; see above what to do")
-    motions = _motions(config, folder)
+    paths = [folder / motion_file(axis.id) for axis in config.axes]
+    motions = {path: _length_s(path) for path in paths if path.exists()}
     if motions:
         console.print(_planned_words(motions, seconds), markup=False)
     work = "The robot should then run what is planned." if motions else "The robot should work as usual."
@@ -86,12 +83,6 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
     if not yes and sys.stdin.isatty() and not typer.confirm(question, default=True):
         raise typer.Exit
     _record(config, folder / RECORDS, seconds, console)
-
-
-def _motions(config: Config, folder: Path) -> dict[Path, float]:
-    """Planned motions of the axes, with their length [s]."""
-    paths = [folder / motion_file(axis.id) for axis in config.axes]
-    return {path: _length_s(path) for path in paths if path.exists()}
 
 
 def _planned_words(motions: Mapping[Path, float], seconds: float) -> str:
@@ -103,7 +94,7 @@ def _planned_words(motions: Mapping[Path, float], seconds: float) -> str:
 
 
 def _length_s(motion: Path) -> float:
-    """Time in the last row."""
+    """Of a planned motion: the time in its last row."""
     row = motion.read_text(encoding="utf-8").rstrip().rpartition("\n")[2]
     return float(row.partition(",")[0])
 
@@ -131,7 +122,8 @@ def _record(config: Config, folder: Path, seconds: float, console: Console) -> N
 
         def show(words: str, passed_s: float, total_s: float) -> None:
             nonlocal line_s
-            left = f"{_clock(total_s - passed_s)} left, {words}"
+            minutes, left_s = divmod(int(total_s - passed_s), 60)
+            left = f"{minutes}:{left_s:02d} left, {words}"
             bar(left, passed_s, total_s)
             if not errors.is_terminal and passed_s >= line_s:
                 line_s += _LINES_S
@@ -139,9 +131,8 @@ def _record(config: Config, folder: Path, seconds: float, console: Console) -> N
 
         heard = record_buses(config, path, seconds, stop, show)
     if not heard.frames:
-        raise RecordError(
-            f"no frame came within {heard.seconds:.0f} s: {_states(heard)}; nothing was recorded"
-        )
+        states = ", ".join(f"{bus} is {state}" for bus, state in heard.states.items())
+        raise RecordError(f"no frame came within {heard.seconds:.0f} s: {states}; nothing was recorded")
     lost = "".join(f", {n} {reason} on {bus}" for bus, d in heard.lost.items() for reason, n in d.items())
     down = "".join(f"; bus {bus} is {state}" for bus, state in heard.states.items() if state != "up")
     console.print(f"{path}: {heard.seconds:.0f} s, {heard.frames} frames{lost}{down}", markup=False)
@@ -150,11 +141,3 @@ def _record(config: Config, folder: Path, seconds: float, console: Console) -> N
             f"{long_s:.0f} s are too short: {LEAST_S:g} s are the least that may identify an axis; {path} is kept and"
             " not used, call again with --minutes"
         )
-
-
-def _clock(seconds: float) -> str:
-    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
-
-
-def _states(heard: Heard) -> str:
-    return ", ".join(f"{bus} is {state}" for bus, state in heard.states.items())

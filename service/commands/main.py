@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from monitor_core.wording import did_you_mean
-from service.commands.exit_codes import EPILOG
+from service.commands.exit_codes import EPILOG, GROUP
 from service.pipeline.kernel_cache import choose
 from service.pipeline.warming import EARLY, Shape
 
@@ -68,12 +68,8 @@ app = typer.Typer(
     name="axiswatch",
     help="Condition monitoring of robot axes: friction, inertia and torque constant from the torque and the "
     "angle on the CAN bus.",
-    epilog=EPILOG,
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
+    **GROUP,
 )
 
 

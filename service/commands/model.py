@@ -55,7 +55,8 @@ def model(
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
     distinguish. A report on standard output replaces the text.
     """
-    _check_output(json)
+    if json is not None and json.suffix == SUFFIX:
+        raise typer.BadParameter(f"{json} is a drawing, it will not be overwritten", param_hint="--json")
     _check_source(drive, name, config, axis)
     with explained():
         if config is not None:
@@ -67,11 +68,6 @@ def model(
             write(json, as_json(facts))
         if json != STDOUT:
             print_text(facts, Console(highlight=False))
-
-
-def _check_output(json: Path | None) -> None:
-    if json is not None and json.suffix == SUFFIX:
-        raise typer.BadParameter(f"{json} is a drawing, it will not be overwritten", param_hint="--json")
 
 
 def _check_source(drive: str | None, name: str | None, config: Path | None, axis: str | None) -> None:

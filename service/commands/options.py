@@ -91,12 +91,7 @@ _NO_BUS = (
 
 
 def configuration(path: Path, without_bus: bool = False, thresholds: bool = True) -> Config:
-    """The configuration of a file and the environment.
-
-    Args:
-        path: the file.
-        without_bus: the command needs no bus.
-        thresholds: use the files of thresholds that it names.
+    """The configuration of a file and the environment; the files of thresholds that it names may be left out.
 
     Raises:
         typer.Exit: with status 2, after all problems have been written to the error stream.

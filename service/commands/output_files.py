@@ -38,10 +38,7 @@ class Files(NamedTuple):
         Raises:
             typer.BadParameter: a file exists already, or a folder does not.
         """
-        if self.values.exists() and not force:
-            raise typer.BadParameter(
-                f"{self.values} is there already; --force overwrites it", param_hint="--output"
-            )
+        check_new(self.values, force)
         paths = [path for path in self if path is not None and path != STDOUT]
         for path in paths:
             check_writable(path)
@@ -58,6 +55,17 @@ class Files(NamedTuple):
         if self.json != STDOUT:
             show(Console(highlight=False))
         write_all(texts)
+
+
+def check_new(path: Path, force: bool) -> None:
+    """Check that a file can be written, and is not there yet, unless that is meant.
+
+    Raises:
+        typer.BadParameter: it cannot, or is.
+    """
+    check_writable(path)
+    if path.exists() and not force:
+        raise typer.BadParameter(f"{path} is there already; --force overwrites it", param_hint="--output")
 
 
 def check_writable(path: Path) -> None:

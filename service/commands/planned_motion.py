@@ -91,15 +91,14 @@ def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -
 
 
 def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
-    """The drive of an axis with its nominal values, and how its parameters will be estimated.
-
-    Raises:
-        ExcitationError: a nominal value or a noise is not known.
-        AxisError: the axis has no predictor.
-    """
+    """The drive of an axis with its nominal values, and how its parameters will be estimated."""
     config = axis.config
     values, h = given_values(config), config.sample_interval_s
-    _check_known(axis)
+    if missing := unknown_of(config):
+        raise ExcitationError(
+            f"{axis.id}: a motion is planned with the drive's values and noises, and the configuration has no"
+            f" {', '.join(missing)}: give a guess, or identify a first record and name its nominal_file"
+        )
     model = axis_model(config)
     settings = axis_settings(axis, model)
     K = np.array(settings.K) if settings.K else None
@@ -108,15 +107,6 @@ def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
     plant = Plant(drive_of(config, "angle"), values, h, settings.speed_scale)
     measured = drive_of(config, config.output)
     return plant, Estimation(measured, values, h, settings.lam0, K, config.model.scales)
-
-
-def _check_known(axis: NamedAxis) -> None:
-    """Check that nominal values and noise are known, which an axis without a bus may lack."""
-    if missing := unknown_of(axis.config):
-        raise ExcitationError(
-            f"{axis.id}: a motion is planned with the drive's values and noises, and the configuration has no"
-            f" {', '.join(missing)}: give a guess, or identify a first record and name its nominal_file"
-        )
 
 
 def _samples(seconds: float, periods: int, interval_s: float) -> int:

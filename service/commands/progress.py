@@ -86,8 +86,7 @@ class _CancelledError(Exception):
 class Background(Generic[T]):
     """Starts with the ``with`` block and ends with it at the latest; it is cancelled if the block fails.
 
-    Args:
-        work: the task; it receives a function for its progress, 0 to 1, which raises when the task is cancelled.
+    ``work`` receives a function for its progress, 0 to 1, which raises when the task is cancelled.
     """
 
     def __init__(self, work: Callable[[Callable[[float], None]], T]) -> None:

@@ -13,7 +13,7 @@ from service.config.schema import BusConfig
 from service.ingest.column_roles import AxisRoles, TableRoles
 from service.ingest.drive_objects import DriveObjects
 from service.ingest.signal_roles import BusAxis, SignalRole
-from service.ingest.unit_names import Quantity, unit_in
+from service.ingest.unit_names import UNITS, Quantity, unit_in
 from service.ingest.unknown_messages import UnknownMessage
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
@@ -34,14 +34,7 @@ def table_lines(found: TableRoles, record: str, interval_s: float | None) -> Ite
 def bus_lines(
     axes: Sequence[BusAxis], messages: Path, output: Path, bus: BusConfig | None = None
 ) -> Iterator[str]:
-    """The file ``output`` for the axes of a bus.
-
-    Args:
-        axes: in their order.
-        messages: file that describes those of their bus.
-        output: the file.
-        bus: that was listened to; None: none was.
-    """
+    """The file ``output`` for the axes of a bus that ``messages`` describes; ``bus``: if one was listened to."""
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts the unit on the bus, -1 turns the sign; of the angle of an arm it is the gear ratio."
@@ -54,14 +47,7 @@ def bus_lines(
 def drive_lines(
     drives: Mapping[int, DriveObjects], eds: Path, output: Path, bus: BusConfig | None = None
 ) -> Iterator[str]:
-    """The file ``output`` for CANopen drives.
-
-    Args:
-        drives: by their node ids.
-        eds: of all of them.
-        output: the file.
-        bus: of the drives; None: it is not known.
-    """
+    """The file ``output`` for CANopen drives, by their node ids, that share an EDS; ``bus``: where it is known."""
     yield f"# Proposed by `axiswatch init` from {eds.name}."
     yield "# Fill in what the data sheets say: remove # and put your values; `axiswatch check` names what lacks."
     yield from _bus_lines(bus)
@@ -118,13 +104,9 @@ def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
 def unknown_bus_lines(
     axes: Sequence[BusAxis], messages: Sequence[UnknownMessage], name: str, bus: BusConfig | None = None
 ) -> Iterator[str]:
-    """The file for the axes of a bus that nothing describes: with the numbers in its messages.
+    """The file for the axes of a bus that nothing describes, with the numbers in the messages that carry them.
 
-    Args:
-        axes: in their order.
-        messages: that carry them.
-        name: of the bus, as in a log.
-        bus: that was listened to; None: none was.
+    ``name``: of the bus in a log; ``bus``: if one was listened to.
     """
     yield "# Proposed by `axiswatch discover`: what the numbers mean is a guess by their values."
     yield "# Put in the units: the factor of a torque makes it N m, that of a motion rad or rad/s, both of the motor."
@@ -234,20 +216,14 @@ def _unit_words(role: SignalRole) -> str:
     if role.current:
         return "a current: add kT_Nm_per_A, the torque constant"
     if not role.unit and role.sureness == "guess":
-        unit = {"torque": "N m", "angle": "rad", "speed": "rad/s"}[role.quantity]
-        return f"by its values; factor is {unit} for each count"
+        return f"by its values; factor is {UNITS[role.quantity]} for each count"
     if not role.unit:
-        return (
-            f"by its name; it has no unit, so {'N m' if role.quantity == 'torque' else 'radians'} are assumed"
-        )
-    if role.factor is None:
-        what = (
-            "rated torque / 1000 or / 100 [N m]"
-            if role.quantity == "torque"
-            else "2 pi / counts of a turn [rad]"
-        )
-        return f"in {role.unit}; factor is {what}"
-    return f"in {role.unit}"
+        assumed = "N m" if role.quantity == "torque" else "radians"
+        return f"by its name; it has no unit, so {assumed} are assumed"
+    if role.factor is not None:
+        return f"in {role.unit}"
+    rated, counts = "rated torque / 1000 or / 100 [N m]", "2 pi / counts of a turn [rad]"
+    return f"in {role.unit}; factor is {rated if role.quantity == 'torque' else counts}"
 
 
 def _quoted(text: str) -> str:

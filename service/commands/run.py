@@ -72,12 +72,7 @@ def run(
 
 
 class _Hangup:
-    """What SIGHUP does: the configuration is read, checked and taken over; one call after the other.
-
-    Args:
-        path: of the configuration.
-        port: that of the command line.
-    """
+    """What SIGHUP does: the configuration is read, checked and taken over; one call after the other."""
 
     def __init__(self, path: Path, port: int | None) -> None:
         self._path, self._port = path, port

@@ -58,12 +58,14 @@ class ServiceManager:
 
     def stopping(self) -> None:
         """The service ends."""
-        self._end()
+        self.close()
         self._send("STOPPING=1", "STATUS=stopping: the last frames are processed and saved")
 
     def close(self) -> None:
         """End the thread, if it runs."""
-        self._end()
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
 
     def look(self) -> None:
         """Tell a new status, and feed the watchdog if all loops have turned."""
@@ -80,11 +82,6 @@ class ServiceManager:
         wait_s = _WITHOUT_WATCHDOG_S if self._watchdog_s is None else self._watchdog_s / _LOOKS
         while not self._ended.wait(wait_s):
             self.look()
-
-    def _end(self) -> None:
-        self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join()
 
     def _all_turned(self) -> bool:
         turns = self._turns()

@@ -1,4 +1,4 @@
-"""Signals of an axis that no correction can mend: stuck ones, and those whose values are held for several samples."""
+"""What no correction can mend in the signals of an axis, and what records leave open about them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ import numpy as np
 
 from monitor_core.identification import UNITS, Record, Span, held_for, stuck_spans
 from monitor_core.samples import PHYSICAL_LIMITS
-from service.commands.checked_axis import SIGNALS, Checked, Signal
+from service.can.left_out import left_out_words
+from service.commands.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest, values_of
 from service.ingest.identification_records import Source
 
 _LITTLE = 0.01
 """Of a record: so much of it may be stuck; identification leaves that to its warnings."""
 _NAMED = 3
 """Spans of one signal."""
+
+
+# --- Stuck signals, and those whose values are held for several samples -----------------------------------------------
 
 
 def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
@@ -42,12 +46,11 @@ def _beyond(checked: Checked, source: Source, text: str) -> Iterator[str]:
 
 def _stuck(checked: Checked, record: Record, text: str) -> Iterator[str]:
     for signal in SIGNALS:
-        name = f"{_place(checked, signal)} (the {_quantity(checked, signal)})"
-        if _constant(record, signal):
-            value = (record.u if signal == "torque" else record.y[record.measured])[0]
+        name, values = _name(checked, signal), values_of(record, signal)
+        if values.size and np.ptp(values) == 0:
             yield (
-                f"{name} is {value:.6g} throughout {text}: the axis did not move, or the signal is stuck; record the"
-                " moving axis, and check that this is its signal"
+                f"{name} is {values[0]:.6g} throughout {text}: the axis did not move, or the signal is stuck; record"
+                " the moving axis, and check that this is its signal"
             )
             continue
         spans = stuck_spans(record, signal)
@@ -71,24 +74,15 @@ def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:
             rows = "frames"
             way = f"let the controller send each value once, every {interval} s, and set sample_interval_s to that"
         yield (
-            f"{_place(checked, 'motion')} (the {_quantity(checked, 'motion')}) changes only in every"
-            f" {_nth(count)} sample of {text}: {signals} {count} times as slowly as the {rows}; {way}"
+            f"{_name(checked, 'motion')} changes only in every {_nth(count)} sample of {text}: {signals} {count} times"
+            f" as slowly as the {rows}; {way}"
         )
 
 
-def _constant(record: Record, signal: Signal) -> bool:
-    values = record.u if signal == "torque" else record.y[record.measured]
-    return bool(values.size and np.ptp(values) == 0)
-
-
-def _place(checked: Checked, signal: Signal) -> str:
-    config = checked.axis.config
-    source = config.torque if signal == "torque" else config.motion
-    return f"column {source.column}" if checked.in_tables else f"signal {source.signal} of {source.message}"
-
-
-def _quantity(checked: Checked, signal: Signal) -> str:
-    return "torque" if signal == "torque" else checked.output
+def _name(checked: Checked, signal: Signal) -> str:
+    source = checked.source(signal)
+    place = f"column {source.column}" if checked.in_tables else f"signal {source.signal} of {source.message}"
+    return f"{place} (the {checked.quantity(signal)})"
 
 
 def _words(spans: list[Span]) -> str:
@@ -106,3 +100,60 @@ def _sound(spans: list[Span], record: Record, text: str) -> str:
 
 def _nth(count: int) -> str:
     return {2: "second", 3: "third"}.get(count, f"{count}th")
+
+
+# --- What records leave open, with the key and the value that settle it -----------------------------------------------
+
+
+def unknown_units(checked: Checked) -> Iterator[str]:
+    """What remains open about the units, with the key and the value that settle it."""
+    for source in checked.sources:
+        if source.left_out:
+            yield left_out_words(source.path, source.left_out)
+    settled = checked.agrees
+    is_current = checked.axis.config.torque.kT_Nm_per_A is not None
+    if not (settled or is_current) and _counts("torque", checked):
+        yield (
+            "the torque is in whole numbers, as in per mille of the rated torque (CiA 402, object 6077h): set"
+            " torque.factor to the rated torque of the name plate / 1000 [N m]; until then all torques, inertias and"
+            " frictions are in that unit, and alarms, in percent, are the same"
+        )
+    if not settled and _counts("motion", checked):
+        weighed = any(p.name == "gc" for p in checked.drive.drawn)
+        until = (
+            "the weight of the arm cannot be found"
+            if weighed
+            else "inertias and frictions are in it, and alarms, in percent, are the same"
+        )
+        yield (
+            f"the {checked.output} is in whole numbers, as counts are: set {checked.output}.factor to 2 pi / counts of"
+            f" a turn of the motor (data sheet of the encoder) [rad]; until then {until}"
+        )
+    elif not settled and checked.output == "speed" and fastest(checked.records) > FASTEST:
+        yield (
+            f"no motor turns at {fastest(checked.records):.3g} rad/s: set speed.factor to 0.10472 for revolutions per"
+            " minute, 0.0174533 for degrees per second"
+        )
+    times = checked.times_nominal
+    if times is not None and not settled:
+        yield (
+            f"as one mass the drive shows {times:.3g} times the nominal inertia: check units, the gear ratio and"
+            f" [robot.axis.model.nominal]; if the {checked.output} is that of the arm, {checked.output}.factor is the"
+            " gear ratio, motor over arm"
+        )
+
+
+def _counts(signal: Signal, checked: Checked) -> bool:
+    """Whether a signal is in whole numbers, and nothing says of what."""
+    return checked.in_whole_numbers(signal) and abs(checked.factor(signal)) == 1
+
+
+def unchecked(checked: Checked) -> str:
+    """What nothing in the records could have shown; empty: all that is configured has been compared."""
+    if checked.inertia_known:
+        return ""
+    ratio = "" if checked.ratio is None else f", and of the gear ratio r = {checked.ratio:g}"
+    return (
+        f"Units of torque and {checked.output} are taken as configured{ratio}: records show them beside the nominal"
+        " inertias of [robot.axis.model.nominal], or where a weight acts."
+    )

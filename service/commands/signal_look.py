@@ -6,7 +6,7 @@ The frames are those that the daemon keeps for recordings, so that a look costs 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import TimeoutError as NotGivenError
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,6 +21,7 @@ from service.can.messages import MessageSet
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis
 from service.config.schema import SignalConfig
+from service.ingest.unit_names import UNITS
 from service.pipeline.recording import Extracts, Frames
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
@@ -38,10 +39,7 @@ _NOTHING = "no frame has been taken from any bus yet: they are silent, or the da
 class SignalLook:
     """Looks at the signals of an axis, one look at a time.
 
-    Args:
-        config: returns the configuration in force.
-        extracts: keep the last frames; None: nothing does.
-        now_us: wall clock.
+    ``config`` returns the configuration in force; ``extracts`` keep the last frames; None: nothing does.
     """
 
     def __init__(
@@ -86,12 +84,16 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     inputs, known = ingest.axes[axis.id], ingest.decoder.known
     own = _own(concatenate_frames([frames for bus, frames in kept if bus == axis.config.bus]), inputs, known)
     missing: tuple[str, ...] = (_NOTHING,)
-    if kept:
-        missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), _span_s(kept)))
+    if kept:  # the daemon may have begun a moment ago
+        times = [int(t_us) for _, frames in kept for t_us in (frames.t_us.min(), frames.t_us.max())]
+        span_s = (max(times) - min(times)) / 1e6
+        missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), span_s))
     for _ in ingest.feed_values(own):
         pass
     stamps = inputs.stamps
-    problems = [*_silent(own, now_us), *missing]
+    problems = [*missing]
+    if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
+        problems.insert(0, f"nothing has come for {age_s:.0f} s: what follows is how it was before")
     with TemporaryDirectory(prefix="axiswatch-look-") as folder:
         path = Path(folder) / "look.log"
         loaded, lost = _loaded(config, axis, own, path)
@@ -109,23 +111,11 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     return _found(axis, loaded, stamps.scatter_s, problems, proposals, doubts)
 
 
-def _span_s(kept: Frames) -> float:
-    """How long the frames of all buses took; the daemon may have begun a moment ago."""
-    times = [int(t_us) for _, frames in kept for t_us in (frames.t_us.min(), frames.t_us.max())]
-    return (max(times) - min(times)) / 1e6
-
-
 def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:
     """The frames that carry signals of the axis."""
     keys = {q.key for q in (*inputs.sampled, *(held.quantity for held in inputs.held))}
     wanted = [number for number in np.unique(frames.ids) if any(known.carries(key, number) for key in keys)]
     return frames.select(np.isin(frames.ids, wanted))
-
-
-def _silent(own: FrameBlock, now_us: int) -> Iterator[str]:
-    """Frames that are kept, and are old: what follows is how it was."""
-    if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
-        yield f"nothing has come for {age_s:.0f} s: what follows is how it was before"
 
 
 def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> tuple[Loaded | None, str]:
@@ -161,7 +151,7 @@ def _found(
             "missing": lost / (lost + len(record)),
             "moves": moves(record.y, axis.config.output),
         }
-        unit = {"angle": "rad", "speed": "rad/s"}[axis.config.output]
+        unit = UNITS[axis.config.output]
         measured = record.y[record.measured]
         signals = [_range(axis.config.torque, "N m", record.u), _range(axis.config.motion, unit, measured)]
     return SignalCheck(

@@ -6,25 +6,26 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.identification import Record, rigid_fit, speed_scales, suspicions, wrap_of
+from service.can.messages import find_counter
 from service.commands.checked_axis import Checked, moves
+from service.commands.identification_task import SAME_INTERVAL, TIME_UNITS
 from service.commands.output_files import replace_text
-from service.commands.signal_doubts import unchecked, unknown_units
-from service.commands.signal_faults import faults
+from service.commands.signal_faults import faults, unchecked, unknown_units
 from service.commands.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.config import Config, NamedAxis, load
 from service.config.commissioned import Correction, corrected
+from service.ingest.axis_records import wanted
+from service.ingest.bus_samples import Ingest
+from service.ingest.identification_records import Loaded, Source
+from service.ingest.identification_records import load as load_record
+from service.ingest.records import LogRecord, is_table
 
-if TYPE_CHECKING:
-    from monitor_core.identification import Record
-    from service.ingest.identification_records import Loaded, Source
-
-_SAME_INTERVAL = 0.01
-"""Relative: a measured interval that differs by less is the configured one."""
 _BUNCHED = 0.05
 """Of the samples: so many frames come too close to another one where they come in bunches."""
 _PARTS = 5
@@ -33,8 +34,6 @@ _FEWEST = 100
 """Frames that tell their interval"""
 _PAUSE_S = 0.5
 """After a longer one a counter may have wrapped, or the controller was off"""
-_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-"""Of times, by how many of them are a second."""
 _ABOUT = 2.5
 """Times in another unit need not have the configured interval; by this factor they may differ."""
 _EXPLAINS = 0.3
@@ -63,13 +62,9 @@ class Review(NamedTuple):
 
 
 def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Review:
-    """Look at the signals of an axis.
+    """Look at the signals of an axis in files, each with or without a range.
 
-    Args:
-        text: of a configuration that is valid in ``folder``.
-        axis_id: "robot.axis".
-        records: files, each with or without a range.
-        folder: where files may be written.
+    ``text``: of a configuration that is valid in ``folder``.
 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.
@@ -158,8 +153,6 @@ def _beside(motion: Loaded, torque: Loaded) -> Floats:
 
 def _explained(motion: Record, torque: Floats) -> float:
     """Part of the torque that is explained if the motion is that of a mass which it drives."""
-    from monitor_core.identification import rigid_fit, speed_scales
-
     if np.ptp(torque) == 0 or np.ptp(motion.y[motion.measured]) == 0:
         return 0.0
     record = replace(motion, u=torque)
@@ -188,16 +181,11 @@ def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, Na
 
 
 def _loaded(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Loaded]:
-    from service.ingest.identification_records import load as load_record
-
     return [load_record(record, config, axis.id) for record in records]
 
 
 def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Checked, tuple[str, ...]]:
     """An axis with the records in which it moves, if it moves in any; and their names."""
-    from service.ingest.axis_records import wanted
-    from service.ingest.records import is_table
-
     loaded = dict(zip(records, _loaded(config, axis, records), strict=True))
     moving = {
         text: item for text, item in loaded.items() if moves(item.record.y, item.record.quantity)
@@ -212,14 +200,14 @@ def _unit_of_time(checked: Checked) -> Iterator[Correction]:
     if checked.axis.config.time.column is None:
         return
     ratio = _interval_s(checked)[0] / checked.axis.config.sample_interval_s
-    for factor, unit in _UNITS.items():
+    for factor, unit in TIME_UNITS.items():
         if 1 / _ABOUT < ratio / factor < _ABOUT:
             yield Correction(("time", "factor"), 1 / factor, f"the times look like {unit}")
 
 
 def _interval(checked: Checked) -> Iterator[Correction]:
     configured_s, (measured_s, off) = checked.axis.config.sample_interval_s, _interval_s(checked)
-    if not math.isclose(measured_s, configured_s, rel_tol=_SAME_INTERVAL + off):
+    if not math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL + off):
         reason = f"the samples of the records are {measured_s:.6g} s apart, not {configured_s:g} s"
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 
@@ -242,10 +230,6 @@ def _interval_s(checked: Checked) -> tuple[float, float]:
 
 def _receipts(checked: Checked, source: Source) -> tuple[Floats, Floats]:
     """Times at which the torque or the counter came [s], with or without becoming a sample, and its cycle (N,)."""
-    from service.can.messages import find_counter
-    from service.ingest.bus_samples import Ingest
-    from service.ingest.records import LogRecord
-
     config, bus, signals = checked.config, checked.axis.config.bus, {checked.axis.id: ()}
     assert bus is not None  # else there is no log of it
     time = checked.axis.config.time
@@ -302,8 +286,6 @@ def _bunches(checked: Checked) -> Iterator[Correction]:
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:
-    from monitor_core.identification import suspicions
-
     for finding in (f for record in checked.records for f in suspicions(record)):
         if finding.kind == "wrong-sign":
             reason = f"{finding.sentence} (or turn that of the motion)"
@@ -312,8 +294,6 @@ def _sign(checked: Checked) -> Iterator[Correction]:
 
 def _wrap(checked: Checked) -> Iterator[Correction]:
     """The angle starts again after each turn, or after each overflow of a counter."""
-    from monitor_core.identification import wrap_of
-
     angle = checked.axis.config.angle
     if angle is None or checked.output != "angle":
         return

@@ -41,7 +41,7 @@ def by_name(checked: Checked) -> Iterator[Correction]:
     if checked.agrees:
         return
     for signal in SIGNALS:
-        quantity = "torque" if signal == "torque" else checked.output
+        quantity = checked.quantity(signal)
         unit = unit_in(checked.unit_text(signal), quantity)
         if unit is None or unit.factor is None or abs(checked.factor(signal)) != 1 or unit.factor == 1:
             continue
@@ -142,14 +142,8 @@ def by_inertia(checked: Checked) -> Iterator[Correction]:
 def _torque_times(checked: Checked, times: float) -> float:
     """How many times too large the torque is: by Coulomb friction where both signals may be, else as the inertia."""
     friction = checked.values.get("fc", 0.0)
-    if (
-        friction > 0
-        and checked.shown is not None
-        and checked.shown[1] > 0
-        and checked.in_whole_numbers("motion")
-    ):
-        return checked.shown[1] / friction
-    return times
+    shown = 0.0 if checked.shown is None else checked.shown[1]
+    return shown / friction if friction > 0 and shown > 0 and checked.in_whole_numbers("motion") else times
 
 
 def _per_mille(checked: Checked, times: float, shows: str) -> Correction:
@@ -203,12 +197,7 @@ def by_ratio(checked: Checked) -> Iterator[Correction]:
         yield Correction(key, 1 / given, reason)
         return
     times = checked.times_nominal
-    if (
-        times is None
-        or _nearest(checked, times) is not None
-        or checked.in_whole_numbers("torque")
-        or checked.in_whole_numbers("motion")
-    ):
+    if times is None or _nearest(checked, times) is not None or any(map(checked.in_whole_numbers, SIGNALS)):
         return
     assert checked.shown is not None
     found = _fitting_ratio(checked, checked.shown[0])

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor_core.wording import did_you_mean
-from service.commands.exit_codes import EPILOG, explained
+from service.commands.exit_codes import EPILOG, GROUP, explained
 from service.commands.options import ConfigPath, configuration
 from service.store.tokens import (
     ANYONE,
@@ -27,11 +27,7 @@ token = typer.Typer(
     name="token",
     help="Who may use the API of the daemon: tokens, with a name and a scope. They are kept in the state directory of"
     " the configuration, as hashes; a running daemon knows of a change at once.",
-    epilog=EPILOG,
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    pretty_exceptions_enable=False,
+    **GROUP,
 )
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Who has it: letters, digits, - and _.")]

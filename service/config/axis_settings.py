@@ -190,7 +190,9 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     source = alarm_source_of(axis.config, from_record=bool(found))
     if source == "cusum" and not wanted.shadow:
         return Detectors("cusum", None, "")
-    limits = tuple(Limit(h.cause, h.size_or_nan, h.h, h.allowance, h.alike) for h in found)
+    limits = tuple(
+        Limit(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike) for h in found
+    )
     try:
         multimodel = MultiModelDetector(
             model, settings, Limits(wanted.budget_s / settings.interval_s, limits)

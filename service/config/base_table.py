@@ -1,11 +1,11 @@
 """Base class of the tables of the configuration, and the types of their values."""
 
-from collections.abc import Callable
+import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 
 class Undecidable(LookupError):  # noqa: N818 - it ends a cross-check, nobody sees it
@@ -31,7 +31,7 @@ class Table(BaseModel):
         return " ".join((cls.model_fields[key].description or "").split())
 
 
-# --- What the values of the configuration are: numbers with bounds, names, paths, defaults in samples -----------------
+# --- What the values of the configuration are: numbers with bounds, names, paths -------------------------------------
 
 
 SUFFIX = ".mo"
@@ -68,13 +68,12 @@ DriveName = Annotated[str, BeforeValidator(_drive_from_folder), Field(min_length
 """A name of the library, or a Modelica file relative to the folder of the configuration."""
 
 
-def intervals(count: float) -> Callable[[dict[str, Any]], Any]:
-    """A default given in sample intervals."""
+def written(pattern: str, right: str) -> AfterValidator:
+    """A text of this form; ``right`` says which."""
 
-    def default(validated: dict[str, Any]) -> Any:
-        return count * validated["sample_interval_s"]
+    def check(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise ValueError(f"must be {right}")
+        return text
 
-    return default
-
-
-# --- Times as people write them: 10min, 1h, "14 days" -----------------------------------------------------------------
+    return AfterValidator(check)

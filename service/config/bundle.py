@@ -41,9 +41,7 @@ class Bundle(NamedTuple):
 def bundle(file: Path, config: Config) -> Bundle:
     """The files of a configuration, in which all names stay as they are where that is possible.
 
-    Args:
-        file: the configuration.
-        config: what it says, with the environment.
+    ``config``: what the file says, with the environment.
 
     Raises:
         OSError: it cannot be read.
@@ -66,7 +64,8 @@ def bundle(file: Path, config: Config) -> Bundle:
     service: Any = document.setdefault("service", tomlkit.table())
     if STATE in renamed.values() or service.get("state_dir", STATE) != state:
         service["state_dir"] = state  # that of systemd, or of the environment, may be another one then
-    files |= {name: folder / name for name in _reports(config) if (folder / name).is_file()}
+    reports = (REPORT, *(page for axis in config.axes for page in pages_of(axis.id)))
+    files |= {name: folder / name for name in reports if (folder / name).is_file()}
     return Bundle(file.name, tomlkit.dumps(document), files, frozenset(secrets), state, renamed)
 
 
@@ -81,9 +80,3 @@ def _found_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
         for axis in (*robot.get("axis", ()), robot.get(DEFAULTS, {})):
             model = axis.get("model", {})
             yield from ((model, key) for key in _FOUND if key in model)
-
-
-def _reports(config: Config) -> Iterator[str]:
-    yield REPORT
-    for axis in config.axes:
-        yield from pages_of(axis.id)

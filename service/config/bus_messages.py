@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from service.can.canopen_drives import node_of, read_drive
 from service.can.frames import FrameKey
 from service.can.message_files import read_messages
-from service.can.messages import Bits, DescriptionError, Message, MessageSet, message_of, united
+from service.can.messages import Bits, DescriptionError, MessageSet, message_of, united
 from service.config.schema import BitsConfig, Config, MessageConfig
 
 _FIRST_BROADCAST = 240
@@ -34,7 +34,8 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
             yield read_messages(bus.messages)
         if bus.name == name and bus.message:
             masks = {_key(m): _mask(m) for m in bus.message if m.pgn is not None}
-            yield MessageSet(tuple(map(_message, bus.message)), "[[bus.message]]", masks=masks)
+            known = (message_of(m.name, _key(m), [*map(bits_of, m.signal)]) for m in bus.message)
+            yield MessageSet(tuple(known), "[[bus.message]]", masks=masks)
     axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == name]
     drives = {axis.canopen.node_id: axis.canopen.eds for axis in axes if axis.canopen is not None}
     for axis in axes:
@@ -43,10 +44,6 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
             drives = {node_id: axis.canopen.eds for node_id in nodes if node_id is not None} | drives
     for node_id, eds in sorted(drives.items()):
         yield read_drive(eds, node_id)
-
-
-def _message(message: MessageConfig) -> Message:
-    return message_of(message.name, _key(message), [*map(bits_of, message.signal)])
 
 
 def is_addressed(pgn: int) -> bool:

@@ -1,19 +1,22 @@
-"""A configuration with what commissioning found: the user's own text, comments included, with new values in it."""
+"""A configuration with what commissioning found: the user's own text, comments included, with new values in it.
+
+And one for tables, connected to a bus.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import tomlkit
 from tomlkit import TOMLDocument
+from tomlkit.items import Array, InlineTable
 
 from service.config.base_table import SUFFIX
-from service.config.robot_defaults import DEFAULTS
+from service.config.robot_defaults import DEFAULTS, completed
 from service.config.schema_links import LINK_FILES
-from service.config.signal_tables import SIGNAL, detach, signal_table
 
 _IN_NOMINAL_FILE = {
     "model": ("nominal", "friction_speed_scale"),
@@ -23,8 +26,9 @@ _IN_NOMINAL_FILE = {
 _IN_THRESHOLDS_FILE = ("alpha_1", "alpha_2")
 """Keys of its detector that a thresholds_file replaces."""
 _REPLACED = {**_IN_NOMINAL_FILE, "detector": _IN_THRESHOLDS_FILE}
-
-
+SIGNAL = "signal"
+"""Key of the auxiliary signals of an axis"""
+_PLACE = ("message", "signal", "column")
 REPORT = "report.html"
 """Name of the summary of a commissioned robot, beside its configuration"""
 
@@ -90,7 +94,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
         *tables, key = correction.key
         table = axis
         if tables[:1] == [SIGNAL]:
-            table, tables = signal_table(robot, axis, tables[1]), tables[2:]
+            table, tables = _signal_table(robot, axis, tables[1]), tables[2:]
         for name in tables:
             table = _table(table, name)
         value = correction.value
@@ -141,7 +145,7 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
             if (name := _id(robot, axis)) in found:
                 _set(axis, found[name], shared)
     for robot in document["robot"]:
-        detach(robot, [str(axis["name"]) for axis in robot["axis"] if _id(robot, axis) not in found])
+        _detach(robot, [str(axis["name"]) for axis in robot["axis"] if _id(robot, axis) not in found])
         for number, axis in reversed(list(enumerate(robot["axis"]))):
             if _id(robot, axis) not in found:
                 del robot["axis"][number]
@@ -222,3 +226,97 @@ def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
             model = axis.get("model", {})
             if str(model.get("drive", "")).endswith(SUFFIX):
                 yield model, "drive"
+
+
+# --- Auxiliary signals: a new one, and the motion of an axis that is left out -----------------------------------------
+
+
+def _signal_table(robot: Any, axis: Any, name: str) -> Any:
+    """An auxiliary signal of an axis, by its name; made where there is none."""
+    if SIGNAL not in axis:
+        axis[SIGNAL] = tomlkit.array()
+        for table in robot.get(DEFAULTS, {}).get(SIGNAL, []):
+            axis[SIGNAL].append(_inline(table))  # an axis that has signals of its own does not get those
+    own = axis[SIGNAL]
+    if all(table["name"] != name for table in own):
+        own.append(_inline({"name": name}) if isinstance(own, Array) else tomlkit.item({"name": name}))
+    return next(table for table in own if table["name"] == name)
+
+
+def _detach(robot: Any, left_out: Collection[str]) -> None:
+    """Let signals that are the motion of an axis which will be left out name the place of that motion themselves."""
+    defaults = robot.get(DEFAULTS, {})
+    (complete,) = completed({"robot": [robot.unwrap()]})["robot"]
+    motions = {
+        str(axis["name"]): axis[quantity]
+        for axis in complete["axis"]
+        for quantity in ("speed", "angle")
+        if quantity in axis
+    }
+    for axis in (*robot["axis"], defaults):
+        for table in axis.get(SIGNAL, []):
+            if (other := str(table.get("axis", ""))) in left_out and other in motions:
+                _place(table, motions[other])
+
+
+def _place(table: Any, motion: Mapping[str, Any]) -> None:
+    """Where the motion is, with its unit: factor * (motion's factor * value + motion's offset) + offset."""
+    del table["axis"]
+    for key in _PLACE:
+        if key in motion and key not in table:
+            table[key] = motion[key]
+    factor, offset = float(table.get("factor", 1.0)), float(table.get("offset", 0.0))
+    own_factor, own_offset = float(motion.get("factor", 1.0)), float(motion.get("offset", 0.0))
+    for key, value, usual in (
+        ("factor", factor * own_factor, 1.0),
+        ("offset", factor * own_offset + offset, 0.0),
+    ):
+        if value != usual:
+            table[key] = value
+        elif key in table:
+            del table[key]
+
+
+def _inline(values: Mapping[str, Any]) -> InlineTable:
+    table = tomlkit.inline_table()
+    table.update(values)
+    return table
+
+
+# --- A configuration for tables, connected to a bus -------------------------------------------------------------------
+
+
+_SOURCES = ("torque", "angle", "speed", "time")
+"""Tables of an axis that name messages and signals"""
+
+
+def connected(text: str, other: str, heading: str) -> str:
+    """The text of a configuration with the buses of another text, and for each axis with the signals that it has there.
+
+    ``heading`` stands at the top, as a comment.  Files that the other text names must be valid in the folder of the
+    first one.
+
+    Raises:
+        KeyError: the other one lacks an axis.
+    """
+    document, source = tomlkit.parse(text), tomlkit.parse(other)
+    complete = completed(source.unwrap())
+    signals = {_id(robot, axis): axis for robot in complete["robot"] for axis in robot["axis"]}
+    for robot in document["robot"]:
+        for axis in robot["axis"]:
+            found = signals[_id(robot, axis)]
+            if len(complete["bus"]) > 1:
+                axis["bus"] = found["bus"]
+            for table in set(_SOURCES) & set(found):
+                axis[table] = _joined(axis.get(table, tomlkit.inline_table()), found[table])
+    buses = tomlkit.document()
+    buses["bus"] = source["bus"]
+    return f"# {heading}\n\n{tomlkit.dumps(buses).strip()}\n\n{tomlkit.dumps(document)}"
+
+
+def _joined(own: Any, more: Mapping[str, Any]) -> Any:
+    """A table in one line with the entries of both, with the comment of the first."""
+    table = tomlkit.inline_table()
+    table.update({**own.unwrap(), **more})
+    table.trivia.comment_ws, table.trivia.comment = own.trivia.comment_ws, own.trivia.comment
+    return table

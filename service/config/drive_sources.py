@@ -52,10 +52,7 @@ def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
 def model_called(name: str, model: str | None = None, output: Output | None = None) -> Modelled:
     """The drive of a Modelica file, if the name ends with .mo, or one that comes with the program.
 
-    Args:
-        name: of the file, or in the library.
-        model: which model of the file; None where it has one.
-        output: what the sensor measures, where it is not what was drawn.
+    ``model``: which one of the file, if there are several; ``output``: what the sensor measures, if not what was drawn.
     """
     if name.endswith(SUFFIX):
         path = Path(name)

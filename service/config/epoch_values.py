@@ -118,9 +118,7 @@ def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:
 def recentred(axis: NamedAxis, values: Mapping[str, float]) -> str:
     """The content of an epoch of an axis with other values of monitored parameters; thresholds stay in their sizes.
 
-    Args:
-        axis: with the values that are in force.
-        values: by the names that are monitored, such as 1/Ja.
+    ``values``: by the names that are monitored, such as 1/Ja; the axis has the values that are in force.
 
     Raises:
         EpochValuesError: the axis cannot have these values.
@@ -172,12 +170,9 @@ def _without(table: _T, keys: Collection[str]) -> _T:
 
 
 def _checked(axis: NamedAxis, configured: NamedAxis) -> NamedAxis:
-    """The axis, which the rules of the configuration allow.
-
-    Raises:
-        EpochValuesError: they do not.
-    """
-    found = [f"{dotted(f.path)}: {f.message}{_also(f.other)}" for f in axis_findings(axis.config)]
+    """The axis, which the rules of the configuration allow."""
+    findings = axis_findings(axis.config)
+    found = [f"{dotted(f.path)}: {f.message}{f' {dotted(f.other)}' if f.other else ''}" for f in findings]
     if not found and needed(axis) != needed(configured):
         found = [
             f"they follow {_names(needed(axis))}, but the daemon reads {_names(needed(configured))} for this axis: put"
@@ -190,10 +185,6 @@ def _checked(axis: NamedAxis, configured: NamedAxis) -> NamedAxis:
     except AxisError as error:
         raise EpochValuesError(str(error)) from None
     return axis
-
-
-def _also(other: tuple[str | int, ...] | None) -> str:
-    return "" if other is None else f" {dotted(other)}"
 
 
 def _names(sources: Iterable[Any]) -> str:

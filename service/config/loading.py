@@ -21,7 +21,6 @@ from monitor_core.wording import did_you_mean
 from service.config.axis_rules import AXIS_RULES, defaults_without_name
 from service.config.base_table import Reading, Undecidable
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
-from service.config.canopen_rules import CANOPEN_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
 from service.config.link_rules import LINK_RULES
@@ -205,7 +204,7 @@ def crosscheck(config: Config) -> Iterator[Finding]:
 
 def axis_findings(axis: AxisConfig) -> Iterator[Finding]:
     """The findings of all cross-checks of one axis."""
-    yield from _run((*AXIS_RULES, *CANOPEN_RULES, *FILE_RULES), axis, ())
+    yield from _run((*AXIS_RULES, *FILE_RULES), axis, ())
     yield from _run(MODEL_RULES, axis, (), last=complete_model)
     yield from _run(CONDITION_RULES, axis, (), last=values_at_ends)
 

@@ -197,8 +197,4 @@ def _names(key: Node) -> list[str]:
     if key.type == "dotted_key":
         return [name for part in key.named_children for name in _names(part)]
     text = (key.text or b"").decode()
-    return [_unquoted(text) if key.type == "quoted_key" else text]
-
-
-def _unquoted(text: str) -> str:
-    return str(next(iter(tomllib.loads(f"{text} = 0"))))
+    return [*tomllib.loads(f"{text} = 0")] if key.type == "quoted_key" else [text]

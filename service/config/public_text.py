@@ -24,11 +24,7 @@ def public_text(config: Config, folder: Path) -> str:
     """What is set in a configuration, by its file or the environment, without secrets.
 
     Keys that keep their default are left out.  Values of [robot.defaults] stand in the axes.  Of a file that was read
-    only its name is shown, of the address of a webhook only the host.
-
-    Args:
-        config: that is in force.
-        folder: of its file; names of files within it are relative to it.
+    only its name is shown, relative to ``folder`` where it is in it; of the address of a webhook only the host.
     """
     return tomlkit.dumps(_shown_table(config, folder))
 

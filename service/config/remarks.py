@@ -22,7 +22,7 @@ from service.config.axis_settings import (
 from service.config.bus_messages import messages_of
 from service.config.conditions import turning_torques, varying_of
 from service.config.drives import axis_model, not_identified
-from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
+from service.config.schema import AxisConfig, Config, NamedAxis
 
 _NEARLY = 1e-3
 _EXACT = 1e-7
@@ -58,8 +58,12 @@ def remarks(config: Config) -> Iterator[str]:
 def _unsaid(config: Config) -> Iterator[str]:
     """Assumptions where the configuration does not state the conditions, robot by robot."""
     for robot in config.robot:
-        names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
-        if names:
+        names = [
+            axis.name
+            for axis in robot.axis
+            if not (axis.model.conditions is not None or axis.gate or varying_of(axis))
+        ]
+        if names and len(robot.axis) > 1:
             yield (
                 f"{robot.name}: {', '.join(names)}: monitored as if the other axes stood still. Where their pose"
                 " changes the inertia, there will be alarms. Let nominal values follow it"
@@ -67,11 +71,6 @@ def _unsaid(config: Config) -> Iterator[str]:
                 " monitor a reference motion only ([[robot.axis.gate]]), or say"
                 ' conditions = "others stand still" in [robot.axis.model]'
             )
-
-
-def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
-    stated = axis.model.conditions is not None or axis.gate or varying_of(axis)
-    return len(robot.axis) > 1 and not stated
 
 
 def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:

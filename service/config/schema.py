@@ -3,16 +3,15 @@
 Attributes have the names of the TOML keys.  SI units; torque, angle and speed are those of the motor.
 """
 
-import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
-from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
+from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, written
 from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
 from service.config.schema_links import LinksConfig
@@ -183,14 +182,9 @@ class ServiceConfig(Table):
     """all recordings together; the oldest are removed; 0: none is made [MB]"""
 
 
-_HOST = re.compile(r"[A-Za-z0-9._-]+|[0-9A-Fa-f.]*(?::[0-9A-Fa-f.]*){2,}")
+_HOST = r"[A-Za-z0-9._-]+|[0-9A-Fa-f.]*(?::[0-9A-Fa-f.]*){2,}"
 """A name, an IPv4 address, or an IPv6 address, which has two colons or more."""
-
-
-def _host(text: str) -> str:
-    if not _HOST.fullmatch(text):
-        raise ValueError("must be a name or an address, without port, brackets or path")
-    return text
+Host = Annotated[Text, written(_HOST, "a name or an address, without port, brackets or path")]
 
 
 class WebConfig(Table):
@@ -200,7 +194,7 @@ class WebConfig(Table):
     """address to listen on; any but 127.0.0.1, such as 0.0.0.0 for all interfaces, needs tokens and TLS"""
     port: Annotated[int, Field(strict=True)] = Field(8080, ge=0, le=65535)
     """TCP port; 0 for any free one"""
-    hosts: tuple[Annotated[Text, AfterValidator(_host)], ...] = ()
+    hosts: tuple[Host, ...] = ()
     """names and addresses by which the daemon is asked, without a port, beside host and localhost"""
     certificate: FilePath | None = None
     """PEM file of the certificate for TLS, with those up to the root, relative to the configuration file"""
@@ -290,9 +284,9 @@ class AxisConfig(Table):
     """its drive speaks CANopen (CiA 402), [robot.axis.canopen]: torque and motion follow from its EDS"""
     sample_interval_s: Positive = Field(ge=1e-5, le=1)
     """nominal sample interval [s]"""
-    pairing_tolerance_s: Positive = Field(default_factory=intervals(0.4))
+    pairing_tolerance_s: Positive = Field(default_factory=lambda known: 0.4 * known["sample_interval_s"])
     """torque and angle (or speed) further apart than this are no sample [s]"""
-    max_gap_s: Positive = Field(default_factory=intervals(10))
+    max_gap_s: Positive = Field(default_factory=lambda known: 10 * known["sample_interval_s"])
     """a longer interval restarts the predictor [s]"""
     settling_time_s: Annotated[Real, Field(ge=0)] | None = None
     """no estimation for this time after a restart [s]; default from the model"""

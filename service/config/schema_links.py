@@ -11,27 +11,15 @@ from urllib.parse import urlsplit
 from pydantic import AfterValidator, Field
 
 from monitor_core.monitoring import PRIORITIES, Priority
-from service.config.base_table import FilePath, Name, Positive, Real, Table, Text
-
-
-def _written(pattern: str, right: str) -> AfterValidator:
-    """A text of this form; ``right`` says which."""
-
-    def check(text: str) -> str:
-        if not re.fullmatch(pattern, text):
-            raise ValueError(f"must be {right}")
-        return text
-
-    return AfterValidator(check)
-
+from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, written
 
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
 Variable = Annotated[
-    str, _written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")
+    str, written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")
 ]
-Topic = Annotated[str, _written(r"[^+#/$\0\s][^+#/\0\s]*(/[^+#/\0\s]+)*", "a topic, such as plant/axiswatch")]
+Topic = Annotated[str, written(r"[^+#/$\0\s][^+#/\0\s]*(/[^+#/\0\s]+)*", "a topic, such as plant/axiswatch")]
 MailAddress = Annotated[
-    str, _written(r"[^@\s<>,;:\"]+@[^@\s<>,;:\"]+", "an address, such as anna@plant.example")
+    str, written(r"[^@\s<>,;:\"]+@[^@\s<>,;:\"]+", "an address, such as anna@plant.example")
 ]
 
 

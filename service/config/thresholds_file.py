@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Literal
@@ -39,11 +38,6 @@ class HypothesisTable(FoundTable):
     h: Positive
     allowance: NotNegative = 0.0
     alike: tuple[str, ...] = ()
-
-    @property
-    def size_or_nan(self) -> float:
-        """The size as the multi-model detector has it."""
-        return math.nan if self.size is None else self.size
 
 
 class RangeTable(FoundTable):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
@@ -15,7 +14,6 @@ from service.config.schema import AxisConfig, SignalConfig, Source
 from service.ingest.quantities import HeldColumns
 from service.ingest.table_files import Rows
 
-Times = NDArray[np.int64]
 _LATEST_US = 2.0**62
 
 
@@ -51,13 +49,10 @@ class AxisColumns:
         wanted |= {self._time: "time"} if self._time is not None else {}
         return {column: f"the {what} of axis {self._id}" for column, what in wanted.items()}
 
-    def samples(self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None) -> SampleBlock:
-        """The samples in these rows.
+    def samples(self, rows: Rows, first_row: int, sound: Bools | None = None) -> SampleBlock:
+        """The samples in these rows, the first of which has that number in the file.
 
-        Args:
-            rows: some rows of the table.
-            first_row: number of the first of them in the file.
-            sound: rows to look at (N,); None: all.
+        ``sound``: rows to look at (N,); None: all.
         """
         torque, motion = self.quantities(rows)
         time_us = self._times(rows, first_row, len(torque))
@@ -81,7 +76,7 @@ class AxisColumns:
         torque = _si(self._config.torque, rows.columns[self._torque])
         return torque, _si(self._config.motion, rows.columns[self._motion])
 
-    def absurd(self, torque: Floats, motion: Floats) -> NDArray[np.bool_]:
+    def absurd(self, torque: Floats, motion: Floats) -> Bools:
         """Which of these values (N,) are beyond physical limits."""
         limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[self._config.output]
         return np.asarray((abs(torque) > limits[0]) | (abs(motion) > limits[1]), np.bool_)
@@ -92,7 +87,7 @@ class AxisColumns:
             return np.rint(rows.columns[self._time] * self._time_unit_us)
         return np.rint(np.arange(first_row, first_row + count, dtype=np.float64) * self._interval_us)
 
-    def _increasing(self, t_us: Times) -> NDArray[np.bool_]:
+    def _increasing(self, t_us: Ints) -> Bools:
         """Which times are later than all before; counts the others, and the missing samples in between."""
         if not len(t_us):
             return np.zeros(0, np.bool_)

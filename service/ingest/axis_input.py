@@ -7,30 +7,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core import sampling
 from monitor_core.arrays import Floats
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
-from monitor_core.sampling import (
-    COUNTER,
-    CYCLIC,
-    HAS_COUNT,
-    HAS_MOTION,
-    HAS_TORQUE,
-    RECEIPT,
-    Clock,
-    FrameValues,
-    Pairing,
-    Stream,
-    counted_interval_s,
-    counter_clock,
-    cyclic_clock,
-    cyclic_interval_s,
-    flush_frames,
-    new_meter,
-    new_pairing,
-    new_scratch,
-    room_for_samples,
-    take_frames,
-)
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
 from service.can.messages import DescriptionError, find_counter
@@ -44,12 +23,9 @@ _HELD = 4.0
 
 
 class AxisInput:
-    """Samples of one axis from the decoded messages of its bus.
+    """Samples of one axis from the decoded messages of its bus, with these auxiliary signals.
 
-    Args:
-        axis: as configured.
-        decoder: of its bus; it is asked for the signals of this axis.
-        signals: the auxiliary signals that the samples carry.
+    The decoder of the bus is asked for the signals of this axis.
 
     Raises:
         DescriptionError: the bus has no such message or signal.
@@ -64,14 +40,17 @@ class AxisInput:
         self.held = [HeldSignal(source, decoder) for source in signals]
         """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
-        interval_s, kind = config.sample_interval_s, RECEIPT
-        clocks = counter_clock(interval_s, 1), counter_clock(interval_s, 1)
+        interval_s, kind = config.sample_interval_s, sampling.RECEIPT
+        clocks = sampling.counter_clock(interval_s, 1), sampling.counter_clock(interval_s, 1)
         message, signal = config.time.counter_message, config.time.counter_signal
         if message and signal:
             self.counter = Quantity("counter", decoder.want(message, signal), message, signal)
-            kind, clocks = COUNTER, (self._counting(self.counter, decoder, interval_s), clocks[1])
+            kind, clocks = sampling.COUNTER, (self._counting(self.counter, decoder, interval_s), clocks[1])
         elif config.time.clock == "cyclic":
-            kind, clocks = CYCLIC, (cyclic_clock(interval_s), cyclic_clock(interval_s))
+            kind, clocks = (
+                sampling.CYCLIC,
+                (sampling.cyclic_clock(interval_s), sampling.cyclic_clock(interval_s)),
+            )
         patience = _HELD if config.time.clock == "cyclic" else 1.0
         try:
             pairing = pairing_of(
@@ -79,7 +58,9 @@ class AxisInput:
             )
         except IngestError as error:
             raise IngestError(f"axis {axis.id}: {error}") from None
-        self._stream = Stream(kind, clocks, pairing, new_meter(interval_s), new_scratch())
+        self._stream = sampling.Stream(
+            kind, clocks, pairing, sampling.new_meter(interval_s), sampling.new_scratch()
+        )
 
     @property
     def keys(self) -> set[FrameKey]:
@@ -106,25 +87,27 @@ class AxisInput:
     def stamps(self) -> Stamps:
         """Scatter of the time stamps."""
         stream = self._stream
-        if stream.clock == CYCLIC:
-            return stamps_of(stream.meter, "cyclic", cyclic_interval_s(stream.clocks[1]))
-        if stream.clock == COUNTER:
-            return stamps_of(stream.meter, "counter", counted_interval_s(stream.clocks[0]))
+        if stream.clock == sampling.CYCLIC:
+            return stamps_of(stream.meter, "cyclic", sampling.cyclic_interval_s(stream.clocks[1]))
+        if stream.clock == sampling.COUNTER:
+            return stamps_of(stream.meter, "counter", sampling.counted_interval_s(stream.clocks[0]))
         return stamps_of(stream.meter, "receipt")
 
     def take(self, decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
         """Take the messages in a block of frames; returns the samples that are now complete, if there are any."""
         parts = [self._values(key, decoded[key]) for key in self.keys if key in decoded]
         if not parts:
-            return self._block(room_for_samples(self._stream, 0)[:0], decoded)
+            return self._block(sampling.room_for_samples(self._stream, 0)[:0], decoded)
         values = parts[0]
         if len(parts) > 1:
             order = np.argsort(np.concatenate([part.places for part in parts]))
-            values = FrameValues(*(np.concatenate(columns)[order] for columns in zip(*parts, strict=True)))
-        samples = room_for_samples(self._stream, len(values.places))
-        return self._block(samples[: take_frames(self._stream, values, samples)], decoded)
+            values = sampling.FrameValues(
+                *(np.concatenate(columns)[order] for columns in zip(*parts, strict=True))
+            )
+        samples = sampling.room_for_samples(self._stream, len(values.places))
+        return self._block(samples[: sampling.take_frames(self._stream, values, samples)], decoded)
 
-    def _values(self, key: FrameKey, found: Decoded) -> FrameValues:
+    def _values(self, key: FrameKey, found: Decoded) -> sampling.FrameValues:
         """The values in the frames of a message."""
         has = np.zeros(len(found.places), np.uint8)
 
@@ -135,14 +118,14 @@ class AxisInput:
             np.add(has, bit, out=has, where=present)  # each bit once
             return column
 
-        torque, motion = values(self.torque, HAS_TORQUE), values(self.motion, HAS_MOTION)
-        counter = values(self.counter, HAS_COUNT)
-        return FrameValues(found.places, found.t_us, torque, motion, counter, has)
+        torque, motion = values(self.torque, sampling.HAS_TORQUE), values(self.motion, sampling.HAS_MOTION)
+        counter = values(self.counter, sampling.HAS_COUNT)
+        return sampling.FrameValues(found.places, found.t_us, torque, motion, counter, has)
 
     def flush(self) -> SampleBlock | None:
         """End of the frames: the samples of held values; values without a partner are counted."""
-        samples = room_for_samples(self._stream, 0)
-        return self._block(samples[: flush_frames(self._stream, samples)], {})
+        samples = sampling.room_for_samples(self._stream, 0)
+        return self._block(samples[: sampling.flush_frames(self._stream, samples)], {})
 
     def _block(self, samples: NDArray[np.void], decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
         """The samples with the auxiliary signals of the frames that completed them."""
@@ -152,7 +135,7 @@ class AxisInput:
         t_us, torque, motion = (samples[name].copy() for name in ("t_us", "torque", "motion"))
         return SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
 
-    def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> Clock:
+    def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> sampling.Clock:
         if counter.key not in self.keys:
             raise IngestError(
                 f"axis {self.id}: counter_message is {counter.message}, but the counter must be in the "
@@ -163,12 +146,12 @@ class AxisInput:
             _, signal = find_counter(decoder.known, counter.message, counter.signal)
         except DescriptionError as error:
             raise IngestError(f"axis {self.id}: {error}") from None
-        return counter_clock(interval_s, signal.length, signal.offset)
+        return sampling.counter_clock(interval_s, signal.length, signal.offset)
 
 
 def pairing_of(
     interval_s: float, tolerance_s: float, max_gap_s: float, patience: float = 1.0, motion: str = "angle"
-) -> Pairing:
+) -> sampling.Pairing:
     """The pairing of an axis; see monitor_core.sampling.new_pairing.
 
     Raises:
@@ -179,4 +162,4 @@ def pairing_of(
             f"pairing_tolerance_s = {tolerance_s:g} must be below half of sample_interval_s = {interval_s:g}"
         )
     limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[motion]
-    return new_pairing(interval_s, tolerance_s, max_gap_s, patience, limits)
+    return sampling.new_pairing(interval_s, tolerance_s, max_gap_s, patience, limits)

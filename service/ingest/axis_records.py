@@ -11,13 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Bools
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config.schema import Config, NamedAxis, Source
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.records import LogRecord, is_table, samples_of
-from service.ingest.table_files import CsvTable, Rows, check_columns, open_table
-from service.ingest.torn_rows import Bools, ahead, torn
+from service.ingest.table_files import Rows, check_columns, open_table
+from service.ingest.torn_rows import ahead, torn
 from service.ingest.unwrap import AMBIGUOUS, turns_of
 
 _RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
@@ -102,14 +103,7 @@ def axis_record(
     signals: Sequence[Source],
     progress: Progress = lambda _: None,
 ) -> AxisRecord:
-    """The samples of an axis in a table or a CAN log, with continuous angles.
-
-    Args:
-        path: the file.
-        config: says where the axis is in it.
-        axis: the axis.
-        signals: auxiliary signals that the samples carry.
-        progress: called after each block.
+    """The samples of an axis, with these signals, in a table or a CAN log, with continuous angles.
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
@@ -151,7 +145,7 @@ def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progre
     columns = AxisColumns(axis.id, axis.config, signals)
     purposes = columns.wanted()
     check_columns(path, table, purposes)
-    unnamed = table.names if isinstance(table, CsvTable) and not table.has_names else ()
+    unnamed = () if table.has_names else table.names
     names = list(dict.fromkeys((*purposes, *unnamed)))
     blocks = []
     for block in table.rows(names):
@@ -161,9 +155,8 @@ def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progre
     refused = _refused(rows, columns, axis.config.time.column)
     samples = columns.samples(rows, 0, ~np.any(list(refused.values()), axis=0))
     counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
-    left_out = table.left_out if isinstance(table, CsvTable) else []
-    counts["unreadable"] = len(left_out)
-    return AxisRecord(samples, columns.dropped | counts, left_out)
+    counts["unreadable"] = len(table.left_out)
+    return AxisRecord(samples, columns.dropped | counts, table.left_out)
 
 
 def _refused(rows: Rows, columns: AxisColumns, time: str | None) -> dict[str, Bools]:

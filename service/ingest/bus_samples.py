@@ -39,12 +39,7 @@ class Values(NamedTuple):
 
 
 class Ingest:
-    """Ingest of the axes of one bus.
-
-    Args:
-        config: the whole configuration.
-        bus: name of one of its buses.
-        carried: axes and their signals; None: as the monitoring needs them.
+    """Ingest of the axes of one bus; ``carried``: axes and their signals; None: as the monitoring needs them.
 
     Raises:
         DescriptionError: the messages of the bus cannot be read, or it has no such message or signal.

@@ -182,12 +182,9 @@ class Named(NamedTuple):
 def axes_by_values(
     values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]
 ) -> list[AxisRoles]:
-    """Which columns are torque and motion of which axis.
+    """Which columns (N,) that change are torque and motion of which axis.
 
-    Args:
-        values: columns (N,) that change, by name.
-        t: (N,) their times, s; None: evenly spaced.
-        named: what their names say.
+    ``t``: their times (N,) [s]; None: evenly spaced.  ``named``: what their names say.
     """
     by_role: dict[str, list[str]] = {}
     for name in values:
@@ -201,10 +198,11 @@ def axes_by_values(
     if not torques or not motions:
         speeds = _speeds(values, unnamed, t)
         motions = motions or list(speeds) or unnamed
+        # A column may be a speed once more, as wanted for instance; a torque of friction is less like it.
         slopes = {
             n
             for n in unnamed
-            if n in speeds.values() or any(_same_speed(values[s], values[n]) for s in speeds.values())
+            if n in speeds.values() or any(_likeness(values[s], values[n]) > _SAME for s in speeds.values())
         }
         torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
     step = _step(speeds, named)
@@ -286,20 +284,12 @@ def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None
     """Columns of which another one is the slope, with that one."""
     found = dict[str, str]()
     for angle in names:
-        alike = {name: _likeness(_slope(values[angle], t), values[name]) for name in names if name != angle}
+        slope = np.asarray(np.gradient(values[angle], 1.0 if t is None else t))
+        alike = {name: _likeness(slope, values[name]) for name in names if name != angle}
         best = max(alike, key=alike.__getitem__, default=None)
         if best is not None and alike[best] > _SLOPE:
             found[angle] = best
     return found
-
-
-def _slope(angle: Floats, t: Floats | None) -> Floats:
-    return np.asarray(np.gradient(angle, 1.0 if t is None else t))
-
-
-def _same_speed(speed: Floats, other: Floats) -> bool:
-    """Whether a column is a speed once more, as wanted for instance; a torque of friction is less like it."""
-    return _likeness(speed, other) > _SAME
 
 
 def _likeness(a: Floats, b: Floats) -> float:

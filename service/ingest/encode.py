@@ -53,9 +53,7 @@ class FrameEncoder:
     def encode(self, values: Mapping[str, Values], count: int) -> list[Encoded]:
         """The frames of one sample, auxiliary signals first, then those with the torque.
 
-        Args:
-            values: by axis; axes of other buses are ignored.
-            count: for the sample counters of these axes; it wraps.
+        ``values``: by axis; those of other buses are ignored.  ``count``: for their sample counters; it wraps.
 
         Raises:
             IngestError: a value does not fit into its signal.

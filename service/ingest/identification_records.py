@@ -59,12 +59,9 @@ class Loaded(NamedTuple):
 
 
 def load(text: str, config: Config, axis_id: str) -> Loaded:
-    """The record of one axis in a file, with all its auxiliary signals that the file has.
+    """The record of one axis, "robot.axis", in a file, with all its auxiliary signals that the file has.
 
-    Args:
-        text: the file, with a range or without: ``wanted``.
-        config: says where the axis is in it.
-        axis_id: as "robot.axis".
+    ``text``: the file, with a range or without: ``wanted``.
 
     Raises:
         RecordError: no such axis; the file cannot be read, is damaged, or holds too few samples of the axis.

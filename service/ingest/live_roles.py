@@ -88,12 +88,7 @@ class BusRoles(NamedTuple):
 
 
 def roles_on_bus(known: MessageSet, frames: FrameBlock) -> BusRoles:
-    """The axes that a bus carries.
-
-    Args:
-        known: messages of the bus.
-        frames: all that were received, in the order of time.
-    """
+    """The axes that a bus with these messages carries, by all its frames in the order of time."""
     decoder, messages = _decoder(known)
     keys = frames.counts()
     came = tuple(m.name for key, m in messages.items() if key in keys)

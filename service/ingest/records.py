@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,11 +16,10 @@ from service.can.frames import FrameBlock
 from service.can.log_bytes import GZIP
 from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
 from service.can.user_errors import RecordError
-from service.config.schema import AxisConfig, Config
+from service.config.schema import BusConfig, Config
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Carried, Ingest, carried_by
-from service.ingest.log_channels import LogChannels, no_bus_words
-from service.ingest.table_files import TABLE_SUFFIXES, CsvTable, check_columns, open_table
+from service.ingest.table_files import TABLE_SUFFIXES, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
 
@@ -101,7 +101,7 @@ class TableRecord:
     def __init__(self, path: Path, config: Config) -> None:
         self.path = path
         self._table = open_table(path)
-        axes = [axis for axis in config.axes if _has_columns(axis.config)]
+        axes = [a for a in config.axes if a.config.torque.column or a.config.motion.column]
         signals = carried_by(config)
         self._axes = {axis.id: AxisColumns(axis.id, axis.config, signals[axis.id]) for axis in axes}
         if not self._axes:
@@ -125,7 +125,7 @@ class TableRecord:
     @property
     def left_out(self) -> Sequence[str]:
         """Lines that could not be read, with what is wrong in them; known when all has been read."""
-        return self._table.left_out if isinstance(self._table, CsvTable) else ()
+        return self._table.left_out
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once."""
@@ -136,17 +136,10 @@ class TableRecord:
             yield Step({axis_id: block for axis_id, block in samples.items() if block.size}, rows.done)
 
 
-def _has_columns(config: AxisConfig) -> bool:
-    return config.torque.column is not None or config.motion.column is not None
-
-
 class LogRecord:
     """A CAN log: its frames pass through the same pipeline as those of a bus.
 
-    Args:
-        path: the file.
-        config: buses and axes.
-        carried: axes to read and the signals of their samples; None: as the monitoring needs them.
+    ``carried``: axes to read and the signals of their samples; None: as the monitoring needs them.
 
     Raises:
         RecordError: it cannot be opened, or there is no bus.
@@ -191,9 +184,9 @@ class LogRecord:
         Raises:
             RecordError: the log is damaged, or its frames are of no bus of the configuration.
         """
-        buses: LogChannels | None = None
+        buses: _LogChannels | None = None
         for block in self._log.blocks():
-            buses = buses or LogChannels(self._config.bus, block.names)
+            buses = buses or _LogChannels(self._config.bus, block.names)
             names = [buses.bus(channel) for channel in block.names]
             of_bus = dict[str, FrameBlock]()
             for bus in dict.fromkeys(name for name in names if name is not None):
@@ -204,7 +197,7 @@ class LogRecord:
                     self._other_bus[channel] += int(np.count_nonzero(block.channels == number))
             yield of_bus, block.done
         if self._other_bus.total() == self._log.frames:
-            raise RecordError(no_bus_words(self.path, self._config.bus, self._other_bus))
+            raise RecordError(_no_bus_words(self.path, self._config.bus, self._other_bus))
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once."""
@@ -219,3 +212,48 @@ class LogRecord:
 
 Record = TableRecord | LogRecord
 """Samples from a file, of either kind"""
+
+
+# --- Which channel of a log is which bus of the configuration ---------------------------------------------------------
+
+
+_LAST_NUMBER = re.compile(r"\d+$")
+
+
+class _LogChannels:
+    """The bus of each channel in a log, at whose beginning these were ``seen``.
+
+    A channel is the bus of that channel or that name.  Formats that number channels do not know names: there channel 0
+    is can0, or whichever bus has a channel that ends with its number, as python-can writes such files.  Where a log
+    begins with one channel only, which no bus has, and there is one bus, that is it: a log of another plant.
+    """
+
+    def __init__(self, buses: Sequence[BusConfig], seen: Sequence[str]) -> None:
+        self._known = {bus.channel: bus.name for bus in buses} | {bus.name: bus.name for bus in buses}
+        numbers = [_number(bus.channel) for bus in buses]
+        self._numbered = {
+            number: bus.name for bus, number in zip(buses, numbers, strict=True) if numbers.count(number) == 1
+        }
+        if len(buses) == 1 and len(seen) == 1 and self.bus(seen[0]) is None:
+            self._known[seen[0]] = buses[0].name
+
+    def bus(self, channel: str) -> str | None:
+        """Name of the bus; None: the configuration has none for it."""
+        if channel in self._known:
+            return self._known[channel]
+        return self._numbered.get(int(channel)) if channel.isdecimal() else None
+
+
+def _number(channel: str) -> int | None:
+    found = _LAST_NUMBER.search(channel)
+    return None if found is None else int(found[0])
+
+
+def _no_bus_words(path: Path, buses: Sequence[BusConfig], frames: Mapping[str, int]) -> str:
+    """Why none of the frames, of which there are so many by channel, is used, and what would be right."""
+    found = ", ".join(f"{channel} ({count} frames)" for channel, count in frames.items())
+    known = ", ".join(f'name = "{bus.name}", channel = "{bus.channel}"' for bus in buses)
+    return (
+        f"{path}: none of its channels is a bus of the configuration: it has {found}, [[bus]] has {known};"
+        f' give the bus that was recorded the channel of the log, channel = "{next(iter(frames))}"'
+    )

@@ -22,17 +22,8 @@ _NOT_MEASURED = {
 _NO_MOTION = {"status", "mode", "state", "flag", "time"}
 """In the name of the signal itself; a message of the state of an axis may carry its motion."""
 _MEASURED = {
-    "act",
-    "actual",
-    "measured",
-    "meas",
-    "fb",
-    "feedback",
-    "ist",
-    "istwert",
-    "estimate",
-    "estimated",
-    "value",
+    *("act", "actual", "measured", "meas", "fb", "feedback"),
+    *("ist", "istwert", "estimate", "estimated", "value"),
 }
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
 _TURNS = (360.0, 2 * math.pi, 1.0)

@@ -191,6 +191,8 @@ def _is_number(cell: str) -> bool:
 class ParquetTable:
     """A Parquet file."""
 
+    has_names, left_out = True, list[str]()
+
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
@@ -229,6 +231,8 @@ class ParquetTable:
 
 class MatTable:
     """A MATLAB file up to version 7; a variable of a structure is called structure.variable."""
+
+    has_names, left_out = True, list[str]()
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -35,12 +35,9 @@ NOT_KNOWN = Stamps("receipt", None, None)
 
 
 def stamps_of(meter: NDArray[np.void], clock: Clock, fitted_s: float | None = None) -> Stamps:
-    """The measurement so far.
+    """The measurement so far by a meter of ``monitor_core.sampling.new_meter``.
 
-    Args:
-        meter: of the axis, from monitor_core.sampling.new_meter.
-        clock: that gives the times of the samples.
-        fitted_s: the interval [s] by that clock.
+    ``clock``: that gives the times of the samples; ``fitted_s``: the interval by it [s].
     """
     m = meter[0]
     spread, share = ("intervals", 0.5) if clock == "receipt" else ("delays", 1.0)

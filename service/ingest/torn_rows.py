@@ -5,11 +5,8 @@ from __future__ import annotations
 from bisect import bisect_left
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
-
-Bools = NDArray[np.bool_]
+from monitor_core.arrays import Bools, Floats, Ints
 
 _NEAR = 10
 """Rows: farther from any broken one a row is not looked at; so many in a row need nothing to hold on to."""
@@ -88,7 +85,7 @@ def ahead(times: Floats, usable: Bools) -> Bools:
     return out
 
 
-def _longest_rise(values: Floats) -> NDArray[np.int64]:
+def _longest_rise(values: Floats) -> Ints:
     """Indices of the longest strictly increasing subsequence (K,).
 
     C. Schensted, Canadian J. Math. 13 (1961): for each length the smallest value that a subsequence can end with.

@@ -9,6 +9,8 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 Quantity = Literal["torque", "angle", "speed"]
+UNITS: Mapping[str, str] = MappingProxyType({"torque": "N m", "angle": "rad", "speed": "rad/s"})
+"""Of what is measured of an axis, SI"""
 
 
 class Unit(NamedTuple):

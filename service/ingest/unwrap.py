@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.samples import SampleBlock
 from service.config.schema import AxisConfig
 
@@ -20,8 +19,6 @@ AMBIGUOUS = "ambiguous"
 """Of samples that are refused: half a period away from where they were expected."""
 SURE = 0.4
 """Part of a period: further away than this from where it was expected, an angle could be one of two."""
-
-Times = NDArray[np.int64]
 
 
 class Motion(NamedTuple):
@@ -33,13 +30,9 @@ class Motion(NamedTuple):
 
 
 class Turns:
-    """Continuous angles of one axis from those of its signal, sample by sample.
+    """Continuous angles of one axis from those of its signal, of that period [rad], sample by sample.
 
-    After a gap the angles start from those of the signal again: the predictor restarts there, too.
-
-    Args:
-        period: of the angle [rad].
-        gap_us: a longer time between samples is a gap [us].
+    After a gap, a longer time than ``gap_us``, they start from those of the signal again, as the predictor does.
     """
 
     def __init__(self, period: float, gap_us: int) -> None:
@@ -51,7 +44,7 @@ class Turns:
         """Continue from the last known motion of the axis."""
         self._last = motion
 
-    def take(self, t_us: Times, angle: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def take(self, t_us: Ints, angle: Floats) -> tuple[Floats, Bools]:
         """Continuous angles (N,) of samples at increasing times, and which of them are unambiguous (N,)."""
         unwrapped = [self._next(t, value) for t, value in zip(t_us.tolist(), angle.tolist(), strict=True)]
         sure = np.array([value is not None for value in unwrapped], np.bool_)

@@ -106,11 +106,7 @@ def motion_step(outcome: Outcome, config: Path) -> str:
 def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: str) -> str:
     """What to do now, in a sentence or two.
 
-    Args:
-        outcomes: of all axes.
-        config: of the commissioned robot.
-        on_a_bus: whether it has a bus.
-        again: the command that records, or takes, planned motions.
+    ``config``: of the commissioned robot; ``again``: the command that records, or takes, planned motions.
     """
     lost = [outcome.axis_id for outcome in outcomes if outcome.refusal]
     planned = [outcome for outcome in outcomes if outcome.motion]

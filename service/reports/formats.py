@@ -72,14 +72,10 @@ class Table(NamedTuple):
 def for_terminal(
     table: Table, title: str, right: Collection[str] = (), unbroken: int = 2, styles: Mapping[int, str] = {}
 ) -> RichTable:
-    """The table as rich draws it.
+    """The table as rich draws it; cells may contain markup, which is shown as it is.
 
-    Args:
-        table: titles and cells, which may contain markup: it is shown as it is.
-        title: above the table.
-        right: titles of the columns that are aligned at the right.
-        unbroken: so many columns are never broken.
-        styles: of rows, by their number.
+    ``right``: titles of columns that are aligned at the right; ``unbroken``: so many columns are never broken;
+    ``styles``: of rows, by their number.
     """
     drawn = RichTable(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(table.titles):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,22 +17,9 @@ from monitor_core.identification import (
     Trace,
 )
 from service.reports import identification_report as content
+from service.reports import plot_style as style
 from service.reports.formats import percent, render, safe
 from service.reports.identification_report import IdentificationReport
-from service.reports.plot_style import (
-    BAND,
-    DOTTED,
-    DOWN,
-    ESTIMATE,
-    LIMIT,
-    MEASURED,
-    NOMINAL,
-    QUIET,
-    TEXT,
-    Look,
-    as_svg,
-    figure,
-)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +54,10 @@ def as_html(report: IdentificationReport) -> str:
         masses=content.masses_table(result.growth) if result.growth else None,
         traces=list(report.traces()),
         fits=content.fits_table(report),
-        trace_pictures=list(_trace_pictures(report)),
+        trace_pictures=[
+            (f"{trace.name} ({purpose})", safe(trace_picture(trace, result.start.drive.output, f"trace{k}")))
+            for k, (purpose, _, trace) in enumerate(report.traces())
+        ],
         bode_picture=safe(bode_picture(result.bode)),
         residual_picture=safe(residual_picture(report)),
         tests=list(content.residual_words(report)),
@@ -87,12 +76,6 @@ def _bar(row: ParameterRow) -> str | None:
         return None
     share = math.log(max(sd, _LEAST) / _LEAST) / math.log(_MOST / _LEAST)
     return f"{100 * min(max(share, 0.03), 1):.0f}"
-
-
-def _trace_pictures(report: IdentificationReport) -> Iterator[tuple[str, str]]:
-    output = report.result.start.drive.output
-    for k, (purpose, _, trace) in enumerate(report.traces()):
-        yield f"{trace.name} ({purpose})", safe(trace_picture(trace, output, f"trace{k}"))
 
 
 def _correlation(r: float) -> dict[str, Any]:
@@ -114,7 +97,7 @@ _FLOOR_DB = 15.0
 def trace_picture(trace: Trace, output: str, salt: str) -> str:
     """The whole record, some seconds of it in detail, and the errors."""
     quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
-    with figure(7.4) as drawn:
+    with style.figure(7.4) as drawn:
         full, detail, run, ahead = drawn.subplots(4, 1, height_ratios=(2, 2, 1.1, 1.1))
         _lines(full, trace, slice(None))
         full.set(title="Whole record", ylabel=quantity)
@@ -122,20 +105,20 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
         part = _lively(trace)
         _lines(detail, trace, part)
         detail.set(title="In detail", ylabel=quantity, xlim=trace.t[part][[0, -1]])
-        run.plot(trace.t, trace.y - trace.simulated, color=TEXT, lw=0.8)
+        run.plot(trace.t, trace.y - trace.simulated, color=style.TEXT, lw=0.8)
         run.set(title="Errors of the simulation", ylabel="error")
-        ahead.plot(trace.t, trace.y - trace.predicted, color=TEXT, lw=0.8)
+        ahead.plot(trace.t, trace.y - trace.predicted, color=style.TEXT, lw=0.8)
         ahead.set(title="Errors one step ahead", ylabel="error", xlabel="time [s]")
         for axes in (full, run, ahead):
             axes.set_xlim(trace.t[0], trace.t[-1])
-        return as_svg(drawn, f"{quantity} measured, predicted and simulated", salt)
+        return style.as_svg(drawn, f"{quantity} measured, predicted and simulated", salt)
 
 
 def _lines(axes: Axes, trace: Trace, part: slice) -> None:
     t = trace.t[part]
-    axes.plot(t, trace.y[part], **MEASURED, label="measured")
-    axes.plot(t, trace.simulated[part], **ESTIMATE, label="simulated")
-    axes.plot(t, trace.predicted[part], **DOWN, label="predicted one step ahead")
+    axes.plot(t, trace.y[part], **style.MEASURED, label="measured")
+    axes.plot(t, trace.simulated[part], **style.ESTIMATE, label="simulated")
+    axes.plot(t, trace.predicted[part], **style.DOWN, label="predicted one step ahead")
 
 
 def _lively(trace: Trace) -> slice:
@@ -152,20 +135,20 @@ def _lively(trace: Trace) -> slice:
 def residual_picture(report: IdentificationReport) -> str:
     """Autocorrelation of the prediction errors, and their correlation with the torque, with 99 % limits."""
     e = report.result.estimate
-    with figure(2.9) as drawn:
+    with style.figure(2.9) as drawn:
         left, right = drawn.subplots(1, 2)
         _stems(left, e.whiteness, "Errors with earlier errors")
         _stems(right, e.independence, "Errors with earlier torque")
-        return as_svg(drawn, "correlations of the prediction errors, with their limits", "residuals")
+        return style.as_svg(drawn, "correlations of the prediction errors, with their limits", "residuals")
 
 
 def _stems(axes: Axes, c: Correlation, title: str) -> None:
     for limit in (-c.limit, c.limit):
-        axes.axhline(limit, **LIMIT)
+        axes.axhline(limit, **style.LIMIT)
     outside = np.abs(c.values) > c.limit
-    for which, colour in ((~outside, BAND), (outside, TEXT)):
+    for which, colour in ((~outside, style.BAND), (outside, style.TEXT)):
         axes.vlines(c.lags[which], 0, c.values[which], color=colour, lw=2)
-    axes.axhline(0, color=QUIET, lw=0.8)
+    axes.axhline(0, color=style.QUIET, lw=0.8)
     largest = max(4 * c.limit, 1.15 * float(np.abs(c.values).max(initial=0.0)), 1e-3)
     axes.set(title=title, xlabel="lag [samples]", ylabel="correlation", ylim=(-largest, largest))
     axes.grid(axis="x", visible=False)
@@ -175,14 +158,14 @@ def bode_picture(bode: Bode) -> str:
     """Gain and phase from torque to speed over the excited band: drive with its band, black box, record."""
     from matplotlib.ticker import MultipleLocator
 
-    with figure(6.2) as drawn:
+    with style.figure(6.2) as drawn:
         gain, phase = drawn.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         if bode.measured is not None:
             _measured(gain, phase, bode.measured, bode.drive)
         if bode.before is not None:
-            _plain(gain, phase, bode.before, NOMINAL)
+            _plain(gain, phase, bode.before, style.NOMINAL)
         if bode.black_box is not None:
-            _plain(gain, phase, bode.black_box, DOTTED)
+            _plain(gain, phase, bode.black_box, style.DOTTED)
         _banded(gain, phase, bode.drive)
         lowest, highest = float(np.nanmin(bode.drive.db)), float(np.nanmax(bode.drive.db))
         gain.set(
@@ -198,7 +181,7 @@ def bode_picture(bode: Bode) -> str:
         for axis in (gain.xaxis, hertz.xaxis):
             _plain_decades(axis)
         gain.legend(loc="lower left")
-        return as_svg(drawn, "frequency responses from torque to speed", "bode")
+        return style.as_svg(drawn, "frequency responses from torque to speed", "bode")
 
 
 def _omega(response: FrequencyResponse) -> Floats:
@@ -209,13 +192,13 @@ def _banded(gain: Axes, phase: Axes, response: FrequencyResponse) -> None:
     w, degrees = _omega(response), np.degrees(response.phase)
     sd = np.degrees(_SIGMAS * response.sd_phase)
     for axes, low, high in ((gain, *response.band_db(_SIGMAS)), (phase, degrees - sd, degrees + sd)):
-        axes.fill_between(w, low, high, color=BAND, alpha=0.45, lw=0)
+        axes.fill_between(w, low, high, color=style.BAND, alpha=0.45, lw=0)
     label = f"{response.name} (band: {_SIGMAS:g} standard deviations)"
-    gain.plot(w, response.db, **ESTIMATE, label=label)
-    phase.plot(w, degrees, **ESTIMATE)
+    gain.plot(w, response.db, **style.ESTIMATE, label=label)
+    phase.plot(w, degrees, **style.ESTIMATE)
 
 
-def _plain(gain: Axes, phase: Axes, response: FrequencyResponse, look: Look) -> None:
+def _plain(gain: Axes, phase: Axes, response: FrequencyResponse, look: style.Look) -> None:
     gain.plot(_omega(response), response.db, **look, label=response.name)
     phase.plot(_omega(response), np.degrees(response.phase), **look)
 
@@ -224,11 +207,11 @@ def _measured(gain: Axes, phase: Axes, response: FrequencyResponse, near: Freque
     """Points with their deviations; the phase by whole turns nearest to the drive's."""
     w = _omega(response)
     low, high = response.band_db(_SIGMAS)
-    gain.vlines(w, low, high, color=BAND, lw=0.8, alpha=0.5)
-    gain.plot(w, response.db, ".", color=BAND, ms=4, label=response.name)
+    gain.vlines(w, low, high, color=style.BAND, lw=0.8, alpha=0.5)
+    gain.plot(w, response.db, ".", color=style.BAND, ms=4, label=response.name)
     degrees = np.degrees(np.angle(response.G))
     expected = np.interp(w, _omega(near), np.degrees(near.phase))
-    phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=BAND, ms=4)
+    phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=style.BAND, ms=4)
 
 
 def _plain_decades(axis: XAxis) -> None:

@@ -37,22 +37,14 @@ _WARM = 3.0
 
 @dataclass(frozen=True, eq=False)
 class IdentificationReport:
-    """What every report of an identification shows.
-
-    Attributes:
-        axis_id: as "robot.axis".
-        result: the estimates.
-        estimation: sources of the fitted records.
-        validation: sources of the records that were kept aside.
-        record_warnings: doubts about the records, in sentences.
-        provenance: how it was made.
-    """
+    """What every report of an identification shows, with the sources of the records that were fitted or kept aside."""
 
     axis_id: str
     result: IdentificationResult
     estimation: tuple[Source, ...]
     validation: tuple[Source, ...]
     record_warnings: tuple[str, ...]
+    """Doubts about the records, in sentences"""
     provenance: Provenance
 
     @property

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling import Laurent, StateSpace
+from service.ingest.unit_names import UNITS
 from service.reports.formats import json_text
 
 if TYPE_CHECKING:
@@ -57,9 +58,6 @@ def _not_examined(space: StateSpace) -> str:
     return ""
 
 
-OUTPUT_UNITS = {"speed": "rad/s", "angle": "rad"}
-
-
 def matrices(space: StateSpace) -> dict[str, list[list[str]]]:
     """The entries of A (n, n), B (n, m) and C (p, n) as text."""
     n, m, p = len(space.states), len(space.inputs), len(space.sensors)
@@ -92,8 +90,7 @@ def as_json(facts: Facts) -> str:
             "states": space.states,
             "inputs": [{"name": u.name, "kind": _KINDS[u.kind]} for u in space.inputs],
             "outputs": [
-                {"name": s.name, "quantity": s.quantity, "unit": OUTPUT_UNITS[s.quantity]}
-                for s in space.sensors
+                {"name": s.name, "quantity": s.quantity, "unit": UNITS[s.quantity]} for s in space.sensors
             ],
             "parameters": [
                 {"name": p.name, "unit": p.unit, "meaning": p.meaning, "nominal": facts.nominal.get(p.name)}

@@ -11,8 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.modeling import FlatInput, FlatSensor, Laurent, Resonances, StateSpace, modes
-from service.reports.model_facts import OUTPUT_UNITS, Facts, matrices
+from monitor_core.modeling import Laurent, Resonances, StateSpace, modes
+from service.ingest.unit_names import UNITS
+from service.reports.model_facts import Facts, matrices
 
 _PAPER = "three-mass"
 _INDENT = 2
@@ -85,9 +86,20 @@ def _grid(
 
 def _signals(space: StateSpace) -> Table:
     rows = [(f"x{i}", f"{s.name}, {s.unit}") for i, s in enumerate(space.states, 1)]
-    rows += [(f"u{i}", _input_words(u)) for i, u in enumerate(space.inputs, 1)]
-    rows += [(f"y{i}", _output_words(s)) for i, s in enumerate(space.sensors, 1)]
+    for i, u in enumerate(space.inputs, 1):
+        rows.append((f"u{i}", _INPUTS[u.kind] if u.kind == ONE else f"{u.name}: {_INPUTS[u.kind]}"))
+    for i, s in enumerate(space.sensors, 1):
+        rows.append((f"y{i}", f"{s.name}: {s.quantity}, {UNITS[s.quantity]}"))
     return _grid(rows, key="cyan")
+
+
+_INPUTS = {
+    TORQUE: "motor torque, N m",
+    COULOMB: "direction of motion, tanh(speed/scale)",
+    ONE: "constant 1",
+    COSINE: "cosine of the angle",
+    SINE: "sine of the angle",
+}
 
 
 def _parameters(facts: Facts) -> Table:
@@ -134,29 +146,6 @@ def _lines(lines: Iterable[str]) -> RenderableType | None:
 def _sentences(sentences: Iterable[str]) -> RenderableType | None:
     table = _grid((("-", sentence) for sentence in sentences), gap=1)
     return table if table.row_count else None
-
-
-# --- What goes into a drive and comes out, in words ------------------------------------------------------------------
-
-
-_INPUTS = {
-    TORQUE: "motor torque, N m",
-    COULOMB: "direction of motion, tanh(speed/scale)",
-    ONE: "constant 1",
-    COSINE: "cosine of the angle",
-    SINE: "sine of the angle",
-}
-
-
-def _input_words(given: FlatInput) -> str:
-    """``torque.tau: motor torque, N m``."""
-    words = _INPUTS[given.kind]
-    return words if given.kind == ONE else f"{given.name}: {words}"
-
-
-def _output_words(sensor: FlatSensor) -> str:
-    """``encoder: speed, rad/s``."""
-    return f"{sensor.name}: {sensor.quantity}, {OUTPUT_UNITS[sensor.quantity]}"
 
 
 # --- A, B and C in lines of text: as matrices where they fit, else as equations ---------------------------------------

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.detection import Crossing
 from monitor_core.monitoring import (
     DOUBTED,
@@ -32,9 +32,6 @@ from monitor_core.monitoring import (
     standard_deviation,
 )
 
-Counts = NDArray[np.int64]
-Times = NDArray[np.int64]
-Marks = NDArray[np.bool_]
 MOST_BINS = 1600
 SIGMAS = 2.0
 """Half the width of the band around an estimate, in reported standard deviations."""
@@ -78,7 +75,7 @@ class Course:
     # --- while it runs ---------------------------------------------------------------------------------
 
     def take(
-        self, t_us: Times, trace: Trace, crossings: Iterable[Crossing], multimodel: BankTrace | None = None
+        self, t_us: Ints, trace: Trace, crossings: Iterable[Crossing], multimodel: BankTrace | None = None
     ) -> None:
         """Samples of the axis (N,), crossings of h, and the traces of the recursion and of the multi-model detector."""
         took = trace.mode != SKIP
@@ -111,7 +108,7 @@ class Course:
             place = row, bins[int(np.argmax(t == crossing.time_us))]
             self._high.values[place] = max(self._high.values[place], self.h[crossing.parameter])
 
-    def _signals(self, trace: Trace, took: NDArray[np.bool_]) -> Floats:
+    def _signals(self, trace: Trace, took: Bools) -> Floats:
         """All signals of the parameters (kinds * p, N), in the order of the kinds."""
         theta, P, g = trace.theta[took], trace.P[took], trace.g[took]
         model, settings = self._monitor.model, self._monitor.settings
@@ -127,17 +124,17 @@ class Course:
         h, members = self._hypotheses
         return np.stack([(g[:, own] / h[own]).max(axis=1, initial=0.0) for own in members])
 
-    def _tests(self, trace: Trace, multimodel: BankTrace | None) -> Marks:
+    def _tests(self, trace: Trace, multimodel: BankTrace | None) -> Bools:
         """Where the detector that alarms tested a parameter (p, N)."""
         if self._monitor.alarm_source == "multimodel" and multimodel is not None:
             assert self._monitor.multimodel is not None
             causes, ran = self._monitor.multimodel.bank.causes, ~np.isnan(multimodel.llr).all(axis=1)
             return np.stack([ran & (name in causes) for name in self.h])
-        tests: Marks = (trace.mode == TRACK) & (trace.observed.T != UNSEEN)
+        tests: Bools = (trace.mode == TRACK) & (trace.observed.T != UNSEEN)
         return tests
 
     @cached_property
-    def _hypotheses(self) -> tuple[Floats, list[Counts]]:
+    def _hypotheses(self) -> tuple[Floats, list[Ints]]:
         """Thresholds of the hypotheses, and which are those of each cause; only with samples is there a bank."""
         assert self._monitor.multimodel is not None
         bank = self._monitor.multimodel.bank
@@ -186,20 +183,20 @@ class Course:
         values = np.concatenate([self.high(kind, name) for kind in kinds])
         return float(np.nanmax(values, initial=0.0))
 
-    def fate(self, fate: int) -> Counts:
+    def fate(self, fate: int) -> Ints:
         """How many samples of each bin had that fate, one of FATES."""
         return self._fates.values[FATES.index(fate), : self.used]
 
-    def unseen(self, name: str) -> Counts:
+    def unseen(self, name: str) -> Ints:
         """At how many samples of each bin a parameter was not observed."""
         return self._unseen.values[list(self.h).index(name), : self.used]
 
-    def tested(self, name: str) -> Marks:
+    def tested(self, name: str) -> Bools:
         """In which bins a parameter was tested by the detector that alarms."""
         return self._tested.values[list(self.h).index(name), : self.used]
 
     @property
-    def gaps(self) -> Marks:
+    def gaps(self) -> Bools:
         """Which bins have a part without samples after which the predictor restarted."""
         return self._gaps.values[0, : self.used]
 
@@ -210,7 +207,7 @@ class Bins:
     def __init__(self, join: np.ufunc, empty: NDArray[Any]) -> None:
         self._join, self._empty, self.values = join, empty[..., :1].copy(), empty
 
-    def take(self, bins: Counts, starts: Counts, values: NDArray[Any]) -> None:
+    def take(self, bins: Ints, starts: Ints, values: NDArray[Any]) -> None:
         """Take values (rows, N); those from ``starts[k]`` on are of ``bins[k]``."""
         self.values[:, bins] = self._join(self.values[:, bins], self._join.reduceat(values, starts, axis=1))
 
@@ -224,7 +221,7 @@ _NARROWEST = 0.003
 """Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
 
 
-def runs_of(where: Marks, edges: Floats) -> Iterator[tuple[float, float]]:
+def runs_of(where: Bools, edges: Floats) -> Iterator[tuple[float, float]]:
     """Start and width of each run of marked bins (N,) with these edges (N + 1,)."""
     steps = np.diff(np.concatenate(([0], where.astype(np.int8), [0])))
     for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
@@ -265,7 +262,7 @@ class Timeline:
         """All that are known, in their order."""
         return tuple(self._stretches)
 
-    def take(self, t_us: Times) -> Times:
+    def take(self, t_us: Ints) -> Ints:
         """Where samples, in the order of their receipt, are on the line (N,) [us]; it never goes back."""
         if not t_us.size:
             return t_us

@@ -7,30 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.monitoring import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, ParameterStatus
 from monitor_core.wording import duration
+from service.reports import plot_style as style
 from service.reports import replay_course as kinds
-from service.reports.plot_style import (
-    ALARM,
-    ALARM_BACK,
-    ALARM_OPEN,
-    BAND,
-    DOWN,
-    ESTIMATE,
-    LIMIT,
-    NOMINAL,
-    ONSET,
-    QUIET,
-    TEXT,
-    UP,
-    ZONE,
-    add_percent,
-    as_svg,
-    figure,
-    legend_of,
-)
-from service.reports.replay_course import SIGMAS, Course, Marks, runs_of, time_unit
+from service.reports.replay_course import SIGMAS, Course, runs_of, time_unit
 from service.reports.replay_result import ReplayedAxis
 
 if TYPE_CHECKING:
@@ -43,7 +25,7 @@ _ESTIMATE, _G, _FATE, _LEGEND = 1.75, 1.05, 0.2, 0.9
 """Heights, inches."""
 _LINES = (
     *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "limits"),
-    *("test for an increase", "test for a decrease", ALARM_OPEN, ONSET),
+    *("test for an increase", "test for a decrease", style.ALARM_OPEN, style.ONSET),
     *("alarm raised", "nothing learned", "pause, cut out"),
 )
 """In the order of the legend."""
@@ -56,11 +38,11 @@ _FATES = (
     (DOUBTED, "outliers"),
 )
 _CAUSES = (
-    (TEXT, "-"),
-    (QUIET, (0, (5.3, 2))),
-    (TEXT, (0, (1, 1.2))),
-    (QUIET, (0, (6, 2, 1, 2))),
-    (BAND, "-"),
+    (style.TEXT, "-"),
+    (style.QUIET, (0, (5.3, 2))),
+    (style.TEXT, (0, (1, 1.2))),
+    (style.QUIET, (0, (6, 2, 1, 2))),
+    (style.BAND, "-"),
 )
 """Colours and dashes of the causes that are named in their panel: the likeliest ones."""
 _WORTH_A_NAME = 0.3
@@ -93,7 +75,7 @@ class _Drawing:
         heights = (
             [_ESTIMATE, _G] * len(chosen) + [_G] * with_causes + [_FATE * (len(fates) + 1)] * bool(fates)
         )
-        with figure(sum(heights) + _LEGEND) as drawn:
+        with style.figure(sum(heights) + _LEGEND) as drawn:
             grid = drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
             panels: list[Axes] = list(grid[:, 0])
             for k, p in enumerate(chosen):
@@ -113,9 +95,9 @@ class _Drawing:
                 self._mark_pauses(axes, named=axes is panels[0])
             end = max(float(self._edges[-1]), 1e-6 / self._unit.seconds)
             panels[-1].set(xlabel=f"time since the first sample [{self._unit.name}]", xlim=(0.0, end))
-            legend_of(drawn, panels, _LINES)
+            style.legend_of(drawn, panels, _LINES)
             names = ", ".join(p.name for p in chosen)
-            return as_svg(
+            return style.as_svg(
                 drawn, f"{self._axis.id}: course of the estimates of {names}, and of their tests", salt
             )
 
@@ -124,19 +106,19 @@ class _Drawing:
     def _draw_estimate(self, axes: Axes, p: ParameterStatus) -> None:
         course, t = self._course, self._middles
         band = course.low(kinds.BELOW, p.name), course.high(kinds.ABOVE, p.name)
-        axes.fill_between(t, *band, color=BAND, alpha=0.45, lw=0, label=_BAND)
+        axes.fill_between(t, *band, color=style.BAND, alpha=0.45, lw=0, label=_BAND)
         below, above = course.low(kinds.TOLERATED_BELOW, p.name), course.high(kinds.TOLERATED_ABOVE, p.name)
-        axes.plot(t, below, **LIMIT)
-        axes.plot(t, above, **LIMIT, label=_LIMIT)
-        axes.plot(*self._zigzag(kinds.NOMINAL, p.name), **NOMINAL, label=_NOMINAL)
+        axes.plot(t, below, **style.LIMIT)
+        axes.plot(t, above, **style.LIMIT, label=_LIMIT)
+        axes.plot(*self._zigzag(kinds.NOMINAL, p.name), **style.NOMINAL, label=_NOMINAL)
         between = course.low(kinds.ESTIMATE, p.name), course.high(kinds.ESTIMATE, p.name)
-        axes.fill_between(t, *between, color=BAND, alpha=0.7, lw=0)
-        axes.plot(t, course.mean(p.name), **ESTIMATE, label=_ESTIMATED)
+        axes.fill_between(t, *between, color=style.BAND, alpha=0.7, lw=0)
+        axes.plot(t, course.mean(p.name), **style.ESTIMATE, label=_ESTIMATED)
         label = p.name if p.unit == "1" else f"{p.name} [{p.unit}]"
         axes.set(ylabel=label, ylim=self._limits(p.name))
         axes.set_title(f"{p.name}: {p.meaning}")
         if p.nominal:
-            add_percent(axes, p.nominal)
+            style.add_percent(axes, p.nominal)
 
     def _limits(self, name: str) -> tuple[float, float]:
         """All of theta and theta_0, and of the bands what is usual (while P(0) is sought they are wide)."""
@@ -158,10 +140,10 @@ class _Drawing:
 
     def _draw_g(self, axes: Axes, name: str) -> None:
         h = self._course.h[name]
-        for kind, look, label in ((kinds.UP, UP, _UP), (kinds.DOWN, DOWN, _DOWN)):
+        for kind, look, label in ((kinds.UP, style.UP, _UP), (kinds.DOWN, style.DOWN, _DOWN)):
             t, g = self._zigzag(kind, name)
             axes.plot(t, g / h, **look, label=label)
-        axes.axhline(1, **LIMIT, label=_LIMIT)
+        axes.axhline(1, **style.LIMIT, label=_LIMIT)
         top = self._course.largest(kinds.UP, kinds.DOWN, name=name) / h
         axes.set(ylabel="CUSUM\ntest", ylim=(0, 1.15 * max(top, 1.0)))
 
@@ -172,7 +154,7 @@ class _Drawing:
         named = [cause for cause in ranked[: len(_CAUSES)] if largest[cause] >= _WORTH_A_NAME]
         lines = []
         for k, cause in reversed(list(enumerate(ranked))):  # the largest is drawn last, over the others
-            colour, dashes, width = (*_CAUSES[k], 1.2) if cause in named else (QUIET, "-", 0.6)
+            colour, dashes, width = (*_CAUSES[k], 1.2) if cause in named else (style.QUIET, "-", 0.6)
             lines += axes.plot(*self._zigzag(kinds.EVIDENCE, cause), color=colour, ls=dashes, lw=width)
         axes.legend(
             lines[::-1][: len(named)],
@@ -184,7 +166,7 @@ class _Drawing:
             handlelength=1.6,
             borderpad=0.1,
         )
-        axes.axhline(1, **LIMIT, label=_LIMIT)
+        axes.axhline(1, **style.LIMIT, label=_LIMIT)
         axes.set(ylabel="multi-model\ntest", title="causes")
         top = largest[ranked[0]]
         if top <= _LINEAR:
@@ -209,25 +191,33 @@ class _Drawing:
         for alarm in self._axis.alarm_spans(names, self._unit):
             for axes in panels:
                 above, span = axes.get_xaxis_transform(), (alarm.start, alarm.end)
-                axes.axvspan(*span, color=ALARM_BACK, alpha=0.6, lw=0, zorder=0.5, label=ALARM_OPEN)
-                axes.plot(span, (1, 1), color=ALARM, lw=4, transform=above, solid_capstyle="butt")
-                axes.axvline(alarm.start, color=ALARM, lw=1.3)
-                axes.axvline(alarm.raised, color=ALARM, lw=1, ls=(0, (6, 2, 1, 2)), label=_RAISED)
-                axes.text(alarm.start, 0.94, f" {alarm.arrow}", color=ALARM, va="top", transform=above)
+                axes.axvspan(
+                    *span, color=style.ALARM_BACK, alpha=0.6, lw=0, zorder=0.5, label=style.ALARM_OPEN
+                )
+                axes.plot(span, (1, 1), color=style.ALARM, lw=4, transform=above, solid_capstyle="butt")
+                axes.axvline(alarm.start, color=style.ALARM, lw=1.3)
+                axes.axvline(alarm.raised, color=style.ALARM, lw=1, ls=(0, (6, 2, 1, 2)), label=_RAISED)
+                axes.text(alarm.start, 0.94, f" {alarm.arrow}", color=style.ALARM, va="top", transform=above)
                 if alarm.onset is not None:
                     axes.plot(
-                        alarm.onset, (0.07, 0.07), "|-", color=ALARM, ms=7, transform=above, label=ONSET
+                        alarm.onset,
+                        (0.07, 0.07),
+                        "|-",
+                        color=style.ALARM,
+                        ms=7,
+                        transform=above,
+                        label=style.ONSET,
                     )
 
     def _mark_pauses(self, axes: Axes, named: bool) -> None:
         stretches = self._course.timeline.stretches[1:]
         for stretch in stretches if len(stretches) <= _MOST_PAUSES else ():
             at = 1e-6 * stretch.at / self._unit.seconds
-            axes.axvline(at, color=QUIET, lw=1, ls=(0, (4, 2, 1, 2)), label=_PAUSE)
+            axes.axvline(at, color=style.QUIET, lw=1, ls=(0, (4, 2, 1, 2)), label=_PAUSE)
             if named and len(stretches) <= _MOST_NAMED:
                 words = f"pause of {duration(stretch.pause_s)}" if stretch.pause_s > 0 else "clock set back"
                 above = axes.get_xaxis_transform()
-                axes.annotate(words, (at, 1.02), xycoords=above, fontsize=8, color=QUIET, ha="center")
+                axes.annotate(words, (at, 1.02), xycoords=above, fontsize=8, color=style.QUIET, ha="center")
 
     def _shade(self, axes: Axes) -> None:
         """Where nothing was learned: bins with samples, none of which was used."""
@@ -235,10 +225,10 @@ class _Drawing:
         if runs:
             transform = axes.get_xaxis_transform()
             axes.broken_barh(
-                runs, (0, 1), color=ZONE, alpha=0.6, lw=0, transform=transform, zorder=0, label=_NOTHING
+                runs, (0, 1), color=style.ZONE, alpha=0.6, lw=0, transform=transform, zorder=0, label=_NOTHING
             )
 
-    def _fates(self, chosen: Sequence[ParameterStatus]) -> Iterator[tuple[str, Marks]]:
+    def _fates(self, chosen: Sequence[ParameterStatus]) -> Iterator[tuple[str, Bools]]:
         """What kept from learning, of which there was any, and the bins with it."""
         for name, where in (
             ("no samples", self._course.gaps),
@@ -248,9 +238,9 @@ class _Drawing:
             if where.any():
                 yield name, where
 
-    def _draw_fates(self, axes: Axes, fates: Sequence[tuple[str, Marks]]) -> None:
+    def _draw_fates(self, axes: Axes, fates: Sequence[tuple[str, Bools]]) -> None:
         for k, (_, where) in enumerate(fates):
-            axes.broken_barh(list(runs_of(where, self._edges)), (k - 0.32, 0.64), color=QUIET, lw=0)
+            axes.broken_barh(list(runs_of(where, self._edges)), (k - 0.32, 0.64), color=style.QUIET, lw=0)
         axes.set_yticks(range(len(fates)), [name for name, _ in fates], fontsize=8.5)
         axes.set(ylim=(len(fates) - 0.4, -0.6), title="What kept from learning")
         axes.tick_params(axis="y", length=0)

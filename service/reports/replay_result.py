@@ -93,12 +93,9 @@ class Replayed(NamedTuple):
 
 
 class Replay:
-    """Runs records through monitors, and collects what there is to tell.
+    """Runs records through the monitors of the axes of a configuration, and collects what there is to tell.
 
-    Args:
-        monitors: of the axes of ``config``.
-        config: the configuration.
-        drawn: also collect the course of each axis.
+    ``drawn``: also collect the course of each axis.
     """
 
     def __init__(self, monitors: AxisMonitors, config: Config, drawn: bool) -> None:

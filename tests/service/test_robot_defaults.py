@@ -14,8 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.config import ConfigErrors, load
-from service.config.commissioned import Correction, Found, commissioned, corrected, monitoring, with_drive
-from service.config.connected import connected
+from service.config.commissioned import (
+    Correction,
+    Found,
+    commissioned,
+    connected,
+    corrected,
+    monitoring,
+    with_drive,
+)
 from service.config.robot_defaults import completed
 from tests.service.config_texts import CONFIG
 

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from service.can.canopen_drives import read_drive
+from service.can.decoder import SyncCycle
 from service.can.frames import Frame, FrameBlock
 from service.can.messages import DescriptionError, find_signal
-from service.can.sync_cycle import SyncCycle
 from service.config import ConfigErrors, load
 from service.config.commissioned import Found, commissioned
 from service.config.remarks import remarks

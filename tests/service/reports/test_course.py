@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Ints
 from monitor_core.detection import Crossing
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
@@ -23,7 +24,7 @@ from monitor_core.settings import Threshold
 from service.can.decoder import FRAME_REASONS
 from service.ingest.unwrap import AMBIGUOUS
 from service.reports import replay_course as rows
-from service.reports.replay_course import PAUSE_S, SIGMAS, Course, Timeline, Times, time_unit
+from service.reports.replay_course import PAUSE_S, SIGMAS, Course, Timeline, time_unit
 from service.reports.replay_html import REASONS
 from service.reports.replay_report import dated
 from tests.core.cases import BY_NAME, record
@@ -226,7 +227,7 @@ steps = st.lists(
 )
 
 
-def line(t: Times, cuts: list[int]) -> tuple[Timeline, Times]:
+def line(t: Ints, cuts: list[int]) -> tuple[Timeline, Ints]:
     """Of samples that came in blocks."""
     timeline = Timeline()
     edges = [0, *sorted(c % (len(t) + 1) for c in cuts), len(t)]
