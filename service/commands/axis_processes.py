@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import SimpleQueue, get_context
+from multiprocessing import SimpleQueue, get_context, parent_process
+from multiprocessing.process import BaseProcess
 from typing import NamedTuple
 
 from service.commands.axis_commissioning import Order, commission_axis
@@ -88,7 +90,20 @@ _queues: list[SimpleQueue[Step]] = []
 
 
 def _connect(steps: SimpleQueue[Step]) -> None:
+    end_with_parent()
     _queues.append(steps)
+
+
+def end_with_parent() -> None:
+    """Ends this process as soon as the one that started it is no more: killed, that one ends nobody, nor is told to."""
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_after, args=(parent,), name="parent", daemon=True).start()
+
+
+def _end_after(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)
 
 
 def _commission(order: Order, review: Review) -> Outcome:

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.identification import Record, rigid_fit
+from monitor_core.identification import Record, rigid_fit, torque_is_turned
 
 _TABLE = """
 time: t time times timestamp zeit sec secs seconds s ms us
@@ -311,19 +311,21 @@ def _pair(
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
     good &= np.isfinite(times)
     good[1:] &= np.diff(times) > 0
-    signs = []
-    for sign in (1.0, -1.0):
-        fit = rigid_fit(Record(times[good], sign * u[good], y[good], output, torque))
-        signs.append(fit.explained if fit is not None and fit.inertia > 0 and fit.explained > 0 else 0.0)
+    explained, turned = 0.0, False
+    if np.count_nonzero(good) > 1:
+        record = Record(times[good], u[good], y[good], output, torque)
+        fit = rigid_fit(record)
+        explained = max(fit.explained, 0.0) if fit is not None else 0.0
+        turned = torque_is_turned(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
         f"axis{number}" if number else "axis",
         torque,
         motion,
         output,
-        max(signs),
+        explained,
         named[torque].role == "current",
-        signs[1] > signs[0],
+        turned,
     )
 
 

@@ -1,10 +1,16 @@
-"""Files with columns of numbers: .csv, .parquet and .mat, read in blocks of rows."""
+"""Files with columns of numbers: .csv, .parquet and .mat, read in blocks of rows.
+
+A date with a time of day is a number, too: of seconds since 1970, in UTC where it names no zone.
+"""
 
 from __future__ import annotations
 
 import csv
+import re
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -23,6 +29,13 @@ from service.can.user_errors import RecordError
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _ROWS = 8192
 _BLOCK_BYTES = 1 << 20
+_SAMPLE_LINES = 100
+"""Of a CSV file, by which it is seen how numbers and dates are written."""
+_DECIMAL_COMMA, _DECIMAL_POINT = (
+    re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*"),
+    re.compile(r"\s*[-+]?\d*\.\d+.*"),
+)
+_DATE = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
@@ -59,6 +72,8 @@ def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:
 class CsvTable:
     """A CSV file.  If its first line holds numbers only, it has no names: columns are "0", "1", ...
 
+    Cells are separated by tabs, semicolons or commas; where not by commas, numbers may have a decimal comma.
+
     Raises:
         RecordError: it cannot be read.
     """
@@ -74,16 +89,20 @@ class CsvTable:
             raise RecordError(f"{path} is no CSV file: its first line is not UTF-8 text") from None
         if not first.strip():
             raise RecordError(f"{path}: the first line must hold names of columns, or numbers; it is empty")
-        self._delimiter = max(",;\t", key=first.count)
-        cells = [
-            cell.strip()
-            for cell in next(csv.reader([first], delimiter=self._delimiter, skipinitialspace=True))
-        ]
-        self.has_names = not all(_is_number(cell) for cell in cells)
+        self._delimiter = next(d for d in "\t;," if d in first or d == ",")
+        cells = [cell.strip() for cell in self._cells([first])[0]]
+        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            sample = self._cells(islice(file, _SAMPLE_LINES))
+        self._decimal = _decimal_mark(sample) if self._delimiter != "," else "."
+        self.has_names = not all(_DATE.fullmatch(cell) or self._is_number(cell) for cell in cells)
         self.names: Sequence[str] = cells if self.has_names else [str(i) for i in range(len(cells))]
         """The columns there are"""
+        self._dates = _dates(sample, self.names)
         self.left_out: list[str] = []
         """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
+
+    def _cells(self, lines: Iterable[str]) -> list[list[str]]:
+        return list(csv.reader(lines, delimiter=self._delimiter, skipinitialspace=True))
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
         """The rows of these columns, which must exist, in blocks.
@@ -97,7 +116,7 @@ class CsvTable:
         with self._path.open("rb") as file:
             try:
                 for batch in self._reader(file, names):
-                    columns = {name: np.asarray(batch.column(name), np.float64) for name in names}
+                    columns = {name: _numbers(batch.column(name)) for name in names}
                     read += batch.num_rows
                     yield Rows(columns, min(1.0, file.tell() / size))
                 return
@@ -117,7 +136,7 @@ class CsvTable:
                 continue
             read += 1
             if read > skipped:
-                cells.append([_number(row[self.names.index(name)]) for name in names])
+                cells.append([self._number(name, row[self.names.index(name)]) for name in names])
             if len(cells) == _ROWS:
                 yield self._block(names, cells)
                 cells = []
@@ -158,9 +177,10 @@ class CsvTable:
             ),
             pc.ParseOptions(delimiter=self._delimiter),
             pc.ConvertOptions(
-                column_types=dict.fromkeys(names, pa.float64()),
+                column_types={name: self._dates.get(name, pa.float64()) for name in names},
                 include_columns=list(names),
                 null_values=_EMPTY,
+                decimal_point=self._decimal,
             ),
         )
 
@@ -170,14 +190,63 @@ class CsvTable:
             return f"{len(row)} cells in a table of {len(self.names)} columns"
         for name in names:
             cell = row[self.names.index(name)]
-            if cell not in _EMPTY and not _is_number(cell):
+            if cell not in _EMPTY and not self._is_number(cell) and not self._is_date(name, cell):
                 comma = ": write decimal points" if _is_number(cell.replace(",", ".")) else ""
-                return f'column "{name}" holds {cell!r}, which is no number{comma}'
+                kind = "date" if name in self._dates else "number"
+                return f'column "{name}" holds {cell!r}, which is no {kind}{comma}'
         return ""
 
+    def _is_number(self, cell: str) -> bool:
+        return _is_number(cell.replace(self._decimal, "."))
 
-def _number(cell: str) -> float:
-    return float("nan") if cell in _EMPTY else float(cell)
+    def _is_date(self, name: str, cell: str) -> bool:
+        return name in self._dates and _seconds(cell) is not None
+
+    def _number(self, name: str, cell: str) -> float:
+        if cell in _EMPTY:
+            return float("nan")
+        seconds = _seconds(cell) if name in self._dates else None
+        return float(cell.replace(self._decimal, ".")) if seconds is None else seconds
+
+
+def _decimal_mark(rows: Sequence[Sequence[str]]) -> str:
+    """Of the numbers in these rows."""
+    cells = [cell for row in rows for cell in row]
+    commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
+    return "," if commas and not any(_DECIMAL_POINT.fullmatch(cell) for cell in cells) else "."
+
+
+def _dates(rows: Sequence[Sequence[str]], names: Sequence[str]) -> dict[str, pa.DataType]:
+    """The columns that hold dates in these rows, and as what to read them."""
+    found = dict[str, pa.DataType]()
+    for row in rows:
+        for name, cell in zip(names, row, strict=False):
+            if name not in found and _DATE.fullmatch(cell) and _seconds(cell) is not None:
+                zoned = datetime.fromisoformat(cell.strip()).tzinfo is not None
+                found[name] = pa.timestamp("ns", "UTC" if zoned else None)
+    return found
+
+
+def _seconds(cell: str) -> float | None:
+    """Seconds since 1970; None: the cell holds no date."""
+    try:
+        date = datetime.fromisoformat(cell.strip())
+    except ValueError:
+        return None
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def _numbers(column: pa.Array[Any]) -> Floats:
+    """Numbers of a column (N,), NaN where there is none: seconds since 1970 where it holds dates.
+
+    Raises:
+        pa.ArrowException: it holds neither.
+    """
+    scale = 1.0
+    if pa.types.is_timestamp(column.type):
+        column, scale = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64()), 1e-9
+    numbers = column.cast(pa.float64(), safe=False)
+    return scale * np.asarray(numbers.to_numpy(zero_copy_only=False), np.float64)
 
 
 def _is_number(cell: str) -> bool:
@@ -223,10 +292,9 @@ class ParquetTable:
 
     def _numbers(self, name: str, column: pa.Array[Any]) -> Floats:
         try:
-            numbers = column.cast(pa.float64(), safe=False)
+            return _numbers(column)
         except pa.ArrowException:
             raise RecordError(f'{self._path}: column "{name}" holds {column.type}, not numbers') from None
-        return np.asarray(numbers.to_numpy(zero_copy_only=False), np.float64)
 
 
 class MatTable:

@@ -18,6 +18,7 @@ from monitor_core.identification.records.motion_checks import (
     known_of,
     shown_inertia,
     suspicions,
+    torque_is_turned,
 )
 from monitor_core.identification.records.rigid_body import rigid_fit, speed_scales
 from monitor_core.identification.records.turning_weight import TurningWeight, turning_weight
@@ -32,5 +33,5 @@ from monitor_core.identification.records.value_patterns import (
 __all__ = [
     "UNITS", "Finding", "Known", "Record", "Span", "TurningWeight", "between",
     "held_for", "is_about_nominal", "known_of", "link_weights", "lively_parts", "rigid_fit", "shown_inertia",
-    "speed_scales", "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
+    "speed_scales", "stuck_spans", "suspicions", "torque_is_turned", "turning_weight", "whole_numbers", "wrap_of",
 ]  # fmt: skip

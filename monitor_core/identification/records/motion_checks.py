@@ -13,7 +13,7 @@ from scipy.linalg import eigvals
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
 from monitor_core.identification.records.measured_record import Finding, Known, Record
-from monitor_core.identification.records.rigid_body import USUAL, Rigid, Term, rigid_fits
+from monitor_core.identification.records.rigid_body import USUAL, Rigid, Term, rigid_fits, speed_scales
 from monitor_core.identification.records.sample_checks import signals, strange, times
 
 _BACK = 3.0
@@ -88,7 +88,10 @@ def _work(record: Record) -> Floats:
 def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None:
     """The record as one mass, under a weight if there is one; None: that does not explain its torque."""
     shortest_s = _SLOW * (known.antiresonance_s or 0.0)
-    mass, weighed = rigid_fits([record], [USUAL, _POSE], known.speed_scale, shortest_s)
+    # Beside one of another order than the speed, friction would be viscous only: an angle of the arm is slow.
+    scales = speed_scales([record])
+    scale = known.speed_scale if scales[0] <= known.speed_scale <= scales[-1] else scales[1]
+    weighed, mass = rigid_fits([record], [_POSE, USUAL], scale, shortest_s)
     if mass is None:
         return None
     if weighed is not None and 1 - weighed.explained < _WEIGHT * (1 - mass.explained):
@@ -96,14 +99,33 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
     return mass if abs(mass.inertia) > _SURE * mass.sd and mass.explained > _EXPLAINS else None
 
 
-def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
+def torque_is_turned(record: Record) -> bool:
+    """Whether torque or motion has the wrong sign, whatever their units.
+
+    Inertia and friction of one mass tell, where they agree, and else the work: a weight gives back what it took.
+    """
+    mass = shown_inertia(record)
+    if mass is not None and mass.inertia * mass.torques["coulomb"] > 0:
+        return mass.inertia < 0
+    falls, rises = _given_and_taken(record)
+    if mass is None or max(falls, rises) > _BACK * min(falls, rises):
+        return falls > rises
+    return mass.inertia < 0
+
+
+def _given_and_taken(record: Record) -> tuple[float, float]:
+    """By how much the work of the torque ever falls and rises, J."""
     done = _work(record)
-    falls = float((np.maximum.accumulate(done) - done).max())
-    rises = float((done - np.minimum.accumulate(done)).max())
+    falls, rises = np.maximum.accumulate(done) - done, done - np.minimum.accumulate(done)
+    return float(falls.max()), float(rises.max())
+
+
+def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
+    falls, rises = _given_and_taken(record)
     mass = shown_inertia(record, replace(known, antiresonance_s=None))
     negative = mass is not None and mass.inertia < 0
     # A weight gives back what it took; that an axis has an inertia and a friction below zero no weight can do.
-    pushes = negative and mass is not None and mass.torques["coulomb"] < 0
+    pushes = negative and mass is not None and mass.torques["coulomb"] < 0 and rises <= _BACK * falls
     if falls <= _BACK * rises and not pushes:
         return
     shown = f", and as one mass it has an inertia of {mass.inertia:.3g} kg m^2" if mass and negative else ""

@@ -38,6 +38,8 @@ _SCALES = (0.02, 0.05, 0.12, 0.3)
 """Speed scales of Coulomb friction, as parts of the root mean square of the speed."""
 _AROUND = 4
 """Samples on either side for the speed from an angle."""
+_AS_GOOD, _WELL = 2.0, 0.1
+"""Times what the best window leaves unexplained, or that part of the torque: windows that explain about as much."""
 _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 
@@ -63,6 +65,11 @@ class Rigid(NamedTuple):
     explained: float
     """part of the variance of the windowed torque that the model explains, 1: all"""
 
+    @property
+    def sureness(self) -> float:
+        """The inertia in standard deviations."""
+        return abs(self.inertia) / max(self.sd, 1e-300)
+
 
 def rigid_fit(record: Record, speed_scale: float = 1.0, shortest_s: float = 0.0) -> Rigid | None:
     """The usual terms; arguments and result as of ``rigid_fits``."""
@@ -77,6 +84,8 @@ def rigid_fits(
 ) -> list[Rigid | None]:
     """Fits of models with these terms, all with the window that is best for the first; None: that explains nothing.
 
+    The best is the one that determines the inertia best, of those in which the model explains about as much as in any.
+
     Args:
         records: about equally sampled.
         models: terms of each, beside the inertia.
@@ -89,7 +98,12 @@ def rigid_fits(
     fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0]))]
     if not fits:
         return [None] * len(models)
-    best, window = max(fits, key=lambda pair: pair[0].explained)
+    # The longer the window, the less of the motion is left in it: last the weight or the friction alone, all explained.
+    most = max(fit.explained for fit, _ in fits)
+    enough = 1 - max(_AS_GOOD * (1 - most), _WELL)
+    best, window = max(
+        (pair for pair in fits if pair[0].explained >= enough), key=lambda pair: pair[0].sureness
+    )
     return [best, *(_fit(parts, window, speed_scale, terms) for terms in models[1:])]
 
 

@@ -1,10 +1,14 @@
 """Tables as records: columns become samples, and faults are named by file, line and column."""
 
 import math
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import scipy.io
 
@@ -259,3 +263,60 @@ def test_a_configuration_without_columns(tmp_path: Path, seed: int) -> None:
         read_record(tmp_path / "a.csv", make_config(tmp_path, axis))
     del axis["torque"]["column"]
     assert "no axis says where it is in a table" in fault(tmp_path / "a.csv", axis)
+
+
+def written(path: Path, table: dict[str, Any], row: Callable[..., str], header: str) -> Path:
+    rows = zip(*table.values(), strict=True)
+    path.write_text(header + "\n" + "".join(f"{row(*cells)}\n" for cells in rows), encoding="utf-8")
+    return path
+
+
+def test_a_decimal_comma_and_semicolons(tmp_path: Path, seed: int) -> None:
+    """As spreadsheets write them in half of Europe; the last line is torn, and the one before holds no number."""
+    table = columns(seed)
+
+    def row(*cells: float) -> str:
+        return ";".join(f"{cell:.17g}".replace(".", ",") for cell in cells)
+
+    path = written(tmp_path / "a.csv", table, row, ";".join(table))
+    with path.open("a", encoding="utf-8") as file:
+        file.write("200,0;1,0;x;3\n200,005;1")
+    read = CsvTable(path)
+    blocks = list(read.rows(["t", "angle_one"]))
+    assert np.array_equal(np.concatenate([b.columns["angle_one"] for b in blocks]), table["angle_one"])
+    assert np.array_equal(np.concatenate([b.columns["t"] for b in blocks]), table["t"])
+    assert [line.partition(":")[0] for line in read.left_out] == [f"line {N + 2}", f"line {N + 3}"]
+
+
+def test_a_decimal_comma_without_names(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("0,5;1,25\n0,75;-1e-3\n", encoding="utf-8")
+    table = CsvTable(tmp_path / "a.csv")
+    (block,) = table.rows(["0", "1"])
+    assert [block.columns[name].tolist() for name in table.names] == [[0.5, 0.75], [1.25, -1e-3]]
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+@pytest.mark.parametrize("between", ["T", " "])
+@pytest.mark.parametrize("torn", [False, True])
+def test_dates_are_seconds(tmp_path: Path, zone: str, between: str, torn: bool) -> None:
+    begin = datetime(2026, 3, 29, 0, 59, 59, 990_000)
+    dates = [
+        (begin + timedelta(milliseconds=5 * k)).isoformat(between, "microseconds") + zone for k in range(9)
+    ]
+    table = {"Time": dates, "torque_one": range(9), "angle_one": range(9)}
+    path = written(tmp_path / "a.csv", table, lambda *cells: ",".join(map(str, cells)), ",".join(table))
+    if torn:
+        with path.open("a", encoding="utf-8") as file:
+            file.write("2026-03-")
+    block, dropped = samples_of(path, tmp_path, axis1(time={"column": "Time"}))
+    first_us = round(datetime.fromisoformat(dates[0] + ("" if zone else "Z")).timestamp() * 1e6)
+    assert block.t_us.tolist() == [first_us + 5000 * k for k in range(9)]
+    assert dropped == ({"unreadable": 1} if torn else {})
+
+
+def test_dates_of_a_parquet_file_are_seconds(tmp_path: Path) -> None:
+    dates = [datetime(2026, 1, 1, 0, 0, 0, 5000 * k, UTC) for k in range(9)]
+    table = {"Time": pa.array(dates), "torque_one": np.arange(9.0), "angle_one": np.arange(9.0)}
+    pq.write_table(pa.table(table), tmp_path / "a.parquet")
+    block, _ = samples_of(tmp_path / "a.parquet", tmp_path, axis1(time={"column": "Time"}))
+    assert block.t_us.tolist() == [round(date.timestamp() * 1e6) for date in dates]

@@ -1,0 +1,50 @@
+"""The processes in which axes are commissioned."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+PROGRAM = """
+import multiprocessing, os, sys, time
+from service.commands.axis_processes import end_with_parent
+
+def work(found):
+    end_with_parent()
+    with open(found, "w") as file:
+        file.write(f"{os.getpid()}\\n")
+    time.sleep(600)
+
+if __name__ == "__main__":
+    multiprocessing.get_context("spawn").Process(target=work, args=(sys.argv[1],)).start()
+"""
+
+
+def is_running(pid: int) -> bool:
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc, as Linux has it")
+def test_they_end_with_the_command_that_is_killed(tmp_path: Path) -> None:
+    """Left behind they would compute for an hour, of which nobody takes the result."""
+    script, found = tmp_path / "program.py", tmp_path / "pid"
+    script.write_text(PROGRAM, encoding="utf-8")
+    command = subprocess.Popen([sys.executable, script, found], env=os.environ | {"PYTHONPATH": os.getcwd()})
+    while not (found.exists() and found.read_text(encoding="utf-8").endswith("\n")):
+        assert command.poll() is None
+        time.sleep(0.02)
+    worker = int(found.read_text(encoding="utf-8"))
+    assert is_running(worker)
+    command.kill()
+    command.wait()
+    end = time.monotonic() + 60
+    while is_running(worker):
+        assert time.monotonic() < end, "the process goes on after its parent was killed"
+        time.sleep(0.02)
