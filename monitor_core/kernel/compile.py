@@ -40,7 +40,7 @@ class _LinkedCode(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
 
     codegen = _NoEnvironment()
 
-    def get_pointer_to_function(self, name: str) -> int:
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002  # numba names it
         self._ensure_finalized()
         return 0  # as numba's for a function that Python cannot call
 
