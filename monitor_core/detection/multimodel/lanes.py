@@ -96,7 +96,8 @@ def _usual_us(interval_s: float) -> range:
 def _gain_after(gains: Floats, intervals: float) -> Floats:
     """The gain (n,) after a time in nominal intervals, as ``kernel.sample_interval.interval_gain``."""
     k = min(int(intervals), GAINS - 2)
-    return gains[k] + min(intervals - k, 1.0) * (gains[k + 1] - gains[k])
+    before, after = gains[k : k + 2]
+    return np.asarray(before + min(intervals - k, 1.0) * (after - before))
 
 
 def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:

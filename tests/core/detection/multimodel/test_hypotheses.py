@@ -17,6 +17,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.predictors import FARTHEST, SHORTEST
+from monitor_core.kernel.tables import GAINS
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
@@ -107,13 +108,16 @@ def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, 
 def test_the_usual_intervals_give_what_any_interval_gives(case: Case, interval_us: int, seed: int) -> None:
     """Discretised in advance or propagated as in the recursion: the same, also with delays of both signs."""
     rec = record(seed, case, SAMPLES)
-    nominal_us = round(case.settings().interval_s * 1e6)
+    s = case.settings(settle_s=0.0, outlier_limit=0.0)
+    if s.K:  # gains that grow
+        s = replace(s, K_after=tuple(tuple(share * k for k in s.K) for share in (0.5, *range(2, GAINS))))
+    nominal_us = round(s.interval_s * 1e6)
     rec.t_us[:] = rec.t_us[0] + np.arange(SAMPLES) * (nominal_us + interval_us)
-    delays = [Hypothesis("delay", delay_s=share * case.settings().interval_s) for share in (-0.4, 0.4)]
+    delays = [Hypothesis("delay", delay_s=share * s.interval_s) for share in (-0.4, 0.4)]
     some = [*few(case.name), *delays, Hypothesis("output", output=Distortion(-0.7, 0.1))]
 
     def innovations(shortest_us: int | None = None) -> Floats:
-        bank = HypothesisBank(case.model, case.settings(settle_s=0.0, outlier_limit=0.0), some)
+        bank = HypothesisBank(case.model, s, some)
         if shortest_us is not None:
             bank._predictors.axis[SHORTEST] = shortest_us
         _, trace = bank.run_traced(*rec)
