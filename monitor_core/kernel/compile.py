@@ -5,7 +5,7 @@ that they are given: without counting, a named tuple of arrays costs no more as 
 so what travels together is one argument, and there is less to compile.  They must not make or return arrays.
 
 Functions that only other compiled functions call are linked into them, and optimised and made machine code only there
-(``_Linked``): numba by itself would do both for each function too, for nothing, in a fifth of the compile time.
+(``_Linked``).  Numba by itself would do both for each of them, too, in a tenth of the compile time, for nothing.
 
 No fast-math: one axis and many axes give the same bits.  Division as in numpy: a test for zero would prevent SIMD.
 """
