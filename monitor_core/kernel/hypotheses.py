@@ -5,8 +5,9 @@
     g_i = max(0, g_i + l_i),     alarm when g_i > h_i
 
 Hypothesis 0 is the present reference.  The mean of exp(l_i) is 1 while it holds (without allowance), so the mean time
-between false alarms of each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the nominal interval
-is discretised once; any other interval is propagated as in the recursion (propagate.py).
+between false alarms of each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the usual intervals
+are discretised once: the nominal one, and those that are a microsecond shorter or longer, as times are rounded to
+microseconds.  Any other interval is propagated as in the recursion (propagate.py).
 """
 
 import math
@@ -45,12 +46,14 @@ from monitor_core.kernel.predictors import (
     OUTLIER,
     SCALE,
     SETTLES,
+    SHORTEST,
+    USUAL,
     Predictors,
     correct,
     has_gain,
     prediction_errors,
     propagate_interval,
-    propagate_nominal,
+    propagate_usual,
     restart_diverged,
     torques_in_turn,
 )
@@ -60,9 +63,6 @@ from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
 from monitor_core.kernel.state import OUTLIER as OUTLIER_COUNT
 from monitor_core.kernel.tables import Tables
 from monitor_core.kernel.work_arrays import copy_rows, floats, ints, table
-
-_SAME_S = 1e-6
-"""An interval that differs from the nominal one by less is taken for it."""
 
 TORQUE_BEFORE, TORQUE_HELD, LAST_OUTPUT, CREDIT = range(4)
 LAST, SETTLED, IN_A_ROW, PHASE, WAIT, CHECKS, SINCE, COUNTS = range(8)
@@ -162,8 +162,7 @@ def run_hypotheses(
         Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST]),
         Roles(mode, moves, learns, tracks),
     )
-    interval = axis[INTERVAL, 0]
-    nominal_K = P.K[n : 2 * n]
+    shortest = int(axis[SHORTEST, 0])
     gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     # fmt: off
     for k in range(start, block.t.size):
@@ -182,10 +181,11 @@ def run_hypotheses(
                                 before, late, acting)
                 hold_friction(lanes, T.friction, T.kind, P.u_scale, P.V0, late, before, over, x, acting, None,
                               middle)
-            if abs(h[0] - interval) <= _SAME_S:
-                propagate_nominal(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
-                                  numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
-                K_now = nominal_K
+            usual = t[0] - integers[LAST, 0] - shortest
+            if 0 <= usual < USUAL:
+                propagate_usual(n, m, usual, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
+                                numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
+                K_now = P.usual_K[usual * n : (usual + 1) * n]
             else:
                 propagate_interval(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], acting,
                                    x, over, K)

@@ -19,8 +19,10 @@ DELAY, TORQUE_SCALE, TORQUE_OFFSET, SCALE, OFFSET, FROZEN, STILL, PRECISION, LEV
 """Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +
 offset; 1: the output repeats itself; 1: holds only while the measured torque does; 1 / lam_i; 1/2 log(lam_0 / lam_i) -
 allowance; h."""
-INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER = range(7)
-"""Rows of ``axis``."""
+INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, SHORTEST = range(8)
+"""Rows of ``axis``; SHORTEST: of the usual intervals, us."""
+USUAL = 3
+"""Intervals that are discretised in advance, a microsecond apart."""
 FARTHEST = 1e9
 """Standard deviations: a predictor of an axis that another predicts diverges, if it is off by more."""
 
@@ -33,31 +35,32 @@ class Predictors(NamedTuple):
     K: Floats  # (GAINS n, H) filter gain after 0, 1, 2 .. intervals, over the scale of the output
     rest: Floats  # (n, H)
     u_scale: Floats  # (m, H)
-    move: Floats  # (n n, H) Ad over the nominal interval
-    taps: Floats  # (3 n, H) what a torque of 1 adds over it: the one before, the held one, the one at its end
-    constant: Floats  # (n, H) what is added always
-    acts: Floats  # (n m, H) Bd of the inputs that depend on the motion
+    usual_K: Floats  # (USUAL n, H) filter gain after each of the usual intervals, as the four below
+    move: Floats  # (USUAL n n, H) Ad
+    taps: Floats  # (USUAL 3 n, H) what a torque of 1 adds: the one before, the held one, the one at the interval's end
+    constant: Floats  # (USUAL n, H) what is added always
+    acts: Floats  # (USUAL n m, H) Bd of the inputs that depend on the motion
     moving: NDArray[np.int64]  # (..,) which of these, and of the weight, act
     own: Floats  # (10, H)
-    axis: Floats  # (7, 1)
+    axis: Floats  # (8, 1)
 
 
 @kernel
-def propagate_nominal(
-    n: int, m: int, move: Floats, taps: Floats, constant: Floats, acts: Floats, moving: Ints,
+def propagate_usual(
+    n: int, m: int, usual: int, move: Floats, taps: Floats, constant: Floats, acts: Floats, moving: Ints,
     before: float, held: float, now: float, u: Floats, x: Floats, new: Floats,
 ) -> None:  # fmt: skip
-    """x = Ad x + Bd u over the nominal interval; all flat, H numbers a row; ``new`` is scratch."""
-    H = x.size // n
+    """x = Ad x + Bd u over this one of the usual intervals; all flat, H numbers a row; ``new`` is scratch."""
+    H, to, tap = x.size // n, usual * n, usual * 3 * n  # the first rows of this interval
     for a in range(0, H, EIGHT):
         for r in range(n):
-            total = load8(constant, r * H + a) + load8(taps, (n + r) * H + a) * spread8(held)
-            total = total + load8(taps, r * H + a) * spread8(before)
-            total = total + load8(taps, (2 * n + r) * H + a) * spread8(now)
+            total = load8(constant, (to + r) * H + a) + load8(taps, (tap + n + r) * H + a) * spread8(held)
+            total = total + load8(taps, (tap + r) * H + a) * spread8(before)
+            total = total + load8(taps, (tap + 2 * n + r) * H + a) * spread8(now)
             for c in range(n):
-                total = total + load8(move, (r * n + c) * H + a) * load8(x, c * H + a)
+                total = total + load8(move, ((to + r) * n + c) * H + a) * load8(x, c * H + a)
             for q in range(moving.size):
-                total = total + load8(acts, (r * m + moving[q]) * H + a) * load8(u, moving[q] * H + a)
+                total = total + load8(acts, ((to + r) * m + moving[q]) * H + a) * load8(u, moving[q] * H + a)
             store(new, r * H + a, total)
     for e in range(x.size):
         x[e] = new[e]
@@ -129,7 +132,7 @@ def propagate_interval(
     lanes: Any, T: Tables, P: Predictors, h: float, torque_before: float, torque_held: float, torque_now: float,
     u: Floats, x: Floats, over: Floats, K: Floats,
 ) -> None:  # fmt: skip
-    """Propagate X over an interval h that is not nominal, in parts.
+    """Propagate X over an interval h that is not usual, in parts.
 
     K (n, H) is the gain after it; ``over`` (H,) is the interval of a mean speed.
     """

@@ -43,7 +43,7 @@ def lanes_of(
     s = settings
     axis = [
         s.interval_s, s.lam, s.lam0, round(s.max_gap_s * 1e6), round(s.settle_s * 1e6), round(s.lost_s * 1e6),
-        s.outlier_limit,
+        s.outlier_limit, _usual_us(s.interval_s)[0],
     ]  # fmt: skip
     return assembly.tables, Predictors(
         **{name: np.ascontiguousarray(values) for name, values in table.items()},
@@ -79,7 +79,25 @@ def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothe
     ]  # fmt: skip
     found = {name: numbers[name] for name in ("weight", "rest", "u_scale")}
     found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}
-    return found | _interval(changed, hypothesis, s.interval_s, delay)
+    usual = [
+        {"usual_K": _gain_after(gains, us / 1e6 / s.interval_s)}
+        | _interval(changed, hypothesis, us / 1e6, delay)
+        for us in _usual_us(s.interval_s)
+    ]
+    return found | {name: np.concatenate([interval[name] for interval in usual]) for name in usual[0]}
+
+
+def _usual_us(interval_s: float) -> range:
+    """The intervals that are discretised in advance: those that times in whole microseconds have."""
+    middle = round(interval_s * 1e6)
+    return range(middle - 1, middle - 1 + predictors.USUAL)
+
+
+def _gain_after(gains: Floats, intervals: float) -> Floats:
+    """The gain (n,) after a time in nominal intervals, as ``kernel.sample_interval.interval_gain``."""
+    k = min(int(intervals), GAINS - 2)
+    before, after = gains[k : k + 2]
+    return np.asarray(before + min(intervals - k, 1.0) * (after - before))
 
 
 def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:
@@ -93,7 +111,7 @@ def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:
 
 
 def _interval(model: AxisModel, hypothesis: Hypothesis, interval_s: float, delay: float) -> dict[str, Floats]:
-    """The nominal interval in parts: under the previous torque up to the delay, and under the next if it is early."""
+    """An interval in parts: under the previous torque up to the delay, and under the next if it is early."""
     A, B, _ = model.matrices()
     d = model.balance()
     A, B, kinds = A / d[:, np.newaxis] * d, B / d[:, np.newaxis], np.array(model.drive.inputs)
@@ -118,7 +136,7 @@ def _held(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats]:
 def _moving(model: AxisModel, acts: Floats) -> Ints:
     """Which inputs depend on motion or pose and act, under any hypothesis."""
     kinds = model.drive.inputs
-    of_input = np.abs(acts.reshape(len(model.drive.states), len(kinds), -1)).max(axis=(0, 2))
+    of_input = np.abs(acts.reshape(-1, len(kinds), acts.shape[1])).max(axis=(0, 2))
     return np.array(
         [c for c, kind in enumerate(kinds) if kind in (*OF_MOTION, WEIGHT) and of_input[c]], dtype=np.int64
     )
