@@ -18,7 +18,6 @@ from monitor_core.identification.predictor.held_drive import Linear, Structure, 
 from monitor_core.identification.predictor.noise import Levels, gain
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from tests.core.chains import chain, values
 
 FREE = ("Jm", "1/Ja", "kg", "da", "r", "fc")
 VALUES = {**REFERENCE_VALUES, "fc": 0.0, "tau0": -0.1}
@@ -120,14 +119,6 @@ def test_a_delay_beyond_the_interval_ends_with_it() -> None:
     assert (dX[1, -1] != 0).any()
 
 
-def test_a_chain_of_five_masses_with_gravity() -> None:
-    linear = at(chain(5, "angle"), ("J1", "k1", "gc"), values(5))
-    X, _ = hold(linear, np.array([0.004]))
-    np.testing.assert_allclose(
-        X[0], np.hstack(zero_order_hold(linear.A, linear.B, 0.004)), atol=1e-12 * abs(X).max()
-    )
-
-
 # --- K from the noise levels, its derivatives, and the disturbance as a state of the drive ----------------------------
 
 
@@ -187,13 +178,3 @@ def test_derivatives_of_the_gain(output: Output) -> None:
         size = abs(slope).max(initial=1e-300)
         np.testing.assert_allclose(dK[:, i] / size, slope / size, atol=3e-6, rtol=1e-3)
         assert size * value > 1e-6 * abs(K(at)).max()
-
-
-def test_a_drive_that_has_the_disturbance_already() -> None:
-    with pytest.raises(ValueError, match="already has a parameter Td"):
-        three_mass("speed").with_disturbance().with_disturbance()
-
-
-def test_disturbance_noise_needs_its_state() -> None:
-    with pytest.raises(ValueError, match="has no torque disturbance"):
-        filter_gain(AxisModel(three_mass("speed"), REFERENCE_VALUES, ()), H, 0.1, 1.0, 0.1)

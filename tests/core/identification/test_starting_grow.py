@@ -16,11 +16,11 @@ from monitor_core.identification.starting.growing_chains import Modal, Mode, joi
 from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
 from monitor_core.identification.starting.response import measure
 from monitor_core.identification.starting.search import errors
+from monitor_core.identification.starting.starting_fits import best_fit
 from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case
-from tests.shares import soaked
 
 MASSES = {"two": 2, "three": 3, "five": 5}
-SHORT_FIVE = replace(FIVE, seconds=30.0)
+SHORT_TWO, SHORT_FIVE = replace(TWO, seconds=10.0), replace(FIVE, seconds=30.0)
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
@@ -36,13 +36,6 @@ def test_chains_are_the_drawn_drives(name: str, output: Output, seed: int) -> No
         np.testing.assert_allclose(of_chain.matrix(which, values), drawn.matrix(which, same), rtol=1e-14)
     assert of_chain.speed_state == drawn.speed_state
     assert of_chain.inputs == drawn.inputs
-
-
-def test_a_chain_has_a_mass(seed: int) -> None:
-    with pytest.raises(ValueError, match="at least one"):
-        chain(0, "speed")
-    with pytest.raises(ValueError, match="at least one"):
-        grow([TWO.record(seed)], 0)
 
 
 def test_what_a_further_mode_gains_is_what_least_squares_gain(seed: int) -> None:
@@ -61,9 +54,8 @@ def test_what_a_further_mode_gains_is_what_least_squares_gain(seed: int) -> None
     assert before[0] - left[0] == pytest.approx(mode.gain, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("case", "noise"), soaked([(TWO, 1.0), (THREE, 1.0), (SHORT_FIVE, 0.3)], (THREE, 1.0)), ids=list(CASES)
-)
+@pytest.mark.soak
+@pytest.mark.parametrize(("case", "noise"), [(TWO, 1.0), (THREE, 1.0), (SHORT_FIVE, 0.3)], ids=list(CASES))
 def test_as_many_masses_as_there_are(case: Case, noise: float, seed: int) -> None:
     """One of three must, the first as a rule: of 120 that were counted one failed."""
     assert any(is_told(case, noise, seed + k) for k in range(3))
@@ -83,16 +75,19 @@ def is_told(case: Case, noise: float, seed: int) -> bool:
 def growth(seed: int) -> Growth:
     """Of two masses, with a record kept aside, by innovations with Huber's loss."""
     like = replace(TWO.problem(), predictor="innovations", loss="huber", free=("Jm",))
-    return grow([TWO.record(seed)], 3, like=like, friction=["fm"], validation=[TWO.record(seed + 1)])
+    records = [[SHORT_TWO.record(seed + k)] for k in range(2)]
+    return grow(records[0], 3, like=like, friction=["fm"], validation=records[1])
 
 
 def test_settings_and_criteria(growth: Growth, seed: int) -> None:
+    assert growth.recommended == 2
+    assert growth.words[0].startswith("2 masses suffice.")
     model = growth.models[1]
     assert model.estimate.problem.predictor == "innovations"
     assert model.estimate.problem.loss == "huber"
     assert model.estimate.names == ("J1", "J2", "k1", "d1", "fm")
     assert len(model.validation) == 1
-    samples = len(TWO.record(seed))
+    samples = len(SHORT_TWO.record(seed))
     assert 0.9 * samples < model.samples <= samples
     assert model.bic - model.aic == pytest.approx(5 * (np.log(model.samples) - 2))
     lost = model.bic - growth.models[0].bic
@@ -178,13 +173,13 @@ def test_decays_of_light_dampers_are_those_of_the_poles() -> None:
 
 def test_a_search_that_failed_is_no_evidence(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """More masses with larger errors: the shorter chain is among them, so only the search went wrong."""
-    original = mass_count._fitted
+    original = best_fit
 
     def worse(problem: Problem, *rest: Any) -> Estimate:
         found = original(problem, *rest)
         return replace(found, cost=1e4 * found.cost) if len(found.names) > 2 else found
 
-    monkeypatch.setattr(mass_count, "_fitted", worse)
+    monkeypatch.setattr(mass_count, "best_fit", worse)
     result = grow([TWO.record(seed)], 3, friction=("fm",))
     assert (result.recommended, len(result.models)) == (1, 1)
     assert "No chain of 2 masses could be fitted" in result.words[0]

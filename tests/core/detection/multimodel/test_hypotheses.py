@@ -22,7 +22,7 @@ from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, conditioned, seeds
 
-law = settings(deadline=None, max_examples=12)
+law = settings(deadline=None, max_examples=8)
 
 
 def held(model: AxisModel, s: Settings, rec: Experiment) -> Floats:
