@@ -256,7 +256,10 @@ def test_no_drive_is_compiled_anew(seed: int) -> None:
     assert compiled[0] == compiled[1] == compiled[2] != []
 
 
-@pytest.mark.parametrize("name", soaked(BY_NAME, *(BY_NAME.keys() - SLOW)))
+PSI = ("paper", "speed-zero-nominals", "angle-skew", "mean-speed", "angle-joint", "gravity-behind-the-gear")
+
+
+@pytest.mark.parametrize("name", soaked(BY_NAME, *PSI))
 def test_psi_is_the_derivative_of_the_prediction(name: str, seed: int) -> None:
     """theta is pinned by a tiny P(0); the derivative of the whole prediction is taken by the complex step."""
     case = BY_NAME[name]

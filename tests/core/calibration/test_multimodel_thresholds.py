@@ -152,6 +152,7 @@ def test_impossible_model_errors_are_refused(error: tuple[float, ...]) -> None:
         replace(plant_with(0.0).settings, model_error=error).tests(3)
 
 
+@pytest.mark.soak
 def test_alarms_that_are_one_leave_room_for_lower_thresholds(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
