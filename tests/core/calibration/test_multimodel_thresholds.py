@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
 from monitor_core.calibration.fault_trials import Fault, run_trials
 from monitor_core.calibration.multimodel_healthy import PARTS, allowances
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
+from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed
 from monitor_core.detection.multimodel.naming import ChangeDetected
@@ -171,3 +174,34 @@ def test_alarms_that_are_one_leave_room_for_lower_thresholds(
     assert 0.3 < np.median(apart - together) < 3.0
     assert found[0.0].upper == pytest.approx(1 / BUDGET, rel=0.1)
     assert found[-1.0].upper == pytest.approx(1 / BUDGET, rel=0.1)
+
+
+def test_copies_go_on_from_chunk_to_chunk(seed: int) -> None:
+    """What is found in them does not hang on how they are cut: predictors, g and excursions go on."""
+    plant, number = plant_with(0.0, memory=100), 1500
+    chunk = Axes(plant, np.random.default_rng(seed), LANES).take(number)
+    found = []
+    for cuts in ([0, number], [0, 400, 411, 1100, number]):
+        bank = HypothesisBank(plant.model, plant.settings, h=math.inf)
+        heights = ExcursionPeaks(len(bank.hypotheses))
+        copies = watched._Copies(bank, heights, 0, number)
+        for start, stop in pairwise(cuts):
+            rows = slice(start, stop)
+            samples = np.arange(start, stop)
+            origin = samples[:, np.newaxis] * np.arange(1, LANES + 1)
+            copies.run(chunk.t_us[rows, 0], chunk.u[rows], chunk.y[rows], start, samples, origin)
+        found.append(heights)
+    once, pieces = found
+    assert once.samples == pieces.samples > 0.8 * number * LANES
+    np.testing.assert_array_equal(once.largest, pieces.largest)
+    copies_seen = set[int]()
+    for i in range(len(bank.hypotheses)):
+        base, above, (place, origin) = once.highest(i)
+        again = pieces.highest(i)
+        assert base == again[0]
+        np.testing.assert_array_equal(above, again[1])
+        np.testing.assert_array_equal(np.sort(place), np.sort(again[2][0]))
+        assert (origin % np.maximum(place, 1) == 0).all()
+        copies_seen |= set((origin // np.maximum(place, 1)).tolist())
+        np.testing.assert_array_equal(np.sort(origin), np.sort(again[2][1]))
+    assert len(copies_seen) > LANES / 2  # each has innovations of its own
