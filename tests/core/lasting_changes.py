@@ -8,7 +8,7 @@ is 1 s: the estimates scatter by a third of a change of 30 %.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -55,7 +55,8 @@ THRESHOLDS = (
 )
 SPEED_SCALE = 1.0
 """Of the model's Coulomb friction, rad/s; that of the plant is SLIDING_SPEED."""
-WARM_S, HEALTHY_S, BLOCK_S = 7200.0, 120.0, 5.0
+WARM_S, HEALTHY_S, BLOCK_S = 60.0, 120.0, 5.0
+"""It is warm after seconds, which an axis takes an hour for."""
 
 
 @dataclass
@@ -112,10 +113,12 @@ def monitor() -> AxisMonitor:
     )
 
 
-def courses(seed: int, lasting_s: float, repaired_s: float) -> Iterator[Course]:
+def courses(
+    seed: int, lasting_s: float, repaired_s: float, changes: Sequence[tuple[str, float]] = CHANGES
+) -> Iterator[Course]:
     """Each of the changes, lasting for so long, from the same healthy minutes; then repaired for so long."""
     values = truth()
-    for name, factor in CHANGES:
+    for name, factor in changes:
         axis, watched = after_healthy_minutes(seed)
         begin_us = (watched.status().time_us or 0) + round(INTERVAL_S * 1e6)
         course = Course(name, true_size(values, name, factor), begin_us, begin_us + round(lasting_s * 1e6))
@@ -143,7 +146,8 @@ def after_healthy_minutes(seed: int) -> tuple[MismatchPlant, AxisMonitor]:
 
 @lru_cache(1)
 def _healthy_minutes(seed: int) -> tuple[MismatchPlant, AxisMonitor]:
-    plant, healthy = MismatchPlant(truth(), np.random.default_rng(seed)), monitor()
+    at_once = replace(truth(), warming_s=1.0)
+    plant, healthy = MismatchPlant(at_once, np.random.default_rng(seed)), monitor()
     plant.take(WARM_S)
     assert not _update(healthy, plant, HEALTHY_S), "a false alarm"
     return plant, healthy

@@ -191,13 +191,6 @@ def test_friction_needs_the_speed_at_the_sensor() -> None:
     AxisModel(replace(drive, inputs=(TORQUE,), terms=terms), REFERENCE_VALUES, ("kT",))
 
 
-def test_the_order_of_definitions_counts_for_what_a_part_is_in() -> None:
-    assert SPRUNG.merged_from("Jg") == (JOINED,)
-    assert SPRUNG.merged_from("k2") == (IN_SERIES,)
-    assert SPRUNG.merged_from("kT") == ()
-    assert np.isclose(SPRUNG.complete(VALUES)[JOINED], 2.75)
-
-
 def test_a_plant_whose_drawn_parameters_change() -> None:
     def stiff(axis: SimulatedAxis) -> float:
         """Speed after a jerk so short that the spring does not matter: torque over inertia."""

@@ -75,7 +75,7 @@ def test_figure_6_delays_and_g(table: Table) -> None:
 
 def test_P0_settles_where_it_should(seed: int) -> None:
     model = reference_model()
-    P0 = steady_p(model, Settings.paper(INTERVAL_S), range(seed, seed + 400))
+    P0 = steady_p(model, Settings.paper(INTERVAL_S), range(seed, seed + 200))
     relative = np.sqrt(P0) / model.scale
     print(f"sqrt(P0) over nominal: {relative}")
     assert relative == pytest.approx([0.0253, 0.0094, 0.0604], rel=0.08)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from monitor_core.modeling.standard_drives import (
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.shares import soaked
 
 H = 0.005
 
@@ -81,8 +83,9 @@ class Recursion(NamedTuple):
         return np.asarray(self.P @ self.C / self.S)
 
 
-@pytest.mark.parametrize("torque_noise", [0.01, 0.1, 1.0])
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize(
+    ("name", "torque_noise"), soaked(product(DRIVES, (0.01, 0.1, 1.0)), *product(DRIVES, (0.1,)))
+)
 def test_gains_are_those_of_the_covariance_recursion(name: str, torque_noise: float) -> None:
     """In its steady state; and from there without its corrections, where samples are missing.
 

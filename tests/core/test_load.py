@@ -20,6 +20,7 @@ from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.oracle.system import held_over, inputs
+from tests.shares import soaked
 
 VALUES = {**REFERENCE_VALUES, "fc": 0.0, "tau0": -0.2, LOAD: 1.0}
 MODEL = AxisModel(three_mass("speed").with_load("tau0"), VALUES, ("kT", "fm", LOAD))
@@ -68,7 +69,7 @@ def test_the_weight_acts_as_its_constant_torque_does() -> None:
         three_mass("speed").with_load("fm")
 
 
-@pytest.mark.parametrize("load", [0.7, 1.3])
+@pytest.mark.parametrize("load", soaked([0.7, 1.3], 1.3))
 def test_another_load_is_estimated_and_named_by_both_detectors(load: float, seed: int) -> None:
     block = moving(seed, load)
     monitor = AxisMonitor(MODEL, SETTINGS)

@@ -5,7 +5,6 @@ tests/soak/test_mismatch.py has them found for twenty plants and ten hours each.
 """
 
 import numpy as np
-import pytest
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, gains_after
@@ -14,13 +13,9 @@ from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.settings import Settings, Threshold
 from tests.core.mismatch import (
-    COLD,
     FAULTS,
     INTERVAL_S,
     NOMINAL,
-    STEP,
-    TORQUE_RMS,
-    WARMER,
     MismatchPlant,
     R,
     Watch,
@@ -69,17 +64,6 @@ def watch(*follows: Follow) -> Watch:
         outlier_limit=6.0,
     )
     return Watch(model, settings, Conditions(("temperature",), follows))
-
-
-def test_the_plant_is_what_it_says(seed: int) -> None:
-    plant = MismatchPlant(NOMINAL, np.random.default_rng(seed))
-    early = plant.take(120.0)
-    assert early.u.std() == pytest.approx(TORQUE_RMS, rel=0.15)
-    np.testing.assert_allclose(early.y / STEP, np.round(early.y / STEP), atol=1e-6)
-    later = [plant.take(600.0) for _ in range(10)][-1]
-    assert early.temperature[0] == COLD
-    assert later.temperature[-1] == pytest.approx(COLD + WARMER, abs=0.2)
-    assert later.t_us[0] - early.t_us[-1] == pytest.approx(9 * 600e6, abs=1e4)
 
 
 def test_half_an_hour_from_cold_is_quiet_and_faults_are_named(seed: int) -> None:

@@ -11,7 +11,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.monitoring import AxisMonitor, MonitoringOptions, NotTested, recommended_settings
+from monitor_core.monitoring import AxisMonitor, MonitoringOptions, NotTested, Status, recommended_settings
 from monitor_core.monitoring.recommended_settings import SettingsError
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -36,11 +36,13 @@ def test_through_the_life_of_an_axis_and_the_time_for_which_it_is_tested(seed: i
     rec = lively(seed, 900)
     monitor, other = AxisMonitor(MODEL, settings), AxisMonitor(MODEL, settings)
     assert reasons(monitor) == 3 * [NotTested.NO_SAMPLE]
-    seen = list[NotTested | None]()
+    seen, statuses = list[NotTested | None](), [monitor.status().parameters[0].status]
     for k in range(900):
         monitor.update(SampleBlock(*rec).select(slice(k, k + 1)))
         seen += reasons(monitor)[:1]
+        statuses.append(monitor.status().parameters[0].status)
     assert seen == 200 * [NotTested.SETTLING] + 499 * [NotTested.SEEDING] + 201 * [None]
+    assert list(dict.fromkeys(statuses)) == [Status.WAITING, Status.SETTLING, Status.SEEDING, Status.TRACKING]
     assert {p.tested_s for p in monitor.status().parameters} == {200 * H}
     assert monitor.status().untested() == monitor.status().untested_so_far() == {}
     other.update(SampleBlock(*rec))
@@ -67,13 +69,6 @@ def test_standing_still_before_and_after_P0_is_found(seed: int) -> None:
         monitor = AxisMonitor(MODEL, settings)
         monitor.update(SampleBlock(*quiet).select(slice(0, 5000)))
         assert reasons(monitor) == 3 * [NotTested.NOT_OBSERVED]
-
-
-def test_what_the_nominal_values_do_not_determine_is_not_tested_whatever_comes(seed: int) -> None:
-    settings = replace(SUPERVISED, P0=P0, unidentifiable=(("fm", "fc"),))
-    monitor = AxisMonitor(MODEL, settings)
-    monitor.update(SampleBlock(*lively(seed, 1000)))
-    assert monitor.status().untested_so_far() == {NotTested.UNIDENTIFIABLE: NAMES}
 
 
 def test_the_multimodel_detector_needs_no_P0_and_has_its_own_time(seed: int) -> None:

@@ -186,11 +186,3 @@ def test_what_cannot_be_followed_is_refused(
 ) -> None:
     with pytest.raises(error, match=words):
         Operating(MODEL, conditions)
-
-
-def test_conditions_say_whether_there_are_any() -> None:
-    assert not Conditions()
-    assert not Conditions(("temperature",))
-    assert Conditions((), (FRICTION,))
-    assert Conditions((), (), (Gate("mode"),))
-    assert Conditions(min_speed=0.1)

@@ -6,24 +6,19 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.kalman import filter_gain, gains_after
-from monitor_core.excitation import multisine
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation.reference_experiment import (
-    BAND_HZ,
     FAULT_AT,
     NOISE,
-    TORQUE_RMS,
     Experiment,
     experiment,
     experiments,
 )
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from tests.core.cases import H
 from tests.core.figures import settings_of, side_by_side, steady_p
 from tests.core.laws import part
 from tests.core.supervised import SUPERVISED
@@ -78,19 +73,6 @@ def test_outliers_of_the_output_do_no_harm(settings: Settings, seed: int) -> Non
     assert (found.max(axis=1) < 10 * expected.max(axis=1)).all(), "more in a row than are passed over"
 
 
-def test_an_outlier_may_be_the_first_sample(settings: Settings, seed: int) -> None:
-    """The state begins with it, and begins again when the next three agree that it was wrong."""
-    clean = healthy(seed)
-    y = clean.y.copy()
-    y[0] += np.exp(np.random.default_rng(seed).uniform(np.log(20 * NOISE["speed"]), np.log(1e6), AXES))
-    (before, expected), (after, found) = (spread(settings, s) for s in (clean, clean._replace(y=y)))
-    assert (abs(np.median(found / expected, axis=1) - 1) < 0.02).all()
-    assert (found < 3 * expected).all()  # each as large as 45 times, if the state went on from there
-    for what in ("started", "settling"):  # samples are counted as ever
-        k = COUNTERS.index(what)
-        np.testing.assert_array_equal(after.state.counts[k], before.state.counts[k])
-
-
 @pytest.mark.parametrize("huge", [1e300, -1e300, 1e160, -1e30, 1e6])
 def test_an_absurd_output_is_an_outlier_and_changes_no_estimate(huge: float, seed: int) -> None:
     """Watched as the daemon does by default."""
@@ -133,35 +115,6 @@ def test_a_lasting_change_is_no_outlier(settings: Settings, seed: int) -> None:
     assert counted(bank) <= AXES * (3 + 0.02 * len(noise))
     assert bank.state.lam0_running.mean() == pytest.approx(np.nanmean(trace.eps[-1000:] ** 2), rel=0.25)
     assert bank.state.lam0_running.mean() > 20 * lam0
-
-
-def errors_after_a_push(
-    gain: tuple[float, ...], after: tuple[tuple[float, ...], ...], lam0: float, seed: int
-) -> float:
-    """Sum of the innovations, in standard deviations, after 25 ms of a torque that is not measured."""
-    model, rng, N = reference_model("angle"), np.random.default_rng(seed), 3000
-    u, push = multisine(rng, N, H, BAND_HZ, TORQUE_RMS), np.zeros(N)
-    push[2800:2805] = 6.0
-    acting = u + push + TORQUE_NOISE * rng.standard_normal(N)
-    y, _ = simulate_linear(model.drive, REFERENCE_VALUES, acting[:, np.newaxis], H)
-    y = y[:, 0] + ANGLE_NOISE * rng.standard_normal(N)
-    s = Settings.paper(H, lam0=lam0, K=gain, K_after=after, outlier_limit=WIDTH)
-    _, trace = AxisMonitor(model, s).update_traced(SampleBlock(np.arange(N) * round(H * 1e6), u, y))
-    assert np.isnan(trace.eps[2801:2804]).all()
-    return float(np.nansum(np.abs(trace.eps[2806:2830])) / np.sqrt(lam0))
-
-
-def test_a_state_that_went_on_alone_is_corrected_by_the_gain_for_that(seed: int) -> None:
-    """With that of one interval it swings from sample to sample, and theta learns from that: of 60 seeds five times
-    as much, 4.3 at least."""
-    model = reference_model("angle")
-    noises = model, H, TORQUE_NOISE, ANGLE_NOISE
-    K, lam0 = filter_gain(*noises)
-    with_it, without = (
-        errors_after_a_push(tuple(K), after, lam0, seed) for after in (gains_after(*noises), ())
-    )
-    print(f"{with_it:.0f} and {without:.0f}")
-    assert with_it < 0.4 * without
 
 
 def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:

@@ -16,12 +16,11 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Ex
 from monitor_core.kernel.state import NEVER
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import reference_model
-from monitor_core.monitoring import AxisMonitor, Status
+from monitor_core.monitoring import AxisMonitor, NotTested, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 from tests.core.cases import BY_NAME, CASES, Case, record
-from tests.core.laws import fates, restored
-from tests.core.naming import alarm_versions
+from tests.core.laws import restored
 
 SPEED = reference_model()
 
@@ -78,30 +77,6 @@ def test_an_angle_far_from_zero_is_no_trouble(seed: int) -> None:
     run(far, rec._replace(y=rec.y + 2.0**12), 0)
     difference = far.batch.state.theta / near.batch.state.theta - 1
     assert abs(difference).max() < 1e-8
-
-
-def test_status_of_an_axis_through_its_life() -> None:
-    monitor = AxisMonitor(SPEED, Settings.paper(0.005, lam=0.95, settle_s=0.5))
-    seen = [monitor.status().parameters[0].status]
-    rec = experiment(3, samples=400)
-    for k in range(400):
-        run(monitor, rec, k, k + 1)
-        status = monitor.status().parameters[0].status
-        if status is not seen[-1]:
-            seen.append(status)
-    assert seen == [Status.WAITING, Status.SETTLING, Status.SEEDING, Status.TRACKING]
-    # 100 samples settle, of which the first only starts the predictor; ten memory lengths of 20 find P(0).
-    assert fates(monitor) == {"started": 1, "settling": 99, "seeding": 200, "used": 100}
-
-
-def test_theta_is_held_by_its_bounds_and_it_is_counted(seed: int) -> None:
-    model = replace(SPEED, bounds={"kT": (0.9, 1.05)})
-    settings = Settings.paper(0.005, P0=tuple((0.1 * model.scale) ** 2), alpha2=1e9)
-    monitor = AxisMonitor(model, settings)
-    _, trace = monitor.update_traced(SampleBlock(*experiment(seed, {"kT": 1.3})))
-    assert trace.theta[:, 0].max() == 1.05
-    assert trace.theta[-100:, 0].min() > 1.0
-    assert monitor.status().counters["projected"] > 50
 
 
 def unstable(settle_s: float) -> AxisMonitor:
@@ -211,6 +186,8 @@ def test_nominal_values_that_a_record_could_not_tell_apart_are_not_tested(seed: 
     assert identifiable.update(SampleBlock(*rec))
     assert unidentifiable.update(SampleBlock(*rec)) == []
     assert not unidentifiable.batch.state.g.any()
+    names = unidentifiable.model.monitored
+    assert unidentifiable.status().untested_so_far() == {NotTested.UNIDENTIFIABLE: names}
     np.testing.assert_array_equal(unidentifiable.batch.state.theta, identifiable.batch.state.theta)
     assert unidentifiable.status().confounded == (
         "fm and fc cannot be distinguished by the record of their nominal values: nothing is tested. Identify the axis"
@@ -243,17 +220,3 @@ def test_numbers_of_a_parameter(own: tuple[Threshold, ...], seed: int) -> None:
         assert p.h == pytest.approx(threshold.alpha2 * size)
         assert (p.g_up, p.g_down) == tuple(st.g[:, i, 0])
     assert monitor.status().time_us == 399 * 5000
-
-
-def test_an_alarm_tells_its_size_with_standard_deviation(seed: int) -> None:
-    """Neither is known before its name; then both are, and the size is what was injected."""
-    case = BY_NAME["paper"]
-    monitor = AxisMonitor(case.model, case.settings(alpha1=0.5, alpha2=0.5))
-    rec = record(seed, case, 4000, true={**case.values, "kT": 1.3})
-    episodes, _ = alarm_versions(monitor, SampleBlock(*rec))
-    assert {e.size is None for e in episodes if e.stage == "changed"} == {True}
-    named = [e for e in episodes if e.stage == "named"]
-    assert all(e.size is not None and e.size_sd is not None and e.size_sd > 0 for e in named)
-    (last,) = monitor.open_alarms
-    assert last.parameter == "kT"
-    assert last.size == pytest.approx(0.3, abs=4 * (last.size_sd or 0.0))

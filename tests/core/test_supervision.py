@@ -17,6 +17,7 @@ from monitor_core.settings import Settings
 from tests.core.figures import side_by_side, steady_p
 from tests.core.laws import part
 from tests.core.supervised import FLOOR, MODEL, SUPERVISED, TORQUE_NOISE, H, lively_then_still, moved
+from tests.shares import soaked
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def settings() -> Settings:
 PAUSES = ("still", "constant speed", "a sine", "hardly moving")
 LIVELY, PAUSE, AGAIN, FAULT = 2000, 12_000, 2600, 600
 """Samples: lively, the pause, lively again with a fault after some."""
-AXES = 64
+AXES = 32
 
 
 def torque_of(kind: str, rng: np.random.Generator) -> Floats:
@@ -70,14 +71,14 @@ def without_a_pause(settings: Settings, seed: int) -> float:
     return delay(*through_a_pause(None, seed, AXES, run_on, {"kT": 1.2}), run_on)
 
 
-@pytest.mark.parametrize("kind", PAUSES)
+@pytest.mark.parametrize("kind", soaked(PAUSES, "still", "constant speed"))
 def test_a_pause_raises_nothing_and_the_first_fault_after_it_is_found_as_fast(
     kind: str, settings: Settings, without_a_pause: float, seed: int
 ) -> None:
     run_on = replace(settings, run_on=True)
     trace, at = through_a_pause(kind, seed, AXES, run_on, {"kT": 1.2})
     assert bounded(trace, settings)
-    assert alarms_before(trace, at, settings) <= 2  # of 64; of 2400 that were counted one, in a sine
+    assert alarms_before(trace, at, settings) <= 1  # of 32; of 2400 that were counted one, in a sine
     assert delay(trace, at, run_on) < 1.2 * without_a_pause
 
 
@@ -92,14 +93,6 @@ def bounded(trace: Trace, settings: Settings) -> bool:
 def alarms_before(trace: Trace, at: int, settings: Settings) -> int:
     """Axes with an alarm before sample ``at``."""
     return int((trace.g[:at] > (settings.alpha2 * MODEL.scale)[:, np.newaxis]).any(axis=(0, 1, 2)).sum())
-
-
-def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) -> None:
-    """What the tests above hold of would not hold by itself."""
-    bare = replace(settings, information_floor=0.0, min_excitation=0.0, run_on=True)
-    trace, at = through_a_pause("constant speed", seed, 8, bare, {"kT": 1.2})
-    assert (trace.P[:at].max(axis=(0, 2)) > 1000 * np.array(settings.P0)).any()
-    assert (trace.g[:at].max(axis=(0, 1, 3)) > settings.alpha2 * MODEL.scale).any()
 
 
 @pytest.mark.parametrize("floor", [0.0, FLOOR])

@@ -68,11 +68,6 @@ def test_estimates_are_without_bias(record: tuple[Floats, Floats]) -> None:
     assert (abs(deviations(AVERAGED, *record)) < [0.5, 0.25, 1.9]).all()
 
 
-def test_read_as_the_speed_at_the_sample_they_are_off(record: tuple[Floats, Floats]) -> None:
-    """Half an interval late: as much as the design says, -5, -2 and -9 %."""
-    assert (abs(deviations(three_mass("speed"), *record) - [-5, -2, -9]) < [0.8, 0.5, 2.2]).all()
-
-
 @pytest.mark.parametrize("delay_s", [0.0, 0.002, 0.005])
 def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, seed: int) -> None:
     """No noise, the right theta and the torque held while samples are lost: the prediction is exact."""
@@ -91,13 +86,6 @@ def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, s
     _, since_last = AxisMonitor(model, replace(settings, interval_s=0.5)).update_traced(block)
     # it is not the mean since the last sample
     assert np.nanmax(np.abs(since_last.eps)) > 0.01 * np.abs(y).max()
-
-
-def test_it_is_that_of_a_speed() -> None:
-    with pytest.raises(ValueError, match="has the angle as output: its mean is that of a speed"):
-        three_mass("angle").with_mean_speed()
-    with pytest.raises(ValueError, match="has the mean speed as output"):
-        AVERAGED.with_mean_speed()
 
 
 def test_disturbance_and_mean_go_together() -> None:
@@ -155,9 +143,3 @@ def test_a_skew_is_named_and_measured(steps: int, seed: int) -> None:
     estimates = bank.state.theta[2]
     within = 0.1 if steps > 0 else 0.4  # early: first order
     assert np.mean(estimates) == pytest.approx(steps * H / FINE, rel=within)
-
-
-def test_unseen_it_would_be_an_inertia(seed: int) -> None:
-    """2.5 ms read as seven percent of the motor's inertia."""
-    bank, _ = watched(("1/Jm", "fm"), *skewed(seed, 5))
-    assert np.mean(bank.state.theta[0]) / bank.models[0].theta0[0] < 0.96

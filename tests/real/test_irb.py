@@ -142,7 +142,7 @@ BUDGET_S = 600.0
 @pytest.fixture(scope="module")
 def found(irb_path: Path) -> Calibration:
     config = configuration()
-    wishes = CalibrationOptions(BUDGET_S, WITHIN_S, (0.3,), 2, copies=500_000, bank_copies=100_000)
+    wishes = CalibrationOptions(BUDGET_S, WITHIN_S, (0.3,), 2, copies=300_000, bank_copies=60_000)
     return calibrate_axis(config, config.axes[0], [str(irb_path)], wishes, Provenance("", "", ""))
 
 

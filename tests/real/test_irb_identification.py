@@ -91,6 +91,7 @@ def test_one_step_ahead(record: Record, simulation: Estimate) -> None:
     assert found.fit_simulation[0] <= simulation.fit_simulation[0]
 
 
+@pytest.mark.soak
 def test_values_in_innovations_form_are_physical_and_as_good_as_by_output_error(record: Record) -> None:
     """By ``identify``, from values with which a search alone ends at dampers below zero; half against half."""
     model, _ = model_and_settings()

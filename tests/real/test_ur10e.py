@@ -42,6 +42,7 @@ from service.config.drives import axis_model
 from service.ingest.identification_records import Loaded
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
+from tests.shares import soaked
 
 pytestmark = [pytest.mark.records, pytest.mark.usefixtures("without_pictures")]
 
@@ -65,7 +66,7 @@ def read(records_dir: Path, name: str, folder: Path, joint: int) -> Loaded:
     )
 
 
-@pytest.fixture(scope="module", params=JOINTS, ids=lambda joint: f"joint {joint}")
+@pytest.fixture(scope="module", params=soaked(JOINTS, 2), ids=lambda joint: f"joint {joint}")
 def halves(
     records_dir: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
 ) -> tuple[Estimate, Estimate]:
@@ -114,7 +115,10 @@ def found(record: Record) -> Estimate:
 
 @pytest.mark.parametrize(
     ("joint", "gravity", "quality"),
-    [(1, False, Quality.GOOD), (2, True, Quality.GOOD), (2, False, Quality.POOR)],
+    soaked(
+        [(1, False, Quality.GOOD), (2, True, Quality.GOOD), (2, False, Quality.POOR)],
+        (2, False, Quality.POOR),
+    ),
 )
 def test_a_weight_that_the_drive_lacks_is_named_and_refused(
     joint: int, gravity: bool, quality: Quality, records_dir: Path, tmp_path: Path
@@ -238,43 +242,6 @@ def test_no_row_of_a_sound_file_is_refused(name: str, records_dir: Path, tmp_pat
         assert not sum(read(records_dir, f"{name}.csv", tmp_path, joint).source.dropped.values())
 
 
-def with_a_broken_row(at: int, records_dir: Path, tmp_path: Path) -> dict[str, int]:
-    """Rows that are dropped of a sound file with one broken row, by reason."""
-    lines = (records_dir / "ur10e" / "ur-20_01_22-joint_2.csv").read_text().splitlines(keepends=True)
-    cells = lines[at].split(",")
-    lines[at] = ",".join([*cells[:-1], "1e99\n"])
-    (tmp_path / "ur10e").mkdir(exist_ok=True)
-    (tmp_path / "ur10e" / "a.csv").write_text("".join(lines))
-    dropped = read(tmp_path, "a.csv", tmp_path, 2).source.dropped
-    return {reason: count for reason, count in dropped.items() if count}
-
-
-CONTACT = range(5772, 5788)
-"""Rows of that file about its only hard contact: 23 of 30 columns step three times as far there as anywhere else."""
-
-
-def test_rows_beside_a_broken_one_are_not_refused_for_that(
-    records_dir: Path, tmp_path: Path, seed: int
-) -> None:
-    """One broken row at a random place of a sound file costs that row only."""
-    places = np.setdiff1d(np.arange(1, 6029), CONTACT)
-    for at in np.random.default_rng(seed).choice(places, 5, replace=False).tolist():
-        dropped = with_a_broken_row(at, records_dir, tmp_path)
-        assert dropped in ({"absurd": 1}, {"absurd": 1, "missing": 1}), at
-
-
-@pytest.mark.parametrize("at", [CONTACT[0], 5780, CONTACT[-1]])
-def test_a_contact_beside_a_broken_row_is_taken_for_its_damage(
-    at: int, records_dir: Path, tmp_path: Path
-) -> None:
-    """Nothing else in the file says that axes can move so: up to nine rows are lost, and counted."""
-    dropped = with_a_broken_row(at, records_dir, tmp_path)
-    missing = dropped.pop("missing", 0)
-    assert dropped == {"absurd": 1, "torn": dropped["torn"]}
-    assert dropped["torn"] <= 9
-    assert missing <= 1 + dropped["torn"]
-
-
 @pytest.fixture(scope="module")
 def watched(
     found: Estimate, record: Record, tmp_path_factory: pytest.TempPathFactory
@@ -364,26 +331,3 @@ def test_a_change_of_friction_in_the_second_half_is_named(
     assert record.t[half] < episodes[0].raised_us * 1e-6 < record.t[half] + 15
     assert episodes[-1].size is not None
     assert episodes[-1].size / model.nominal[name] == pytest.approx(change, abs=0.1)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize(("name", "change"), CHANGES)
-def test_a_change_of_friction_at_any_time_is_named(
-    name: str, change: float, watched: tuple[AxisModel, Settings], record: Record
-) -> None:
-    """The joint swings slowly, so that the delay depends on the time by far more than on anything else.
-
-    Medians are 8 to 10.5 s.  With friction of the speed at the beginning of each interval they were 9 to 12 s.
-    """
-    delays = []
-    for part in np.linspace(0.3, 0.68, 20):
-        at = int(part * len(record))
-        u = with_other_friction(record, watched[0], name, change, at)
-        episodes = run(watched, record, u)[0]
-        assert {(e.parameter, e.direction) for e in episodes} == {(name, "up" if change > 0 else "down")}
-        delays.append(episodes[0].raised_us * 1e-6 - record.t[at])
-    print(
-        f"UR10e joint 1: {name} {change:+.0%} after {np.quantile(delays, [0, 0.25, 0.5, 0.75, 1]).round(1)} s"
-    )
-    assert min(delays) > 0
-    assert np.median(delays) < 12

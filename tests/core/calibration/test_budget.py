@@ -27,7 +27,8 @@ LAM = 1 - 1 / MEMORY
 P = 2
 LENGTH, BUDGET, WITHIN = 300, 600, 10.0
 """In memories."""
-CALIBRATIONS = 60
+MANY, FEW = 60, 20
+"""Calibrations in `make soak`, and here."""
 NO_ERROR = np.zeros((2 * P, 2 * P))
 
 
@@ -88,21 +89,21 @@ def truth(colour: float) -> tuple[float, float]:
     return math.sqrt(variance), (1 - a**2) / (1 - a) ** 2
 
 
-@pytest.mark.parametrize("colour", soaked([0.0, 0.6], 0.6))
-def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, seed: int) -> None:
-    """90 of 100 by design; of 60, fewer than 38 come by chance once in a million runs, if it is 85."""
+@pytest.mark.parametrize(("colour", "count"), soaked([(0.0, MANY), (0.6, MANY), (0.6, FEW)], (0.6, FEW)))
+def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, count: int, seed: int) -> None:
+    """90 of 100 by design; so few as are refused come by chance once in a million runs, if it is 85."""
     rng = np.random.default_rng(seed)
     k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
     found = copies(k)
     held, kept = 0, 0
-    for _ in range(CALIBRATIONS):
+    for _ in range(count):
         calibration = calibrated(rng, colour, k, found)
         rate = true_rate(calibration.own, *truth(colour))
         held += calibration.rates.lower <= rate <= calibration.rates.upper
         kept += rate * BUDGET * MEMORY <= 1
-    print(f"colour {colour}: interval holds the truth in {held}, budget kept in {kept} of {CALIBRATIONS}")
-    assert held >= 38
-    assert kept >= 45
+    print(f"colour {colour}: interval holds the truth in {held}, budget kept in {kept} of {count}")
+    assert held >= {MANY: 38, FEW: 9}[count]
+    assert kept >= 0.75 * count
 
 
 def test_what_the_variance_may_be_has_a_bound_that_holds(seed: int) -> None:

@@ -59,6 +59,7 @@ def test_many_that_are_nothing_make_another_nothing(seed: int) -> None:
     assert something > nothing + 0.5
 
 
+@pytest.mark.soak
 def test_intervals_hold_the_truth(seed: int) -> None:
     """Of 90 %: in 90 of 100 of numbers that are drawn from the prior; of nothing in more, and narrow."""
     rng = np.random.default_rng(seed)

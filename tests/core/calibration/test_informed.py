@@ -9,6 +9,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy_records import Scatter
 from monitor_core.calibration.healthy_statistics import shrink
 from monitor_core.calibration.surrogate_records import Excursions
+from tests.shares import soaked
 
 P = 3
 
@@ -61,7 +62,7 @@ def test_copies_of_another_model_are_not_believed(seed: int) -> None:
     ).all()  # the mean is no part of what it may be off by
 
 
-@pytest.mark.parametrize("own", [0.02, 0.05])
+@pytest.mark.parametrize("own", soaked([0.02, 0.05], 0.05))
 def test_what_copies_are_off_by_themselves_stays(own: float, seed: int) -> None:
     """The record is off by that, too, and by its own: an interval of 90 % holds the truth in 90 of 100, or more."""
     rng = np.random.default_rng(seed)

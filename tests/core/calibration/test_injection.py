@@ -56,9 +56,13 @@ def test_what_can_be_put_in_exactly() -> None:
     assert exact_names(late) == ("fm",)
 
 
-@pytest.mark.parametrize("output", ["angle", "speed"])
+CHANGES = (("kT", 0.2), ("kT", -0.3), ("fm", 0.5), ("fm", -0.5), ("fc", 1.0), ("tau0", -2.0))
+OUTPUTS: tuple[Output, ...] = ("angle", "speed")
+
+
 @pytest.mark.parametrize(
-    ("name", "change"), [("kT", 0.2), ("kT", -0.3), ("fm", 0.5), ("fm", -0.5), ("fc", 1.0), ("tau0", -2.0)]
+    ("output", "name", "change"),
+    [(OUTPUTS[k % 2], *change) for k, change in enumerate(CHANGES)],
 )
 def test_the_faulty_plant_moves_as_the_record_says(
     output: Output, name: str, change: float, seed: int

@@ -17,7 +17,7 @@ def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> No
     plant = plant_with(colour)
     healthy = record(plant, seed, MINUTES_5)
     found = simulate_excursions(
-        plant.model, plant.settings, [healthy], 1.0, np.random.default_rng(seed), 2_000_000
+        plant.model, plant.settings, [healthy], 1.0, np.random.default_rng(seed), 1_000_000
     )
     off = found.mean[FM] / found.sigma[FM] - bias
     own = float(np.hypot(np.sqrt(found.error[FM, FM]), 0.02))  # so many copies have some chance left

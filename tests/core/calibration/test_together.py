@@ -51,7 +51,7 @@ def test_the_share_is_what_is_counted(alike: bool, seed: int) -> None:
     """At thresholds that each hypothesis goes beyond forty times: of one noise it is a half, of their own all."""
     llr = ratios(np.random.default_rng(seed), alike)
     peaks = heights(course(llr)[0])
-    h = np.array([np.sort(peaks._largest[i])[-41] for i in range(len(SIZES))])
+    h = np.array([base + above[40] for base, above, _ in map(peaks.highest, range(len(SIZES)))])
     _, alarms = course(llr, h)
     together = 40 * len(SIZES)
     (share,) = np.exp(log_share(peaks, len(SIZES), float(np.log(together / N)), np.zeros(1)))

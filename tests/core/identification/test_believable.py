@@ -84,9 +84,15 @@ def found(records: list[Record], *, gravity: bool = False, **options: object) ->
     return identify(problem, records, (), IdentificationOptions(**given))  # type: ignore[arg-type]
 
 
+@cache
+def usual(seed: int) -> IdentificationResult:
+    """Of a record without anything special."""
+    return found([record(seed)])
+
+
 @pytest.mark.parametrize("weight", [False, True])
 def test_an_axis_in_a_closed_loop_is_found_from_values_far_off(weight: bool, seed: int) -> None:
-    result = found([record(seed, weight=weight)], gravity=weight)
+    result = found([record(seed, weight=True)], gravity=True) if weight else usual(seed)
     true = {**VALUES, **(WEIGHT if weight else {})}
     e = result.estimate
     assert result.held == {}
@@ -102,7 +108,7 @@ def test_an_axis_in_a_closed_loop_is_found_from_values_far_off(weight: bool, see
 def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A part of it tells only where the fit starts."""
     rec = record(seed)
-    direct = found([rec]).estimate
+    direct = usual(seed).estimate
     monkeypatch.setattr(identification_procedure, "lively_parts", partial(lively_parts, most=len(rec) // 4))
     by_part = found([rec]).estimate
     assert by_part.theta == pytest.approx(direct.theta, rel=1e-3)
@@ -193,10 +199,9 @@ def test_the_shortest_memory_that_shows_small_changes_is_taken(seed: int) -> Non
     shown = {memory: found([rec], memory_s=memory).watched for memory in (0.05, 0.8)}
     few, many = (max(w.change for w in watched) for watched in shown.values())
     assert many < 0.2 < few
-    for memories in ((0.05, 0.8), (0.05, 0.8, 1.0)):
-        chosen = found([rec], memories_s=memories)
-        assert chosen.memory_s == 0.8
-        assert chosen.watched == shown[0.8]
+    chosen = found([rec], memories_s=(0.05, 0.8, 1.0))
+    assert chosen.memory_s == 0.8
+    assert chosen.watched == shown[0.8]
 
 
 @pytest.mark.parametrize(("memories_s", "expected"), [((0.4, 0.8, 2.0), 1.2), ((5.0, 10.0), 5.0)])
@@ -275,7 +280,7 @@ def test_times_in_whole_milliseconds_have_frequency_responses(seed: int) -> None
     rec = record(seed)
     rounded = np.round(0.0106 * np.arange(len(rec)), 3)
     assert np.median(np.diff(rounded)) > 0.0106
-    estimate = found([rec]).estimate
+    estimate = usual(seed).estimate
     bode = bode_of(replace(estimate, interval_s=0.0106), None, [replace(rec, t=rounded)])
     assert bode.black_box is not None
     assert bode.measured is not None

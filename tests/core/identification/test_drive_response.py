@@ -26,20 +26,6 @@ seeds = st.integers(0, 2**32 - 1)
 # --- the type ----------------------------------------------------------------------------------------------
 
 
-def test_gain_and_phase_from_a_gradient() -> None:
-    """A parameter that is a gain moves only that; one that is a delay only the phase."""
-    f, gain, delay = np.linspace(1.0, 40.0, 14), 2.0, 0.03
-    G: Complexes = gain * np.exp(-2j * np.pi * f * delay)
-    dG: Complexes = np.stack([G / gain, -2j * np.pi * f * G], axis=1)
-    response = by_gradient(f, G, dG, root_of(np.diag([0.02**2, 1e-4**2])), "delay")
-    assert response.sd_db == pytest.approx(np.full(14, DECIBEL * 0.01))
-    assert response.sd_phase == pytest.approx(2 * np.pi * f * 1e-4)
-    assert response.db == pytest.approx(np.full(14, 20 * np.log10(2)))
-    assert response.phase == pytest.approx(-2 * np.pi * f * delay)
-    low, high = response.band_db(2.0)
-    assert high - low == pytest.approx(np.full(14, 4 * DECIBEL * 0.01))
-
-
 @law
 @given(seeds, st.integers(1, 6))
 def test_deviations_are_those_of_samples(seed: int, p: int) -> None:

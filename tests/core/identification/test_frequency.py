@@ -25,7 +25,7 @@ from tests.core.identification.systems import (
     times,
 )
 
-law = settings(deadline=None, max_examples=15)
+law = settings(deadline=None, max_examples=8)
 seeds = st.integers(0, 2**32 - 1)
 LOOP = 0.4
 """Feedback of y."""
@@ -59,10 +59,10 @@ def log_errors(response: FrequencyResponse) -> Complexes:
 
 
 def test_deviations_cover(seed: int) -> None:
-    """240 records: 80 % of the errors within 1.28 stated deviations, of the phases 77 +- 0.7 %."""
+    """100 records: 80 % of the errors within 1.28 stated deviations, of the phases 77 +- 1.1 %."""
     rng = np.random.default_rng(seed)
-    errors = np.concatenate([log_errors(by_local(white(rng, 4000, 0.5))) for _ in range(240)])
-    assert errors.size > 5000
+    errors = np.concatenate([log_errors(by_local(white(rng, 4000, 0.5))) for _ in range(100)])
+    assert errors.size > 2000
     for part in (errors.real, errors.imag):
         assert np.mean(abs(part) < 1.2816) == pytest.approx(0.80, abs=0.06)
 
@@ -75,13 +75,13 @@ def test_without_noise_it_is_right(seed: int) -> None:
 
 
 def test_a_sharp_resonance_is_followed(seed: int) -> None:
-    """The bench drive, resonances 1.6 and 5 Hz wide, 40 records of 20 s: errors some 0.62 +- 0.04 those of spectra.
+    """The bench drive, resonances 1.6 and 5 Hz wide, 12 records of 20 s: errors some 0.62 +- 0.07 those of spectra.
 
     The spectra are averaged over segments of 2.5 s by scipy.
     """
     rng, drive = np.random.default_rng(seed), bench_drive()
     errors = []
-    for _ in range(40):
+    for _ in range(12):
         u = rng.normal(size=4000)
         record = Record(times(4000), u, drive.simulate(u) + 0.05 * rng.normal(size=4000), "speed")
         f, Suy = csd(u, record.y, 1 / INTERVAL_S, nperseg=500)

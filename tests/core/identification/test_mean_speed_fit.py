@@ -40,7 +40,7 @@ def measured(seed: int, samples: int, lost: float = 0.0) -> Record:
 @pytest.mark.parametrize("free_delay", [False, True])
 def test_gradients_are_those_of_the_errors(free_delay: bool, seed: int) -> None:
     """A fifth of the samples is lost, friction follows the predicted speed."""
-    record, delay_s = measured(seed, 600, 0.2), 0.002 if free_delay else 0.0
+    record, delay_s = measured(seed, 250, 0.2), 0.002 if free_delay else 0.0
     values = {**REFERENCE_VALUES, "Jm": 0.0065, "fc": 0.05}
     free = ("Jm", "1/ka", "r", "fc")
     problem = Problem(AVERAGED, values, free, disturbance=NOISE, delay_s=delay_s, free_delay=free_delay)
@@ -49,7 +49,7 @@ def test_gradients_are_those_of_the_errors(free_delay: bool, seed: int) -> None:
 
 @pytest.mark.parametrize("delay_s", soaked([0.0, 0.002], 0.002))
 def test_it_is_the_predictor_of_the_monitor(delay_s: float, seed: int) -> None:
-    record = measured(seed, 800, 0.2)
+    record = measured(seed, 250, 0.2)
     values = {**REFERENCE_VALUES, "fc": 0.05}
     problem = Problem(AVERAGED, values, FREE, disturbance=NOISE, delay_s=delay_s, initial="first")
     predictor = Predictor(problem, [record], NOISE)

@@ -6,10 +6,11 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
+from monitor_core.identification.records.lively_parts import lively_parts
 from monitor_core.identification.records.measured_record import Record, between, segments
 from monitor_core.identification.records.uniform_grid import PASS, mean_torque, resample
 from tests.core.identification.record_cases import H, records, same
@@ -119,6 +120,7 @@ def sampled(
 
 
 rngs = st.integers(0, 2**32).map(np.random.default_rng)
+law = settings(deadline=None, max_examples=25)
 
 
 @given(records(), st.floats(1.0, 30.0))
@@ -138,6 +140,7 @@ def test_the_mean_of_one_interval_is_the_torque_held_there(r: Record) -> None:
     assert mean_torque(r, r.t) == pytest.approx(r.u, abs=1e-9)
 
 
+@law
 @given(rngs, st.floats(2.0, 12.0), st.sampled_from([0.0, 0.2]))
 def test_what_is_in_the_band_stays_as_it_is(rng: np.random.Generator, factor: float, jitter: float) -> None:
     """Size and phase: each of the six sines may lose a thousandth."""
@@ -150,6 +153,7 @@ def test_what_is_in_the_band_stays_as_it_is(rng: np.random.Generator, factor: fl
     assert abs(new.signals["s"] - 2 * tones(new.t))[fine].max() < 12e-3 + 2e-3 * (jitter > 0)
 
 
+@law
 @given(rngs, st.integers(2, 12), st.floats(1.0, 0.9 * 500 / 250))
 def test_what_is_above_the_band_does_not_come_back(
     rng: np.random.Generator, factor: int, above: float
@@ -162,6 +166,7 @@ def test_what_is_above_the_band_does_not_come_back(
     assert abs(new.y[new.measured]).max() < 1.5e-3
 
 
+@law
 @given(rngs, st.integers(2, 8))
 def test_missing_samples_stay_missing_and_spoil_no_others(rng: np.random.Generator, factor: int) -> None:
     tones = Tones(rng, 20.0)
@@ -208,3 +213,30 @@ def test_what_cannot_be_resampled() -> None:
         resample(r, 0.0005)
     with pytest.raises(ValueError, match=r"a record of 0.099 s has no two samples 0.1 s apart"):
         resample(r, 0.1)
+
+
+# --- Long records are cut to the stretch with most motion, short ones stay ---
+
+
+def lively_record(count: int, lively_from: int, length: int, name: str) -> Record:
+    """An angle that hardly moves, but for a stretch."""
+    t = np.asarray(0.005 * np.arange(count), np.float64)
+    speed = np.full(count, 0.01)
+    speed[lively_from : lively_from + length] = 1.0
+    return Record(t, np.zeros(count), np.cumsum(speed), "angle", name)
+
+
+@pytest.mark.parametrize("start", [0, 300, 700])
+def test_the_liveliest_stretch_of_a_long_record(start: int) -> None:
+    own = lively_record(1000, start, 300, "long")
+    (part,) = lively_parts([own], 300)
+    assert len(part) == 300
+    assert part.t[0] == pytest.approx(own.t[start], abs=0.006)
+
+
+def test_short_records_stay() -> None:
+    records = [lively_record(n, 0, 10, str(n)) for n in (1000, 100, 600)]
+    parts = lively_parts(records, 900)
+    assert [len(part) for part in parts] == [400, 100, 400]
+    assert parts[1] is records[1]
+    assert [part is own for part, own in zip(lively_parts(records, 1700), records, strict=True)] == [True] * 3

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -30,7 +29,6 @@ from monitor_core.identification.starting.chains import (
     problem_of,
 )
 from monitor_core.identification.starting.response import Response, Target, measure
-from monitor_core.identification.starting.search import Steps
 from monitor_core.identification.starting.starting_fits import from_records
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import (
@@ -130,9 +128,7 @@ def ignored(_: int) -> None:
     """No report of progress."""
 
 
-@pytest.mark.parametrize(
-    ("name", "way"), soaked(product(CASES, ("scratch", "given")), ("two", "scratch"), ("three", "given"))
-)
+@pytest.mark.parametrize(("name", "way"), [("two", "scratch"), ("three", "given")])
 def test_ends_at_the_optimum(name: str, way: Way, seed: int) -> None:
     """The share that must is counted in the soaks; here one of three, the first as a rule.
 
@@ -240,7 +236,8 @@ def irregular(case: Case, seed: int) -> Record:
     return Record(fine * at.astype(np.float64), u, y[at, 0] + 0.3 * rng.standard_normal(at.size), "speed")
 
 
-@pytest.mark.parametrize("way", soaked(["scratch", "given"], "given"))
+@pytest.mark.soak
+@pytest.mark.parametrize("way", ["scratch", "given"])
 def test_irregular_and_lost_samples(way: Way, seed: int) -> None:
     record = irregular(THREE, seed)
     record = record.without(np.random.default_rng(seed).random(len(record)) < 0.002)
@@ -279,7 +276,7 @@ def refused(record: Record, words: str) -> bool:
     return False
 
 
-@pytest.mark.parametrize("way", ["scratch", "given", "grow"])
+@pytest.mark.parametrize("way", soaked(["scratch", "given", "grow"], "given", "grow"))
 def test_progress_grows_from_step_to_step_to_the_end(way: Way | Literal["grow"], seed: int) -> None:
     problem, record, reported = TWO.problem(TWO.wrong(seed)), TWO.record(seed), list[tuple[int, int]]()
     if way == "grow":
@@ -292,18 +289,6 @@ def test_progress_grows_from_step_to_step_to_the_end(way: Way | Literal["grow"],
     assert done[-1] == totals[0]
     assert len(done) > 2
     assert list(done) == sorted(set(done))
-
-
-def test_steps_tell_nothing_twice_and_nothing_beyond() -> None:
-    reported = list[tuple[int, int]]()
-    steps = Steps(lambda *step: reported.append(step), 10)
-    second = steps.part(4, 3)
-    for done in (1, 1, 3, 2):
-        steps.reached(done)
-    for done in (0, 2, 9):
-        second(done)
-    steps.reached(11)
-    assert reported == [(1, 10), (3, 10), (4, 10), (6, 10), (7, 10)]
 
 
 # --- Where records are not those of an open loop with white noise -----------------------------------------------------
@@ -378,6 +363,7 @@ def test_a_single_mass(seed: int) -> None:
     assert fit_from_scratch(problem, [record]).cost <= AT_OPTIMUM * best.cost
 
 
+@pytest.mark.soak
 def test_a_damper_never_drives(seed: int) -> None:
     """Even in a record whose first spring does."""
     values = {**TWO.values, "d": -0.05 * TWO.values["d"], "fm": 0.2}

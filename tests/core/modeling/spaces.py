@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from monitor_core.drive.structure import Output, Quantity
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
+from monitor_core.modeling.drawing.parameter_table import parse
 from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
@@ -23,22 +24,6 @@ INPUTS = {
 Table = Mapping[tuple[int, int], str]
 
 
-def laurent(text: str) -> Laurent:
-    """``"-kg*r/Jm + 2*fm"``: a sum of terms, each a product of names, numbers and powers, divided by names."""
-    total = Laurent()
-    for term in text.replace("- ", "+ -").split("+ "):
-        sign, factors = (-1, term[1:]) if term.startswith("-") else (1, term)
-        above, *below = factors.strip().split("/")
-        product = Laurent.number(sign)
-        for factor, way in [*((f, 1) for f in above.split("*")), *((f, -1) for f in below)]:
-            name, _, power = factor.partition("^")
-            product = product * (Laurent.number(name) if name[0].isdigit() else Laurent.symbol(name)) ** (
-                way * int(power or 1)
-            )
-        total = total + product
-    return total
-
-
 def space(
     A: Mapping[tuple[int, int], Laurent],
     B: Mapping[tuple[int, int], Laurent],
@@ -50,7 +35,7 @@ def space(
 ) -> StateSpace:
     """A state space with the least around it."""
     n = 1 + max([r for r, _ in (*A, *B)] + [c for _, c in (*A, *C)])
-    tied = tuple(Definition(name, laurent(text)) for name, text in (definitions or {}).items())
+    tied = tuple(Definition(name, parse(text)) for name, text in (definitions or {}).items())
     present = sorted(set[str]().union(*(e.names for M in (A, B, C) for e in M.values())))
     drawn = set(present).union(*(d.value.names for d in tied)) - {d.name for d in tied}
     known = units or {}
@@ -85,7 +70,7 @@ def table(
     definitions: Mapping[str, str] | None = None,
 ) -> StateSpace:
     """The same with its entries as text."""
-    A_, B_, C_ = ({place: laurent(text) for place, text in M.items()} for M in (A, B, C))
+    A_, B_, C_ = ({place: parse(text) for place, text in M.items()} for M in (A, B, C))
     return space(A_, B_, C_, inputs=inputs, definitions=definitions)
 
 

@@ -184,18 +184,6 @@ def test_a_torque_that_is_measured() -> None:
     assert part.equations == component("torque").equations
 
 
-@pytest.mark.parametrize("quantity", ["speed", "angle"])
-def test_sensors(quantity: str) -> None:
-    (sensor,) = component(f"{quantity}-sensor").sensors
-    assert (sensor.name, sensor.angle, sensor.quantity) == ("x", "x.flange.phi", quantity)
-
-
-def test_hints_for_the_choice_of_states() -> None:
-    assert [v.name for v in component("inertia").variables if v.prefer] == ["x.phi"]
-    for kind in ("spring", "damper", "spring-damper"):
-        assert [v.name for v in component(kind).variables if v.relative] == ["x.phi_rel"]
-
-
 def test_joined_fragments_share_the_constant() -> None:
     offset, brake = component("torque-offset"), component("coulomb-friction")
     together = join([offset, brake, offset])

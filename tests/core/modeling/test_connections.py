@@ -33,11 +33,6 @@ def coefficients(equation: FlatEquation) -> dict[str, int]:
     return {name: int(c.value({})) for (name, _), c in equation.terms.items()}
 
 
-@given(PAIRS)
-def test_as_many_equations_as_flanges_of_any_drawing(pairs: list[tuple[str, str]]) -> None:
-    assert len(connect(joints(pairs), FLANGES)) == len(FLANGES)
-
-
 @given(PAIRS, st.permutations(FLANGES))
 def test_torques_add_up_to_zero_in_each_group(pairs: list[tuple[str, str]], flanges: list[str]) -> None:
     flows = [c for c in map(coefficients, connect(joints(pairs), flanges)) if "tau" in next(iter(c))]
@@ -63,14 +58,6 @@ def test_the_order_of_drawing_does_not_matter(pairs: list[tuple[str, str]]) -> N
         return {frozenset(joint.ends) for joint in merged(drawn)}
 
     assert sets(joints(pairs)) == sets(joints([(b, a) for a, b in reversed(pairs)]))
-
-
-def test_merged_joints_keep_the_first_name_and_origin() -> None:
-    drawn = joints([("a", "b"), ("c", "d"), ("e", "f"), ("d", "a")])
-    first, second = merged(drawn)
-    assert (first.name, first.origin) == ("n0", Origin("n0"))
-    assert [end.flange for end in first.ends] == ["a", "b", "c", "d"]
-    assert (second.name, [end.flange for end in second.ends]) == ("n2", ["e", "f"])
 
 
 def test_no_torque_acts_on_an_unconnected_flange() -> None:

@@ -7,12 +7,12 @@ import textwrap
 import pytest
 from hypothesis import given, settings
 
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling import drawing as drawing_module
 from monitor_core.modeling.components import KINDS, Kind
 from monitor_core.modeling.drawing import Drawing, from_tables, part
 from monitor_core.modeling.flat import ModelError
-from tests.core.modeling.drawings import TABLES, two_mass
+from tests.core.modeling.drawings import two_mass
 from tests.core.modeling.modelica.transfer import PRIME, responses
 from tests.core.modeling.random_drives import RandomDrive, drives
 
@@ -52,28 +52,6 @@ def test_a_mass_at_one_node_or_between_two_or_twice_at_one_is_the_same() -> None
         flat = Drawing("one", [part("torque", "torque", "a"), mass, spring, part("angle-sensor", "s", last)])
         expected = pow(5 * 9 + 11 * 3 + 7, -1, PRIME)
         assert responses(flat.flat(), values.__getitem__, 3) == {("angle", 0): {TORQUE: expected}}
-
-
-def test_inputs_of_the_motion_and_the_constant() -> None:
-    flat = Drawing(
-        "arm",
-        [
-            part("torque", "torque", "shaft"),
-            part("inertia", "arm", "shaft"),
-            part("coulomb-friction", "brake", "shaft"),
-            part("gravity", "weight", "shaft"),
-            part("torque-offset", "offset", "shaft"),
-            part("torque-offset", "cable", "shaft"),
-            part("speed-sensor", "encoder", "shaft"),
-        ],
-    ).flat()
-    assert [(i.name, i.kind, i.angle) for i in flat.inputs] == [
-        ("torque.tau", TORQUE, ""),
-        ("brake.direction", COULOMB, "brake.flange.phi"),
-        ("weight.cosine", COSINE, "weight.flange.phi"),
-        ("weight.sine", SINE, "weight.flange.phi"),
-        ("1", ONE, ""),
-    ]
 
 
 def test_ground_is_fixed_once() -> None:
@@ -163,11 +141,6 @@ def test_meanings_set_the_order_and_the_words() -> None:
 
 
 # --- from a configuration file ---------------------------------------------------------------------------
-
-
-def test_tables_draw_the_same() -> None:
-    nominal = {"Jm": 0.005, "k": 200.0}
-    assert from_tables("two-mass", TABLES, nominal).flat() == two_mass(**nominal).flat()
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from monitor_core.modeling.statespace import Entries, StateSpace
 from tests.core.modeling.generic_ranks import minimality
 from tests.core.modeling.random_drives import RandomDrive, drives
 
-LAWS = settings(deadline=None, max_examples=50)
+LAWS = settings(deadline=None, max_examples=25)
 
 Matrix = list[list[Fraction]]
 

@@ -17,12 +17,12 @@ from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.identifiability import structural
-from monitor_core.modeling.identifiability.lattice import components, fraction, integers, short_basis
+from monitor_core.modeling.identifiability.lattice import fraction, integers, short_basis
 from monitor_core.modeling.modular import PRIMES, echelon
 from monitor_core.modeling.statespace import Entries, StateSpace
 from tests.core.modeling.spaces import Chain, Table, library_three_mass, table
 
-law = settings(deadline=None, max_examples=50)
+law = settings(deadline=None, max_examples=25)
 seeds = st.integers(0, 2**32 - 1)
 Complex = NDArray[np.complex128]
 
@@ -168,11 +168,6 @@ def test_two_groups_need_one_known_parameter_each(seed: int) -> None:
 def test_a_parameter_that_is_not_there(seed: int) -> None:
     with pytest.raises(ModelError, match=r"no parameter Jx: the drive has Ja, .*, r$"):
         structural(library_three_mass(), ["Jm", "Jx"], seed)
-
-
-def test_nothing_is_free(seed: int) -> None:
-    assert structural(library_three_mass(), [], seed).count == 0
-    assert structural(library_three_mass(), [], seed).words() == ()
 
 
 # --- the count, by another route: the coefficients of the transfer function, floating point, SVD -----------
@@ -323,9 +318,3 @@ def test_short_vectors_span_the_same_space(seed: int, columns: int, rows: int) -
         entries = [vector[j] for j in order if vector[j]]
         assert entries[0] < 0 or min(entries) > 0
         assert len(entries) <= columns - len(basis) + 1
-
-
-def test_components() -> None:
-    basis = np.array([[1, 0, 0, 2, 0, 0], [0, 1, 0, 3, 0, 0], [0, 0, 0, 0, 1, 0]])
-    assert components(basis) == [(0, 1, 3), (2,), (4,), (5,)]
-    assert components(np.zeros((0, 2), dtype=np.int64)) == [(0,), (1,)]

@@ -1,7 +1,6 @@
 """The drives that come with the program: their names, and the paper's three-mass drive entry by entry."""
 
 from collections.abc import Callable
-from typing import Literal
 
 import pytest
 
@@ -9,7 +8,6 @@ from monitor_core.modeling.drawing import Drawing
 from monitor_core.modeling.drawing.parameter_table import parse
 from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Entries
 
 COMMON = ["fm", "fc", "tau0", "kT", "r"]
@@ -90,16 +88,3 @@ def test_the_three_masses_are_the_papers_entry_by_entry() -> None:
     assert dict(ss.A) == printed(A)
     assert dict(ss.B) == printed(B)
     assert dict(ss.C) == printed(SPEED)
-
-
-@pytest.mark.parametrize(("output", "states"), [("speed", 5), ("angle", 6)])
-def test_with_the_angle_an_integrator_of_the_motor_speed_is_added(
-    output: Literal["speed", "angle"], states: int
-) -> None:
-    ss = eliminate(three_mass().flat(), output)
-    assert len(ss.states) == states
-    inner = {place: value for place, value in ss.A.items() if max(place) < 5}
-    assert inner == printed(A)
-    assert {place: value for place, value in ss.A.items() if max(place) >= 5} == (
-        {(5, 2): Laurent.number(1)} if output == "angle" else {}
-    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
-from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.resonances import resonances, resonances_of
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.modeling.spaces import Chain, library_three_mass, table
@@ -175,9 +173,3 @@ def test_a_double_real_pole_does_not_oscillate(seed: int) -> None:
 def test_an_output_that_the_torque_does_not_reach_has_no_zeros() -> None:
     A = np.diag([-1.0, -2.0, -3.0])
     assert resonances(A, np.array([1.0, 0, 0]), np.array([0, 1.0, 1.0])).zeros == ()
-
-
-def test_a_value_is_missing() -> None:
-    ss = replace(library_three_mass(), name="arm")
-    with pytest.raises(ModelError, match="no nominal value for Ja, kT"):
-        resonances_of(ss, {name: v for name, v in REFERENCE_VALUES.items() if name not in ("Ja", "kT")})

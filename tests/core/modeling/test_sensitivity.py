@@ -190,10 +190,10 @@ def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, da
 
 
 def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
-    """One mass with friction: 150 least-squares fits.
+    """One mass with friction: 80 least-squares fits.
 
-    Of 150 normal draws a standard deviation is good to 1/sqrt(300) = 5.8 %, a correlation's inverse tanh to
-    1/sqrt(147) = 0.082; the margin is 5 of those, and for the curvature of the model, which is below 1 %.
+    Of 80 normal draws a standard deviation is good to 1/sqrt(160) = 7.9 %, a correlation's inverse tanh to
+    1/sqrt(77) = 0.114; the margin is 5 of those, and for the curvature of the model, which is below 1 %.
     """
     drive = drive_of(table({(0, 0): "-f/J"}, {(0, 0): "1/J"}, {(0, 0): "1"}))
     values = {"J": 0.5, "f": 0.8}
@@ -207,7 +207,7 @@ def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
         at = {"J": 0.5 * np.exp(theta[0]), "f": 0.8 * np.exp(theta[1])}
         return simulate_linear(drive, at, u[:, None], h)[0][:, 0] - y
 
-    runs = 150
+    runs = 80
     fits = [
         least_squares(error, np.zeros(2), args=(clean + noise * rng.normal(size=len(u)),), method="lm").x
         for _ in range(runs)
@@ -227,13 +227,6 @@ def columns(seed: int, *rows: Sequence[float], N: int = 400) -> Floats:
     return np.asarray(q @ np.array(rows).T)
 
 
-def test_independent_parameters(seed: int) -> None:
-    accuracy = Accuracy(("a", "b"), columns(seed, [10.0, 0], [0, 50.0]), noise=0.2)
-    np.testing.assert_allclose(accuracy.standard_deviations, [0.02, 0.004], rtol=1e-12)
-    np.testing.assert_allclose(accuracy.correlations, np.eye(2), atol=1e-12)
-    assert (*accuracy.words(), *accuracy.pairs(), *accuracy.directions()) == ()
-
-
 def test_a_pair(seed: int) -> None:
     """Columns at an angle: the estimates correlate by minus its cosine."""
     cosine = 0.99
@@ -245,64 +238,68 @@ def test_a_pair(seed: int) -> None:
     assert r == pytest.approx(-0.99)
     sd = 0.05 / np.sqrt(1 - cosine**2)
     np.testing.assert_allclose(accuracy.standard_deviations, [sd, sd, 0.05])
-    assert accuracy.words() == (
-        "kg and ka cannot both be determined from this record: their estimates correlate by -0.99"
-        " (standard deviations 35 % and 35 %).",
-    )
     ((size, parts),) = accuracy.directions()
     assert size == pytest.approx(np.sqrt(1 - cosine))
     assert [name for name, _ in parts] == ["kg", "ka"]
-    assert parts[0][1] == pytest.approx(np.sqrt(0.5))
-    assert parts[1][1] == pytest.approx(-np.sqrt(0.5))
+    assert [value for _, value in parts] == pytest.approx([np.sqrt(0.5), -np.sqrt(0.5)])
     # with little noise both are told, however much the one depends on the other
     assert Accuracy(accuracy.names, accuracy.S, 0.001).words() == ()
 
 
-def test_a_weak_parameter(seed: int) -> None:
-    accuracy = Accuracy(("Jm", "fm"), columns(seed, [5.0, 0], [0, 0.1]), noise=0.12)
-    assert accuracy.words() == ("fm cannot be determined from this record (standard deviation 120 %).",)
-    both = Accuracy(("a", "b", "c"), columns(seed, [5.0, 0, 0], [0, 0.1, 0], [0, 0, 0.05]), noise=0.12)
-    assert both.words() == (
-        "b (120 %) and c (240 %) cannot be determined from this record (standard deviations in brackets).",
-    )
+CANNOT = "cannot all be determined from this record"
+HIDDEN = "does not move the output at all."
+WORDS: dict[str, tuple[list[list[float]], float, set[str]]] = {
+    "a pair": (
+        [[1, 0], [0.99, np.sqrt(1 - 0.99**2)]], 0.05,
+        {"a and b cannot both be determined from this record: their estimates correlate by -0.99"
+         " (standard deviations 35 % and 35 %)."},
+    ),
+    "one that is weak": (
+        [[5, 0], [0, 0.1]], 0.12, {"b cannot be determined from this record (standard deviation 120 %)."},
+    ),
+    "two that are weak": (
+        [[5, 0, 0], [0, 0.1, 0], [0, 0, 0.05]], 0.12,
+        {"b (120 %) and c (240 %) cannot be determined from this record (standard deviations in brackets)."},
+    ),
+    # c is nearly a + b: no two correlate so much, all three do.
+    "the only pair in a group, with its number": (
+        [[1, 0, 0], [0.95, 0.3, 0], [0.3, -0.2, 0.15]], 0.1,
+        {f"a, b and c {CANNOT}: the joint change +a -b -c moves the output by only 11 % of what they would one by one,"
+         " and the estimates of a and b correlate by -0.98."},
+    ),
+    # Two pairs, in each of which one column is a multiple of the other, and a column of zeros.
+    "hidden directions, named apart": (
+        [[1, 0, 0], [-2, 0, 0], [0, 1, 0], [0, 0.5, 0], [0, 0, 1], [0, 0, 0]], 0.01,
+        {f"a and b cannot both be determined from this record: the joint change +a +b {HIDDEN}",
+         f"c and d cannot both be determined from this record: the joint change +c -d {HIDDEN}",
+         "f does not show in this record at all."},
+    ),
+}  # fmt: skip
 
 
-def test_a_group_of_three(seed: int) -> None:
-    """c is nearly a + b: no two correlate so much, all three do."""
-    accuracy = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0, 1, 0], [0.7, 0.7, 0.01]), 0.01)
-    ((size, parts),) = accuracy.directions()
-    assert [(name, value > 0) for name, value in parts] == [("a", True), ("b", True), ("c", False)]
-    assert size < 0.01
-    (*_, last) = accuracy.words()
-    assert last == (
-        "a, b and c cannot all be determined from this record: the joint change +a +b -c moves the output by only "
-        "0.71 % of what they would one by one."
-    )
+@pytest.mark.parametrize("what", WORDS)
+def test_words(what: str, seed: int) -> None:
+    rows, noise, expected = WORDS[what]
+    accuracy = Accuracy(tuple("abcdef"[: len(rows)]), columns(seed, *rows), noise)
+    assert set(accuracy.words()) == expected
+    if what.startswith("hidden"):
+        np.testing.assert_array_equal(accuracy.standard_deviations[[0, 1, 2, 3, 5]], np.inf)
+        assert accuracy.standard_deviations[4] == pytest.approx(0.01)
+        assert accuracy.pairs() == ()
 
 
-def test_pairs_that_a_group_explains_are_not_said_twice(seed: int) -> None:
-    """Estimates of the three correlate by +-1 now, which the group says."""
+def test_a_group_of_three_and_pairs_that_it_explains_are_not_said_twice(seed: int) -> None:
+    """Estimates of the three correlate by +-1, which the group says."""
     S = columns(
         seed, [1, 0, 0, 0, 0], [0, 1, 0, 0, 0], [0.7, 0.7, 0.01, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 0.01]
     )
     accuracy = Accuracy(("a", "b", "c", "d", "e"), S, 0.002)
-    assert {(first, second) for first, second, _ in accuracy.pairs()} == {
-        ("a", "b"),
-        ("a", "c"),
-        ("b", "c"),
-        ("d", "e"),
-    }
+    pairs = {(first, second) for first, second, _ in accuracy.pairs()}
+    assert pairs == {("a", "b"), ("a", "c"), ("b", "c"), ("d", "e")}
     pair, group = accuracy.words()
     assert pair.startswith("d and e cannot both be determined")
-    assert group.startswith("a, b and c cannot all be determined")
-
-
-def test_the_only_pair_in_a_group_is_told_with_its_number(seed: int) -> None:
-    accuracy = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0.95, 0.3, 0], [0.3, -0.2, 0.15]), 0.1)
-    assert [pair[:2] for pair in accuracy.pairs()] == [("a", "b")]
-    assert accuracy.words() == (
-        "a, b and c cannot all be determined from this record: the joint change +a -b -c moves the output by only "
-        "11 % of what they would one by one, and the estimates of a and b correlate by -0.98.",
+    assert group == (
+        f"a, b and c {CANNOT}: the joint change +a +b -c moves the output by only 0.71 % of what they would one by one."
     )
 
 
@@ -314,32 +311,7 @@ def test_a_group_that_says_nothing_new_is_left_out(seed: int) -> None:
     )
     assert [len(d.names) for d in accuracy.directions()] == [5, 3, 3, 2]
     (group,) = [text for text in accuracy.words() if "joint change" in text]
-    assert group.startswith("a, b, c, d and e cannot all be determined")
-
-
-def test_hidden_directions_are_named_apart(seed: int) -> None:
-    """Two pairs, in each of which one column is a multiple of the other, and a column of zeros."""
-    S = columns(seed, [1, 0, 0], [-2, 0, 0], [0, 1, 0], [0, 0.5, 0], [0, 0, 1], [0, 0, 0])
-    accuracy = Accuracy(("a", "b", "c", "d", "e", "f"), S, 0.01)
-    np.testing.assert_array_equal(accuracy.standard_deviations[[0, 1, 2, 3, 5]], np.inf)
-    assert accuracy.standard_deviations[4] == pytest.approx(0.01)
-    assert set(accuracy.words()) == {
-        "a and b cannot both be determined from this record: the joint change +a +b does not move the output at all.",
-        "c and d cannot both be determined from this record: the joint change +c -d does not move the output at all.",
-        "f does not show in this record at all.",
-    }
-    assert accuracy.pairs() == ()
-
-
-def test_fewer_samples_than_parameters() -> None:
-    accuracy = Accuracy(("a", "b", "c"), np.array([[1.0, 2.0, 0.5]]))
-    assert len(accuracy.hidden) == 2
-    assert np.all(accuracy.standard_deviations == np.inf)
-
-
-def test_no_parameters() -> None:
-    accuracy = Accuracy((), np.zeros((5, 0)))
-    assert (*accuracy.words(), *accuracy.pairs(), *accuracy.directions()) == ()
+    assert group.startswith(f"a, b, c, d and e {CANNOT}")
 
 
 @pytest.mark.parametrize(

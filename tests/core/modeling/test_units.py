@@ -186,9 +186,5 @@ def test_a_root_without_a_unit_stays_unknown() -> None:
     assert infer([use("x^2", "kg m^2", MOTOR), use("l^2", "m^2", "x of y")]) == {"x": "", "l": "m"}
 
 
-def test_stiffness_and_torque_have_the_same_dimension() -> None:
-    assert infer([use("k", "N m/rad", BELT), use("k", "N m", "fc of brake")]) == {"k": "N m/rad"}
-
-
 def test_numbers_stand_for_parameters_alone_and_as_summands() -> None:
     assert infer([use("0.01", "kg m^2", MOTOR), use("Jm + 0.01", "kg m^2", MOTOR)]) == {"Jm": "kg m^2"}

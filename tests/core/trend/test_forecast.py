@@ -54,14 +54,6 @@ def test_beyond_a_limit_it_says_since_when(seed: int) -> None:
     assert found.by > 0.95
 
 
-def test_what_is_steady_is_never_foretold_to_the_day(seed: int) -> None:
-    """Nothing is in sight, or the interval is open and begins late (of 300, in none otherwise)."""
-    rng = np.random.default_rng(seed)
-    found = [forecast_with(rng, 0.09, True, 0.0) for _ in range(5)]
-    assert sum(f.high_us is None for f in found) >= 4
-    assert np.median([f.low_us for f in found]) > START_US + 11 * DAY_US
-
-
 @pytest.mark.parametrize("factor", [1e-3, -1.0])
 def test_units_do_not_move_it(factor: float) -> None:
     entries = months(np.random.default_rng(5), 200, lambda t: SIZE + PER_HOUR * t, 0.0007, 0.001)

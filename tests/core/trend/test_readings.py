@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +35,7 @@ def torque_and_output(seed: int, N: int) -> tuple[NDArray[np.int64], Floats, Flo
     )
 
 
+@cache
 def readings(seed: int, blocks: int) -> list[list[Reading]]:
     """Those of some healthy axes, run in so many blocks."""
     model, settings = reference_model("speed"), SETTINGS

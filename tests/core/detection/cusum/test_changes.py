@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.onset import SURE, Change, find_change
+from monitor_core.detection.onset import SURE, Change, Past, change_of, find_change, scatter
 
 N, RUNS = 40, 300
 
@@ -55,3 +55,33 @@ def test_a_larger_scatter_than_stated_widens_the_interval(seed: int) -> None:
     believed = find_change(edges, values, sd, 0.5)
     mistaken = find_change(edges, values, 0.2 * sd, 0.5)
     assert mistaken.size_sd > 0.6 * believed.size_sd
+
+
+# --- A P that has become singular says nothing, and breaks nothing ---
+
+
+STRETCHES, PARAMETERS = 60, 2
+
+
+def past(seed: int) -> Past:
+    """Of estimates that scatter as P says."""
+    rng = np.random.default_rng(seed)
+    t_us = 1_000_000 * np.arange(STRETCHES, dtype=np.int64)
+    d = np.sqrt(0.5) * rng.standard_normal((STRETCHES, PARAMETERS))
+    return Past(t_us, d, np.tile(np.eye(PARAMETERS), (STRETCHES, 1, 1)), 0.01, np.zeros(PARAMETERS), 1.0, 0.0)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("at", [0, 30, STRETCHES - 2])
+def test_a_singular_P_in_the_past(alone: bool, at: int, seed: int) -> None:
+    sound = past(seed)
+    singular = sound._replace(P=sound.P.copy())
+    singular.P[at] = 1.0
+    assert scatter(singular, 0) == pytest.approx(scatter(sound, 0), rel=0.5)
+    assert (change_of(singular, 0, alone) is None) == (change_of(sound, 0, alone) is None)
+
+
+def test_all_of_it_singular() -> None:
+    nothing = past(1)._replace(P=np.ones((STRETCHES, PARAMETERS, PARAMETERS)))
+    assert scatter(nothing, 0) == 1.0
+    assert change_of(nothing, 0, alone=False) is None

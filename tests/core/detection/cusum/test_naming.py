@@ -32,13 +32,14 @@ from tests.core.naming import (
     histories,
     outcomes,
 )
+from tests.shares import soaked
 
 
 def test_causes_onsets_and_sizes_of_the_reference_experiment(seed: int) -> None:
     """+/-20 % in kT, 1/Ja and fm.  Of 600 such runs (100 each) all 579 that were named were named right, 98 % of
     the intervals held the onset and 91 % of the sizes lay within 1.645 of their standard deviations; of fm 81 to 87 %,
     see below.  tests/soak/test_naming.py counts more."""
-    found = Outcomes.joined(outcomes(*fault, 24, seed + 100 * k) for k, fault in enumerate(FAULTS))
+    found = Outcomes.joined(outcomes(*fault, 16, seed + 100 * k) for k, fault in enumerate(FAULTS))
     print({field: np.mean(getattr(found, field)) for field in ("named", "right", "crossed", "onset", "size")})
     assert np.mean(found.named) > 0.8
     assert np.mean(found.right) > 0.94
@@ -47,19 +48,6 @@ def test_causes_onsets_and_sizes_of_the_reference_experiment(seed: int) -> None:
     assert np.mean(found.size) > 0.74
     assert "drift" not in found.kind
     assert np.mean(found.kind == "step") > 0.8
-
-
-def test_sizes_of_friction_scatter_as_stated(seed: int) -> None:
-    """With the state that moves with theta, as the daemon has it by default where the memory is as short as here (1.8
-    of the predictor's slowest time constants).  The paper's recursion scatters 1.2 to 1.3 times as much as it says."""
-    found = Outcomes.joined(
-        outcomes("fm", factor, 100, seed + 500 * k, joint=True) for k, factor in enumerate((1.2, 0.8))
-    )
-    rms, within = np.sqrt(np.mean(found.z**2)), np.mean(found.size)
-    print(f"{len(found.z)} sizes of fm: rms error {rms:.2f} of the stated, {within:.3f} within 90 %")
-    assert len(found.z) > 120
-    assert 0.7 < rms < 1.15
-    assert within > 0.82
 
 
 def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float], W: int = 8) -> Experiment:
@@ -78,11 +66,15 @@ def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float
 
 @pytest.mark.parametrize(
     ("first", "second", "open_at_the_end"),
-    [
+    soaked(
+        [
+            ({"kT": 1.2}, {"1/Ja": 0.8}, {"kT", "1/Ja"}),
+            ({"fm": 1.5}, {"kT": 1.2}, {"fm", "kT"}),
+            ({"kT": 1.2}, {"kT": 1 / 1.2}, set()),
+        ],
         ({"kT": 1.2}, {"1/Ja": 0.8}, {"kT", "1/Ja"}),
-        ({"fm": 1.5}, {"kT": 1.2}, {"fm", "kT"}),
         ({"kT": 1.2}, {"kT": 1 / 1.2}, set()),
-    ],
+    ),
 )
 def test_a_second_fault_is_seen_while_the_first_alarm_stands(
     first: Mapping[str, float], second: Mapping[str, float], open_at_the_end: set[str], seed: int

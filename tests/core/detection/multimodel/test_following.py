@@ -17,6 +17,7 @@ from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES
 from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import OUTPUT_NOISE, TORQUE_NOISE, plant_with
+from tests.shares import soaked
 
 SECONDS, PIECE = 20, 50
 N = round(SECONDS / INTERVAL_S)
@@ -52,7 +53,9 @@ def bank(samples: float = 720_000.0) -> HypothesisBank:
 
 
 @pytest.mark.parametrize(
-    ("column", "by", "turns"), [(FM, -0.5, 0.5), (LOAD, 0.3, 10.0)], ids=["warms up", "reaches out"]
+    ("column", "by", "turns"),
+    soaked([(FM, -0.5, 0.5), (LOAD, 0.3, 10.0)], (LOAD, 0.3, 10.0)),
+    ids=["warms up", "reaches out"],
 )
 def test_what_conditions_do_is_no_fault(column: int, by: float, turns: float, seed: int) -> None:
     """Friction that falls by half with the temperature, a load that depends on the pose: alarms without following."""
@@ -102,18 +105,20 @@ def test_wrong_shapes_are_refused() -> None:
 def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
     """Both detectors of an axis follow the same nominal values."""
     rng = np.random.default_rng(seed)
-    shift = course(FM, -0.5)
+    shift = course(FM, -0.5, 2.0)
     u, y = axis(rng, shift, {}, N)
+    t, shift, u, y = T[: N // 4], shift[: N // 4], u[: N // 4], y[: N // 4]
+    assert bank().run(t, u, y), "not followed, they alarm"
 
     def beside() -> MultiModelDetector:
         return MultiModelDetector(PLANT.model, PLANT.settings, Limits(720_000.0))
 
     assert not AxisMonitor(PLANT.model, PLANT.settings, beside(), "multimodel").update(
-        SampleBlock(T, u, y, shift=shift)
+        SampleBlock(t, u, y, shift=shift)
     )
     for traced in (False, True):
         fleet = Fleet([PLANT.model], [PLANT.settings], {0: beside()}, {0: "multimodel"})
-        assert not fleet.update({0: SampleBlock(T, u, y, shift)}, traced)[0].changes
+        assert not fleet.update({0: SampleBlock(t, u, y, shift)}, traced)[0].changes
 
 
 @pytest.mark.soak

@@ -23,7 +23,7 @@ from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, conditioned, seeds
 
-law = settings(deadline=None, max_examples=12)
+law = settings(deadline=None, max_examples=8)
 NEVER_USUAL = 10**9
 """A SHORTEST that no interval has."""
 

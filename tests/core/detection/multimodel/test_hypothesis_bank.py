@@ -22,7 +22,6 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     Limits,
     MultiModelDetector,
     bank_of,
-    guaranteed,
 )
 from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified, ChangeDetected, Event, Share
 from monitor_core.drive.structure import DELAY
@@ -34,6 +33,7 @@ from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME
 from tests.core.figures import settings_of
 from tests.core.laws import part
+from tests.shares import soaked
 
 MODEL = reference_model()
 DAY = Limits(86400 / INTERVAL_S)
@@ -193,7 +193,7 @@ def test_a_cause_is_named_with_its_size(
     fault: dict[str, float], change: Callable[[Experiment], Experiment], name: tuple[str, str], seed: int
 ) -> None:
     right = 0
-    for k in range(seed, seed + 5):
+    for k in range(seed, seed + 3):
         watched = monitor(k)
         watched.update(SampleBlock(*change(experiment(k, fault, samples=2600))))
         found = watched.open_alarms
@@ -202,7 +202,7 @@ def test_a_cause_is_named_with_its_size(
             if fault:
                 assert found[0].size == pytest.approx(-0.3, abs=0.1)
                 assert found[0].causes[0].alike == ("torque scale", "output scale")
-    assert right >= 3
+    assert right >= 2
 
 
 def test_each_detector_alarms_where_it_is_the_source_and_shows_its_evidence_elsewhere(seed: int) -> None:
@@ -226,10 +226,10 @@ def state(watched: AxisMonitor) -> list[bytes]:
     return [array.tobytes() for array in arrays.values()]
 
 
-@pytest.mark.parametrize("at", [500, 1040, 1150, 1500])
+@pytest.mark.parametrize("at", soaked([500, 1040, 1150, 1500], 1040, 1150))
 def test_a_saved_detector_goes_on(at: int, seed: int) -> None:
     """Also where something has changed and is not named, or is named and its size is looked for."""
-    rec = experiment(seed, {"1/Ja": 1.3}, samples=2000)
+    rec = experiment(seed, {"1/Ja": 1.3}, samples=1600)
     uninterrupted, first = monitor(seed), monitor(seed)
     uninterrupted.update(SampleBlock(*rec))
     first.update(SampleBlock(*part(rec, 0, at)))
@@ -310,10 +310,6 @@ def test_limits_of_a_record_say_which_hypotheses_there_are(seed: int) -> None:
     assert bank.hypotheses[0].alike == ("torque scale",)
     with pytest.raises(ValueError, match="limits of nothing, which the axis does not have"):
         detector(seed, Limits(1e6, (Limit("nothing", 0.2, 9.0),)))
-
-
-def test_the_guaranteed_run_length() -> None:
-    assert guaranteed(50, 1e6) == pytest.approx(np.log(5e7))
 
 
 def test_where_there_can_be_no_bank(seed: int) -> None:

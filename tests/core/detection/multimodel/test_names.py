@@ -29,11 +29,12 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
 from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s
+from tests.shares import soaked
 
 H_FOR_A_DAY = 17.6
 """One false alarm of the reference experiment's bank a day; make bench measures it."""
 BY_LUCK = 1e-6
-SEEDS = 60
+SEEDS = 40
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +53,15 @@ def events_of(
 
 
 # Shares of 3000 seeds each: named right 0.99 at least, missed 0.02 at most; the median is 1.1 to 1.3 times the limit.
-@pytest.mark.parametrize("factor", [1.2, 0.8])
-@pytest.mark.parametrize(("name", "missed"), [("kT", 1e-3), ("1/Ja", 1e-3), ("fm", 0.02)])
+@pytest.mark.parametrize(
+    ("name", "missed", "factor"),
+    soaked(
+        [(*rest, factor) for rest in (("kT", 1e-3), ("1/Ja", 1e-3), ("fm", 0.02)) for factor in (1.2, 0.8)],
+        ("kT", 1e-3, 1.2),
+        ("1/Ja", 1e-3, 0.8),
+        ("fm", 0.02, 1.2),
+    ),
+)
 def test_faults_are_found_near_the_limit_and_named_right(
     name: str, missed: float, factor: float, bank: HypothesisBank, seed: int
 ) -> None:
@@ -64,7 +72,7 @@ def test_faults_are_found_near_the_limit_and_named_right(
     assert binom.sf(SEEDS * (1 - found.right_named) - 1.5, SEEDS, 0.01) > BY_LUCK
     assert binom.sf(SEEDS * found.missed - 0.5, SEEDS, missed) > BY_LUCK
     assert found.early <= 1
-    # Of 60 delays that scatter by two thirds of their median the median scatters by a ninth.
+    # Of 40 delays that scatter by two thirds of their median the median scatters by a seventh.
     assert np.median(found.alarm) < 2.0 * limit
 
 
@@ -72,7 +80,7 @@ def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank
     """However sure one seems: kT half as large again would be another cause, at once, in 3 of 40; it is in 1 of 400."""
     slowest = round(1e6 * slowest_time_constant(bank.model, bank.settings.gain(5), INTERVAL_S))
     wrong = []
-    for _, events in events_of(bank, range(seed, seed + 20), {"kT": 1.5}, 2000):
+    for _, events in events_of(bank, range(seed, seed + 12), {"kT": 1.5}, 2000):
         changed, named = (
             next(e for e in events if isinstance(e, kind)) for kind in (ChangeDetected, CauseIdentified)
         )
@@ -85,10 +93,10 @@ def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank
 
 def test_what_no_size_fits_well_is_not_called_noise(bank: HypothesisBank, seed: int) -> None:
     """Between two sizes, and far beyond what is clipped: it looks like a lost torque for some memories, in 9 of 100."""
-    names = [first_name(bank, experiment(k, {"kT": 2.0}, samples=2400)) for k in range(seed, seed + 120)]
+    names = [first_name(bank, experiment(k, {"kT": 2.0}, samples=2400)) for k in range(seed, seed + 60)]
     wrong = [name for name in names if name != "kT"]
     print(f"named wrong {wrong} of {len(names)}")
-    assert len(wrong) <= 4  # 2 of 600 are
+    assert len(wrong) <= 2  # 2 of 600 are
 
 
 def first_name(bank: HypothesisBank, rec: Experiment) -> str:
@@ -158,13 +166,13 @@ SENSOR_FAULTS = {
 @pytest.mark.parametrize("fault", SENSOR_FAULTS)
 def test_faults_of_sensors_are_named(fault: str, bank: HypothesisBank, seed: int) -> None:
     names = []
-    for k in range(seed, seed + 5):
+    for k in range(seed, seed + 3):
         bank.reset()
         rec = SENSOR_FAULTS[fault](experiment(k, samples=2500))
         named = [e for e in bank.run(*rec) if isinstance(e, CauseIdentified)]
         names.append(named[-1].shares[0].cause if named else "")
     print(f"{fault}: {names}")
-    assert sum(name == fault.removesuffix(" back") for name in names) >= 3
+    assert sum(name == fault.removesuffix(" back") for name in names) >= 2
 
 
 def test_causes_that_make_the_same_data_are_said_to() -> None:
@@ -212,7 +220,7 @@ def two_faults(seed: int) -> Experiment:
 def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> None:
     """At h = 8 there are false alarms, one in a quarter of a minute; none of them may stand for ever."""
     bank = bank_of("speed", 8.0, seed)
-    events = bank.run(*experiment(seed, samples=60_000, fault_at=50_000))
+    events = bank.run(*experiment(seed, samples=30_000, fault_at=20_000))
     changed, over = (sum(isinstance(e, kind) for e in events) for kind in (ChangeDetected, CauseEnded))
     print(f"{changed} alarms, {over} over")
     assert changed > 3

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 from pymoca.tree import InstanceClass, flatten_class
 
@@ -16,6 +18,7 @@ from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
 OWN = {name: leaf for name, leaf in LEAVES.items() if leaf.kind not in (BEARING, SIGNAL_SOURCE)}
 
 
+@cache
 def component(name: str) -> InstanceClass:
     """A model with one component c of that class, flattened."""
     return flatten_class(tree_of([parse(Source("t.mo", f"model T {name} c; end T;"))]), "T")

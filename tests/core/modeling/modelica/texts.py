@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from functools import cache
 
 from monitor_core.modeling.flat import FlatModel
 from monitor_core.modeling.modelica import Source, read
@@ -32,6 +33,7 @@ end D;
 """
 
 
+@cache
 def flat(text: str, model: str | None = None) -> FlatModel:
     return read([Source("d.mo", text)], model)
 
