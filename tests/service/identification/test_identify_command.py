@@ -85,7 +85,7 @@ def test_files_where_they_are_wanted_and_json_alone_on_standard_output(directory
         ("healthy.csv@5:2", "ends before its start"),
         ("healthy.csv@100:200", "healthy.csv"),
         ("healthy.csv@3:3.1", "refused: healthy.csv: only 21 measured samples"),
-        ("healthy.csv second.csv@1:1.1", "refused: second.csv: only 21 measured samples"),
+        ("healthy.csv@2:2.2 second.csv@1:1.1", "second.csv: only 21"),  # and of the first
         ("healthy.csv --validate none.csv", "cannot read none.csv"),
         ("healthy.csv --validate healthy.csv@3:3.1", "refused: healthy.csv: only 21"),
         ("healthy.csv --axis axis9", "axis9 is not there; there is demo.axis1"),
@@ -102,15 +102,6 @@ def test_files_where_they_are_wanted_and_json_alone_on_standard_output(directory
 )
 def test_a_mistake_is_named(arguments: str, words: str) -> None:
     assert words in refused(arguments)
-
-
-def test_a_record_without_samples_or_with_other_columns(directory: Path) -> None:
-    (directory / "empty.csv").write_text("t,torque,angle\n", encoding="utf-8")
-    (directory / "other.csv").write_text("t,current,angle\n0,1,2\n", encoding="utf-8")
-    (directory / "text.csv").write_text("t,torque,angle\n0,much,2\n", encoding="utf-8")
-    assert "empty.csv" in refused("empty.csv")
-    assert "torque" in refused("other.csv")
-    assert "much" in refused("text.csv")
 
 
 @pytest.mark.parametrize(

@@ -85,14 +85,6 @@ def test_what_cannot_be_told_makes_no_nominal_values(found: IdentificationReport
     assert "not converged" in stuck.rejection
 
 
-def test_requests_that_contradict_and_records_that_are_refused(folder: Path, robot: Config) -> None:
-    by_output_error = Request(start="values", disturbance_s=1.0, predictor="output-error")
-    with pytest.raises(IdentificationError, match="no disturbance"):
-        task(folder, robot, "healthy.csv", request=by_output_error)
-    with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
-        task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
-
-
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
     made = task(
         folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error")
