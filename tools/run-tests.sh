@@ -35,8 +35,11 @@ wait
 # Side by side, one process more than there are processors: tests of the daemon mostly wait.  More than four would only
 # crowd each other's daemons.
 mkdir -p .cache
+# Each process collects all files: without a selection, not those of which nothing is run here.
+unused=()
+[ $# != 0 ] || unused=(--ignore tests/bench --ignore tests/soak)
 processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
-"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal --durations 25 "$@"
+"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal --durations 25 "${unused[@]}" "$@"
 main=$?
 
 # These tests are one process in a kernel with one processor: mypy has the other one.
@@ -64,7 +67,7 @@ echo
 echo "SocketCAN tests, on vcan0 and vcan1:"
 # Everything is slow in there, imports above all: without a selection, collect only the files concerned.  Always in one
 # order, as a process that has grown is slower: what records in real time is before what simulates a robot of its own.
-if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests | sort); else files=(); fi
+if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests --exclude-dir soak | sort); else files=(); fi
 tools/with-vcan.sh "${PYTEST[@]}" "$@" -m "vcan and not soak" "${files[@]}"
 sock=$?
 

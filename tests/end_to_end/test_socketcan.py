@@ -1,97 +1,115 @@
 """The daemon on real SocketCAN devices."""
 
-import re
 import signal
 import subprocess
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import can
 import pytest
 
-from tests.end_to_end.processes import daemon, demo_config, mistakes, robot, run_program, wait_for
+from service.can.bus import open_buses, send
+from service.config import load
+from service.ingest.encode import FrameEncoder
+from service.simulation.robot import Moment, Sent, SimulatedRobot, run_robot
+from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, wait_for
 
 pytestmark = pytest.mark.vcan
 
 VCAN0 = 'interface = "socketcan"\nchannel = "vcan0"'
 
 
-def test_a_robot_on_vcan0_is_monitored_while_the_interface_goes_down_and_up(
-    tmp_path: Path, need: Callable[[str], str]
-) -> None:
-    config = demo_config(tmp_path, VCAN0, axes=1)
-    ip = need("ip")
-    subprocess.run([ip, "link", "set", "vcan0", "down"], check=True)
-    with daemon(config) as d:  # starts all the same, and waits
-        reasons = wait_for(lambda: d.get("readyz")["reasons"])
-        assert reasons[0].startswith("bus can0: down")
-        subprocess.run([ip, "link", "set", "vcan0", "up"], check=True)
-        with robot(config):
-            wait_for(lambda: d.status("readyz") == 200)
-            wait_for(lambda: d.axis()["counters"]["used"] > 0)
-        subprocess.run([ip, "link", "set", "vcan0", "down"], check=True)
+@contextmanager
+def robot(config: Path, seed: int) -> Iterator[Callable[[], int]]:
+    """The simulated robot of that configuration; what is yielded ends it, and counts the frames that it has sent."""
+    read, stop, sent = load(config, {}), threading.Event(), list[Sent]()
+    encoder = FrameEncoder(read, "can0")
+    with open_buses(read.bus) as buses:
+
+        def send_moment(moment: Moment) -> int:
+            frames = encoder.encode(moment.readings, moment.number)
+            for key, data in frames:
+                send(buses["can0"], key, data)
+            return len(frames)
+
+        def end() -> int:
+            stop.set()
+            thread.join(60)
+            return sent[0].frames
+
+        thread = threading.Thread(
+            target=lambda: sent.append(run_robot(SimulatedRobot(read, seed), send_moment, stop))
+        )
+        thread.start()
         try:
-            reasons = wait_for(
-                lambda: [r for r in d.get("readyz")["reasons"] if r.startswith("bus can0: down")]
-            )
-            assert "ip link set vcan0 up" in reasons[0]
-            assert d.status("healthz") == 200
+            yield end
         finally:
-            subprocess.run([ip, "link", "set", "vcan0", "up"], check=True)
-        before = d.axis()["samples"]
-        with robot(config):
-            wait_for(lambda: d.status("readyz") == 200)
-            wait_for(lambda: d.axis()["samples"] > before)
-        assert d.stop() == 0
+            end()
 
 
-def test_an_interface_that_does_not_exist_is_said_and_ends_with_3(tmp_path: Path) -> None:
-    config = demo_config(tmp_path, 'interface = "socketcan"\nchannel = "can9"', axes=1)
-    code, lines = mistakes(run_program("run", "--config", config))
-    assert code == 3
-    assert "bus can0: there is no network interface can9" in lines[-1]
-    assert "ip link add dev can9 type vcan" in lines[-1]
+def test_a_robot_is_monitored_whatever_becomes_of_its_device_and_of_the_process(
+    tmp_path: Path, need: Callable[[str], str], seed: int
+) -> None:
+    """All that is seen on the device is what the robot sends: `run` sends nothing, not at its end either."""
+    config, ip = demo_config(tmp_path, VCAN0, axes=1), need("ip")
+    # A quarter of the samples: a robot of the slow virtual kernel leaves out none.
+    edit(config, ("sample_interval_s = 0.005", "sample_interval_s = 0.02"))
 
+    def link(state: str) -> None:
+        subprocess.run([ip, "link", "set", "vcan0", state], check=True)
 
-def test_run_sends_nothing(tmp_path: Path) -> None:
-    """All that is seen on the device of the daemon is what a robot sends there."""
-    config = demo_config(tmp_path, VCAN0, axes=1)
-    with can.Bus("vcan0", interface="socketcan", receive_own_messages=True) as bus:
-        with daemon(config) as d:
-            wait_for(lambda: d.status("healthz") == 200)
-            time.sleep(1)
+    link("down")
+    with daemon(config) as d:  # starts all the same, and waits
+        assert wait_for(lambda: d.get("readyz")["reasons"])[0].startswith("bus can0: down")
+        link("up")
+        wait_for(lambda: not down(d))
+        with listening() as bus:
+            time.sleep(0.5)
             assert bus.recv(0) is None, "nobody else is on this bus"
-            with robot(config):
+            with robot(config, seed) as end:
+                wait_for(lambda: d.status("readyz") == 200)
                 wait_for(lambda: d.axis()["counters"]["used"] > 0)
+                nothing_is_lost_while_the_process_is_stopped(d, end)
             seen = {message.arbitration_id for message in iter(lambda: bus.recv(0.2), None)}
             assert len(seen) == 1, "the one message of the robot's axis"
+        link("down")
+        try:
+            assert "ip link set vcan0 up" in wait_for(lambda: down(d))[0]
+            assert d.status("healthz") == 200
+        finally:
+            link("up")
+        before = d.axis()["samples"]
+        with robot(config, seed):
+            wait_for(lambda: d.status("readyz") == 200)
+            wait_for(lambda: d.axis()["samples"] > before)
+        with listening() as bus:
             assert d.stop() == 0
-        assert bus.recv(0.2) is None, "not at the end either"
+            assert bus.recv(0.2) is None
 
 
-def test_a_process_that_is_stopped_for_two_seconds_loses_nothing(tmp_path: Path) -> None:
-    """As on a machine that is busy: the frames wait in the kernel, and keep the times of their receipt."""
-    config = demo_config(tmp_path, VCAN0, axes=1)
-    with daemon(config) as d:
-        wait_for(lambda: d.status("healthz") == 200)
-        with robot(config) as simulated:
-            wait_for(lambda: d.axis()["samples"] > 100)
-            before = d.axis()
-            d.process.send_signal(signal.SIGSTOP)
-            time.sleep(2)
-            d.process.send_signal(signal.SIGCONT)
-            wait_for(lambda: d.axis()["samples"] > before["samples"] + 700)
-            simulated.send_signal(signal.SIGINT)
-            assert simulated.wait(60) == 0
-        reported = re.search(
-            r"^(\d+) frames sent", (tmp_path / "robot.log").read_text(encoding="utf-8"), re.MULTILINE
-        )
-        assert reported
-        wait_for(lambda: d.axis()["samples"] == int(reported[1]))
-        after = d.axis()
-        assert {name: count for name, count in after["dropped"].items() if count and name != "missing"} == {}
-        # The robot of a slow machine may have left out samples itself.
-        if after["dropped"]["missing"] == before["dropped"]["missing"]:
-            assert after["counters"]["gap"] == before["counters"]["gap"]
-        assert d.stop() == 0
+def down(d: Daemon) -> list[str]:
+    """Why the daemon is not ready, of its bus."""
+    return [reason for reason in d.get("readyz")["reasons"] if reason.startswith("bus can0: down")]
+
+
+def listening() -> can.BusABC:
+    return can.Bus("vcan0", interface="socketcan", receive_own_messages=True)
+
+
+def nothing_is_lost_while_the_process_is_stopped(d: Daemon, end: Callable[[], int]) -> None:
+    """For two seconds, as on a busy machine: frames wait in the kernel, and keep the times of their receipt."""
+    before = d.axis()
+    d.process.send_signal(signal.SIGSTOP)
+    time.sleep(2)
+    d.process.send_signal(signal.SIGCONT)
+    wait_for(lambda: d.axis()["samples"] > before["samples"] + 125)
+    sent = end()
+    wait_for(lambda: d.axis()["samples"] == sent)
+    after = d.axis()
+    assert {name: count for name, count in after["dropped"].items() if count and name != "missing"} == {}
+    # The robot of a slow machine may have left out samples itself.
+    if after["dropped"]["missing"] == before["dropped"]["missing"]:
+        assert after["counters"]["gap"] == before["counters"]["gap"]

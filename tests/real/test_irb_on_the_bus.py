@@ -20,6 +20,7 @@ from service.simulation.playback import play_record
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import Daemon, daemon, run_program, wait_for
 from tests.real.irb import AXIS, CONFIG
+from tests.service.command_line import shown
 
 pytestmark = [pytest.mark.records, pytest.mark.vcan]
 SAMPLES = 19838
@@ -102,7 +103,7 @@ def when_all_is_in(running: Daemon) -> Any:
 def replayed(played: Played, record: Path) -> Any:
     """The axis after ``axiswatch replay`` of a record."""
     found = played.config.with_name(f"{record.name}.json")
-    must_succeed("replay", "--config", played.config, "--json", found, record)
+    shown("replay", "--config", played.config, "--json", found, record)
     return json.loads(found.read_text(encoding="utf-8"))["axes"][0]
 
 

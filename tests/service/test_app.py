@@ -116,7 +116,6 @@ STARTS = [
         "scipy.stats scipy.optimize scipy.signal sympy matplotlib pymoca pyarrow scipy.io aiomqtt paho smtplib httpx"
         " asyncua",
     ),
-    ("import service.commands.main, service.commands.run, service.commands.excite", "matplotlib"),
     (
         "from importlib import import_module; from service.commands.main import COMMANDS;"
         "[import_module(f'service.commands.{name}') for name in COMMANDS]",
@@ -131,9 +130,7 @@ STARTS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("program", "slow"), STARTS, ids=["daemon", "commands", "help", "drive of the library"]
-)
+@pytest.mark.parametrize(("program", "slow"), STARTS, ids=["daemon", "help", "drive of the library"])
 def test_a_start_does_not_wait_for_what_is_never_used(program: str, slow: str) -> None:
     """They take longer to import than all the rest."""
     command = [sys.executable, "-c", f"{program}; import sys; print(*sys.modules, sep='\\n')"]

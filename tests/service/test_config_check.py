@@ -57,13 +57,6 @@ def test_a_missing_file_is_no_traceback(tmp_path: Path) -> None:
     )
 
 
-def test_the_environment_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("AXISWATCH_WEB__PORT", "http")
-    result = check(CONFIG / "demo.toml")
-    assert result.exit_code == 2
-    assert result.stderr.startswith("environment: AXISWATCH_WEB__PORT = http: must be a whole number")
-
-
 def with_memory(tmp_path: Path, memory_s: float) -> Path:
     """The demo's configuration, of which the first axis has this memory; beside it its DBC."""
     text = demo_text()

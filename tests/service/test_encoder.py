@@ -22,6 +22,7 @@ from service.simulation.robot import Fault
 from tests.service.command_line import shown
 from tests.service.pipeline.robots import blocks, live
 from tests.service.test_skew import replayed, written
+from tests.shares import soaked
 
 H, N, FAULT = 0.005, 4400, 3000  # the first 2000 samples find P(0)
 R = 0.00847457627118644  # of the demo: angle of the arm over that of the motor
@@ -92,7 +93,7 @@ ENCODERS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 }
 
 
-@pytest.mark.parametrize("encoder", ENCODERS)
+@pytest.mark.parametrize("encoder", soaked(ENCODERS, "turned round", "arm, in degrees, about to start again"))
 def test_what_the_encoder_shows_changes_nothing(encoder: str, course: Course, tmp_path: Path) -> None:
     shown, angle = ENCODERS[encoder]
     plain = found(config(tmp_path / "plain"), table(tmp_path, course, lambda y: y))

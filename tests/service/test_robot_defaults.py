@@ -26,7 +26,7 @@ from service.config.commissioned import (
 from service.config.robot_defaults import completed
 from tests.service.config_texts import CONFIG
 
-law = settings(deadline=None, max_examples=20)
+law = settings(deadline=None, max_examples=8)
 FOUND = {
     f"cell.axis{n}": Found(
         f"{n}.toml", f"thresholds{n}.toml" if n > 1 else None, ("kT", "fm") if n < 3 else ("kT",)

@@ -44,7 +44,13 @@ def words_of(result: str) -> str:
 
 
 def test_what_is_wrong_is_named_before_and_after_the_recording(folder: Path, two_axes: Path) -> None:
-    """The first torque has the wrong sign, its angle is in degrees; the second axis is right."""
+    """The first torque has the wrong sign, its angle is in degrees; the second axis is right.
+
+    A motion is planned for the first, longer than the recording.
+    """
+    (folder / "made" / "motion").mkdir(parents=True)
+    plan = folder / "made" / "motion" / "cell.a1.csv"
+    plan.write_text("t_s,torque_Nm\n0,0.1\n35.995,0\n", encoding="utf-8")
     config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "deg"), 2)
     second = 'signal = "Joint2_Pos_Act"'
     text = config.read_text("utf-8").replace(second, f"{second}, factor = {np.pi / 180}")
@@ -62,6 +68,8 @@ def test_what_is_wrong_is_named_before_and_after_the_recording(folder: Path, two
     assert "200 samples a second from 0x181 on can0" in looked
     assert "-> torque.factor = -1; proposed after the recording" in looked
     assert "cell.a2: 200 samples" in looked
+    assert "Planned: made/motion/cell.a1.csv (36 s). Let the controller run it while this records." in looked
+    assert "That takes longer than the recording: see --minutes." in looked
     for part in (looked, after):
         assert "cell.a1: the description of the bus says that the angle is in degrees" in part
         assert "cell.a2: the description" not in part
@@ -265,24 +273,6 @@ def test_ctrl_c_ends_the_recording_and_goes_on(folder: Path, config: Path, two_a
     again = "Take all with: axiswatch commission --config"
     assert again in words_of(result.stderr)
     assert 'cell.a1: torque.message = "Joint2"' in words_of(result.stderr)
-
-
-def test_a_planned_motion_is_to_be_run_while_it_records(folder: Path, config: Path, two_axes: Path) -> None:
-    """Of one axis, longer than the recording; the other axis stands."""
-    (folder / "made" / "motion").mkdir(parents=True)
-    plan = folder / "made" / "motion" / "cell.a1.csv"
-    plan.write_text("t_s,torque_Nm\n0,0.1\n35.995,0\n", encoding="utf-8")
-    words = ("commission", "--config", config, "--output", "made", "--minutes", 0.03)
-
-    def change(rows: Floats) -> None:
-        turned(rows)
-        standing(rows)
-
-    with moving(two_axes, config, change):
-        result = axiswatch(*words)
-    looked, _, _ = result.stdout.partition("Recording 1.8 s into")
-    assert "Planned: made/motion/cell.a1.csv (36 s). Let the controller run it while this records." in looked
-    assert "That takes longer than the recording: see --minutes." in looked
 
 
 @pytest.mark.parametrize(("typed", "minutes"), [("y", [3.0, 1]), ("n", [3.0]), ("", [3.0])])

@@ -10,7 +10,7 @@ import pytest
 from service.config.drive_sources import shipped
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import as_json as json_of
-from tests.service.command_line import axiswatch, refused
+from tests.service.command_line import refused
 from tests.service.command_line import shown as printed
 
 DRAWING = """\
@@ -132,14 +132,6 @@ def test_mistakes(
     message = refused("model", *given)
     assert [word for word in words if word not in message] == []
     assert drawing.read_text(encoding="utf-8") == DRAWING
-
-
-def test_a_mistake_in_a_drawing_names_its_line(drawing: Path) -> None:
-    drawing.write_text(DRAWING.replace("ram(J = 0.02)", "ram(J = Jx)"), encoding="utf-8")
-    result = axiswatch("model", drawing)
-    assert result.exit_code == 2
-    assert f"{drawing}:6: " in result.stderr
-    assert "Jx" in result.stderr
 
 
 def test_the_shipped_drawings_are_the_library() -> None:

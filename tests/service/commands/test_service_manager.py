@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import socket
 import threading
 from collections.abc import Iterator, Mapping
@@ -16,7 +15,7 @@ from service.commands.service_manager import ServiceManager
 from service.config import Config
 from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING
-from tests.end_to_end.processes import daemon, demo_config, wait_for
+from tests.end_to_end.processes import wait_for
 from tests.service.pipeline.robots import demo
 
 NAME = "notify"
@@ -103,27 +102,10 @@ def test_without_a_socket_that_answers_the_daemon_goes_on(name: str) -> None:
     notifier.close()
 
 
-def test_systemd_follows_the_daemon_from_its_start_to_its_end(
+def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive(
     tmp_path: Path, systemd: Systemd, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On a silent bus: a robot that is switched off."""
-    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / NAME))
-    monkeypatch.setenv("WATCHDOG_USEC", "1000000")
-    with daemon(demo_config(tmp_path)) as d:
-        ready, status = wait_for(lambda: systemd.lines()[:2])
-        assert ready == "READY=1"
-        expected = f"STATUS=monitoring 2 axes, no active alarms(; {re.escape(COMPILING)})?.*"
-        assert re.fullmatch(expected, status)
-        wait_for(lambda: systemd.lines().count("WATCHDOG=1") > 3)
-        d.process.send_signal(signal.SIGTERM)
-        assert d.process.wait(60) == 0
-    assert "STOPPING=1" in systemd.lines()[-2:]
-    assert systemd.lines().count("READY=1") == 1
-
-
-def test_a_worker_that_is_stuck_is_not_kept_alive(
-    tmp_path: Path, systemd: Systemd, monkeypatch: pytest.MonkeyPatch
-) -> None:
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / NAME))
     monkeypatch.setenv("WATCHDOG_USEC", "1000000")
     stuck, go_on, looks = threading.Event(), threading.Event(), list[int]()
@@ -146,6 +128,10 @@ def test_a_worker_that_is_stuck_is_not_kept_alive(
     running.start()
     try:
         wait_for(lambda: looks and looks[-1] > 3)
+        ready, status = systemd.lines()[:2]
+        assert ready == "READY=1"
+        expected = f"STATUS=monitoring 1 axis, no active alarms(; {re.escape(COMPILING)})?.*"
+        assert re.fullmatch(expected, status)
         stuck.set()
         first = len(looks)
         wait_for(lambda: len(looks) > first + 6)
@@ -158,6 +144,8 @@ def test_a_worker_that_is_stuck_is_not_kept_alive(
         stop.set()
         running.join(60)
     assert not running.is_alive()
+    assert "STOPPING=1" in systemd.lines()[-2:]
+    assert systemd.lines().count("READY=1") == 1
 
 
 def on_any_port(config: Config) -> Config:

@@ -14,6 +14,7 @@ from monitor_core.arrays import Floats
 from service.commands.signal_proposals import Review, review
 from service.config.commissioned import Correction
 from tests.service.commands.moving_axes import RATIO, H, axis_text, moves
+from tests.shares import soaked
 
 ROBOT = "[[robot]]\nname = 'cell'\n"
 DEGREES, TURN = math.pi / 180, 2 * math.pi
@@ -61,14 +62,19 @@ KNOWN: list[tuple[str, dict[str, Column], tuple[str, ...], float, str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("drive", "output"), KINDS[1:])
+SPEED, WEIGHT = KINDS[1:]
+
+
 @pytest.mark.parametrize(
-    ("change", "key", "value", "words"), [row[1:] for row in KNOWN], ids=[r[0] for r in KNOWN]
+    ("kind", "mistake"),
+    soaked(
+        [(kind, row[0]) for kind in (SPEED, WEIGHT) for row in KNOWN],
+        *((WEIGHT, row[0]) for row in KNOWN),
+        *((SPEED, name) for name in ("degrees", "fine counts")),
+    ),
 )
-def test_beside_nominal_values(
-    drive: str, output: str, change: Mapping[str, Column], key: tuple[str, str], value: float, words: str,
-    tmp_path: Path, seed: int,
-) -> None:  # fmt: skip
+def test_beside_nominal_values(kind: tuple[str, str], mistake: str, tmp_path: Path, seed: int) -> None:
+    (drive, output), (change, key, value, words) = kind, {row[0]: row[1:] for row in KNOWN}[mistake]
     looked = looked_at(tmp_path, seed, drive, output, **change)  # type: ignore[arg-type]
     if "2^20" in words and output == "speed":  # beyond all that a speed can be
         assert "which no motor reaches: set torque.factor and speed.factor" in looked.faults[0]
@@ -209,11 +215,16 @@ BROKEN: list[tuple[str, dict[str, Column], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("drive", "output"), KINDS[1:])
-@pytest.mark.parametrize(("change", "words"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
-def test_broken_signals(
-    drive: str, output: str, change: Mapping[str, Column], words: str, tmp_path: Path, seed: int
-) -> None:
+@pytest.mark.parametrize(
+    ("kind", "broken"),
+    soaked(
+        [(kind, row[0]) for kind in (SPEED, WEIGHT) for row in BROKEN],
+        *((SPEED, row[0]) for row in BROKEN),
+        (WEIGHT, "held motion"),
+    ),
+)
+def test_broken_signals(kind: tuple[str, str], broken: str, tmp_path: Path, seed: int) -> None:
+    (drive, output), (change, words) = kind, {row[0]: row[1:] for row in BROKEN}[broken]
     looked = looked_at(tmp_path, seed, drive, output, **change)  # type: ignore[arg-type]
     assert looked.corrections == ()
     (fault,) = looked.faults
@@ -226,13 +237,10 @@ def test_broken_signals(
 
 
 @pytest.mark.parametrize(("drive", "output"), KINDS)
-@pytest.mark.parametrize("known", [True, False])
-def test_a_healthy_axis_is_left_alone(
-    drive: str, output: str, known: bool, tmp_path: Path, seed: int
-) -> None:
-    for k in range(2):
-        looked = looked_at(tmp_path, seed + k, drive, output, known)
-        assert looked[:3] == ((), (), ())
+@pytest.mark.parametrize("more", soaked([0, 1], 0))
+def test_a_healthy_axis_is_left_alone(drive: str, output: str, more: int, tmp_path: Path, seed: int) -> None:
+    for known in (True, False):
+        assert looked_at(tmp_path, seed + more, drive, output, known)[:3] == ((), (), ())
 
 
 REAL = [
@@ -249,7 +257,9 @@ REAL = [
 ]
 
 
-@pytest.mark.parametrize(("file", "interval", "time", "torque", "motion", "output"), REAL)
+@pytest.mark.parametrize(
+    ("file", "interval", "time", "torque", "motion", "output"), soaked(REAL, *REAL[:3], REAL[-1])
+)
 def test_real_axes_are_left_alone(
     file: str, interval: float, time: str, torque: str, motion: str, output: str,
     tmp_path: Path, records_dir: Path,

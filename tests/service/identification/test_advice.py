@@ -88,6 +88,7 @@ def outlook(*words: str, free: str = "Jm,Ja,fm,fc") -> str:
     return str(OUTLOOK.findall(identified(*words, free=free))[-1])
 
 
+@pytest.mark.soak
 def test_motion_at_several_speeds_tells_friction_apart(folder: Path, seed: int) -> None:
     first = outlook(followed(folder, "slow.csv", seed, SLOW))
     lost = re.search(
@@ -151,6 +152,7 @@ def test_commissioning_plans_the_motion_that_is_missing(
     assert abs(np.genfromtxt(file, delimiter=",", names=True)["torque_Nm"]).max() != planned.max()
 
 
+@pytest.mark.soak
 def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:
     """tau0 is configured, and the records show none."""
     record = followed(folder, "record.csv", seed, SEVERAL_SPEEDS)
@@ -168,6 +170,7 @@ def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:
     assert "tau0 (changes from" in outlook(record, free="Jm,Ja,fm,fc,tau0")
 
 
+@pytest.mark.soak
 def test_what_fix_holds_is_told_apart(folder: Path, seed: int) -> None:
     """A file whose record did not distinguish viscous from Coulomb friction, as other programs may write it."""
     config = load(folder / "robot.toml", {})

@@ -50,10 +50,11 @@ def refused(words: str) -> str:
     return " ".join(result.stderr.replace("│", " ").split())
 
 
-def test_files_are_written_and_check_out(directory: Path) -> None:
-    result = identify(f"healthy.csv@0:12 --axis axis1 --free {NAMES}")
+def test_files_are_written_and_the_next_search_starts_from_there(directory: Path) -> None:
+    result = identify(f"healthy.csv@0:8 --axis axis1 --free {NAMES} --json j.json")
     assert result.exit_code == 0, result.output
-    assert "written: nominal.toml, report.html" in result.stderr
+    assert "written: nominal.toml, report.html, j.json" in result.stderr
+    assert "demo.axis1: three-mass" in result.stdout
     assert (directory / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     mode = stat.S_IMODE((directory / "nominal.toml").stat().st_mode)
     assert mode == stat.S_IMODE((directory / "second.csv").stat().st_mode)
@@ -62,16 +63,17 @@ def test_files_are_written_and_check_out(directory: Path) -> None:
     again = identify("healthy.csv")
     assert (again.exit_code, "--force" in again.output) == (2, True)
     assert (directory / "nominal.toml").read_bytes() == before
+    # The values found before are where the next search starts.
+    with_nominal_file(directory, "nominal.toml")
+    load(directory / "robot.toml", {})
+    rows = {p["name"]: p for p in found(f"healthy.csv@8:20 --free {NAMES} -o next.toml")["parameters"]}
+    assert abs(rows["Jm"]["change"]) < 0.01
 
 
 def test_files_where_they_are_wanted_and_json_alone_on_standard_output(directory: Path) -> None:
     (directory / "out").mkdir()
     assert found(f"second.csv --free {NAMES} -o out/nominal.toml")["axis"] == "demo.axis1"
     assert sorted(p.name for p in (directory / "out").iterdir()) == ["nominal.toml", "report.html"]
-    result = identify(f"second.csv --free {NAMES} -o n.toml --report r.html --json j.json")
-    assert result.exit_code == 0, result.output
-    assert {"n.toml", "r.html", "j.json"} <= {p.name for p in directory.iterdir()}
-    assert "demo.axis1: three-mass" in result.stdout
 
 
 @pytest.mark.usefixtures("directory")
@@ -83,7 +85,7 @@ def test_files_where_they_are_wanted_and_json_alone_on_standard_output(directory
         ("healthy.csv@5:2", "ends before its start"),
         ("healthy.csv@100:200", "healthy.csv"),
         ("healthy.csv@3:3.1", "refused: healthy.csv: only 21 measured samples"),
-        ("healthy.csv second.csv@1:1.1", "refused: second.csv: only 21 measured samples"),
+        ("healthy.csv@2:2.2 second.csv@1:1.1", "second.csv: only 21"),  # and of the first
         ("healthy.csv --validate none.csv", "cannot read none.csv"),
         ("healthy.csv --validate healthy.csv@3:3.1", "refused: healthy.csv: only 21"),
         ("healthy.csv --axis axis9", "axis9 is not there; there is demo.axis1"),
@@ -100,15 +102,6 @@ def test_files_where_they_are_wanted_and_json_alone_on_standard_output(directory
 )
 def test_a_mistake_is_named(arguments: str, words: str) -> None:
     assert words in refused(arguments)
-
-
-def test_a_record_without_samples_or_with_other_columns(directory: Path) -> None:
-    (directory / "empty.csv").write_text("t,torque,angle\n", encoding="utf-8")
-    (directory / "other.csv").write_text("t,current,angle\n0,1,2\n", encoding="utf-8")
-    (directory / "text.csv").write_text("t,torque,angle\n0,much,2\n", encoding="utf-8")
-    assert "empty.csv" in refused("empty.csv")
-    assert "torque" in refused("other.csv")
-    assert "much" in refused("text.csv")
 
 
 @pytest.mark.parametrize(
@@ -130,10 +123,10 @@ def times(directory: Path, record: str, t: float = 1.0, torque: float = 1.0) -> 
     return "other.csv"
 
 
-def test_a_sampling_that_is_a_little_off_is_said(directory: Path) -> None:
-    for factor, doubts in ((1.02, 1), (1.005, 0)):
-        warnings = found(f"{times(directory, 'second.csv', t=factor)} --free Jm --force")["warnings"]
-        assert len([word for word in warnings if "belongs to the interval of this record" in word]) == doubts
+def test_a_sampling_that_is_hardly_off_is_not_said(directory: Path) -> None:
+    """Not half a per cent; of two per cent, see the advice below."""
+    warnings = found(f"{times(directory, 'second.csv', t=1.005)} --free Jm --force")["warnings"]
+    assert not [word for word in warnings if "belongs to the interval of this record" in word]
 
 
 def test_decimal_commas_and_a_torque_with_the_wrong_sign_are_named(directory: Path) -> None:
@@ -184,15 +177,6 @@ def test_a_folder_that_cannot_be_written_to_is_named(
     assert "cannot write nominal.toml: No space left on device" in refused(f"second.csv --free {NAMES}")
 
 
-def test_a_configuration_with_a_file_identifies_again_from_there(directory: Path) -> None:
-    """The values found before are where the next search starts."""
-    assert identify(f"healthy.csv@0:8 --free {NAMES}").exit_code == 0
-    with_nominal_file(directory, "nominal.toml")
-    load(directory / "robot.toml", {})
-    rows = {p["name"]: p for p in found(f"healthy.csv@8:20 --free {NAMES} -o next.toml")["parameters"]}
-    assert abs(rows["Jm"]["change"]) < 0.01
-
-
 def test_a_drive_from_a_file_is_named_with_its_hash(directory: Path, seed: int) -> None:
     drawn = (Path(__file__).resolve().parents[3] / "config/drives/three_mass.mo").read_bytes()
     (directory / "mine.mo").write_bytes(drawn)
@@ -210,6 +194,7 @@ def test_the_advice_on_the_interval_works(directory: Path) -> None:
     )
     advice = re.search(r"set (sample_interval_s = [\d.]+)\.", words)
     assert advice, words
+    assert words.count("belongs to the interval of this record") == 1
     with_nominal_file(directory, "next.toml")
     with pytest.raises(ConfigErrors, match="found with samples every"):
         load(directory / "robot.toml", {})

@@ -85,14 +85,6 @@ def test_what_cannot_be_told_makes_no_nominal_values(found: IdentificationReport
     assert "not converged" in stuck.rejection
 
 
-def test_requests_that_contradict_and_records_that_are_refused(folder: Path, robot: Config) -> None:
-    by_output_error = Request(start="values", disturbance_s=1.0, predictor="output-error")
-    with pytest.raises(IdentificationError, match="no disturbance"):
-        task(folder, robot, "healthy.csv", request=by_output_error)
-    with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
-        task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
-
-
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
     made = task(
         folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error")
@@ -145,14 +137,26 @@ def test_a_torque_that_is_recorded_too_late_or_too_early(folder: Path, robot: Co
         assert np.isfinite(result.result.bode.drive.db).all()
 
 
-@pytest.mark.parametrize("start", ["search", "records"])
-def test_other_starts_end_where_the_first_did(
-    folder: Path, robot: Config, found: IdentificationReport, start: Start
+@pytest.mark.parametrize(
+    ("start", "phases"),
+    soaked([("search", ["fit", "search"]), ("records", ["search"])], ("search", ["fit", "search"])),
+)
+def test_other_starts_end_where_the_first_did_and_tell_progress_in_every_phase(
+    folder: Path, robot: Config, found: IdentificationReport, start: Start, phases: list[str]
 ) -> None:
     """Even without looking at the guess, which is wrong by up to two."""
     made = task(folder, robot, "healthy.csv", request=Request(free=FREE, start=start))
-    result = made.run(PROVENANCE)
+    reported = list[tuple[str, int, int]]()
+    result = made.run(PROVENANCE, lambda *step: reported.append(step))
     assert result.result.estimate.cost == pytest.approx(found.result.estimate.cost, rel=1e-3)
+    words = [text.split()[0].rstrip(",") for text, _, _ in reported]
+    assert list(dict.fromkeys(words)) == [*phases, "validation"]
+    for phase in phases:
+        steps = [step for word, step in zip(words, reported, strict=True) if word == phase]
+        done = [step[1] for step in steps]
+        assert done == sorted(done)
+        assert len(set(done)) > 2
+        assert all(0 <= step[1] <= step[2] for step in steps)
 
 
 def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
@@ -183,26 +187,6 @@ def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> N
     late = axis._replace(config=axis.config.model_copy(update={"torque_delay_s": 0.0013}))
     made = prepare(robot, late, [str(folder / "healthy.csv")], [], Request(start="values", free=FREE))
     assert made.problem.delay_s == 0.0013
-
-
-@pytest.mark.parametrize(
-    ("start", "phases"),
-    soaked([("search", ["fit", "search"]), ("records", ["search"])], ("records", ["search"])),
-)
-def test_progress_is_told_in_every_phase(
-    folder: Path, robot: Config, start: Start, phases: list[str]
-) -> None:
-    reported = list[tuple[str, int, int]]()
-    request = Request(start=start, free=FREE)
-    task(folder, robot, "second.csv", request=request).run(PROVENANCE, lambda *step: reported.append(step))
-    words = [text.split()[0].rstrip(",") for text, _, _ in reported]
-    assert list(dict.fromkeys(words)) == [*phases, "validation"]
-    for phase in phases:
-        steps = [step for word, step in zip(words, reported, strict=True) if word == phase]
-        done = [step[1] for step in steps]
-        assert done == sorted(done)
-        assert len(set(done)) > 2
-        assert all(0 <= step[1] <= step[2] for step in steps)
 
 
 @pytest.mark.parametrize(("start", "hint"), [("records", True), ("values", False)])

@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.sampling import DROP_REASONS
@@ -45,6 +45,7 @@ def traffic(draw: st.DrawFn, lossless: bool = False) -> list[Event]:
     return [event for _, event in sorted(events, key=lambda e: e[0])]
 
 
+@settings(max_examples=40)
 @given(traffic())
 def test_nothing_is_mixed_up_and_nothing_is_lost_uncounted(events: list[Event]) -> None:
     samples, dropped = run(events)
@@ -56,6 +57,7 @@ def test_nothing_is_mixed_up_and_nothing_is_lost_uncounted(events: list[Event]) 
         assert samples[-1].torque - samples[0].torque + 1 == len(samples) + missing
 
 
+@settings(max_examples=40)
 @given(traffic(lossless=True))
 def test_a_complete_stream_becomes_all_samples(events: list[Event]) -> None:
     samples, dropped = run(events)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import can
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.can.frame_recorder import FrameRecorder, span_s
@@ -20,6 +20,7 @@ from service.ingest.identification_records import load
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, fed, make_config
 from tests.service.ingest.test_pipeline import angle1, both2, torque1
+from tests.shares import soaked
 
 SUFFIXES = [suffix for suffix in LOG_SUFFIXES if suffix != ".mf4"]  # that has a test of its own
 START_US = 1_760_000_000_123_456
@@ -69,6 +70,7 @@ def message(frame: Frame, channel: str | int = "can0") -> can.Message:
     )
 
 
+@settings(max_examples=40)
 @given(st.lists(frames, min_size=1, max_size=20))
 def test_what_is_recorded_is_read_again_to_the_microsecond(
     tmp_path_factory: pytest.TempPathFactory, sent: list[Frame]
@@ -252,7 +254,7 @@ def test_zeros_as_after_a_power_failure_are_one_torn_line(tmp_path: Path) -> Non
     assert {place.split(":")[0] for place in log.left_out} == {"line 1001"}
 
 
-@pytest.mark.parametrize("kept", [0.3, 0.5, 0.99])
+@pytest.mark.parametrize("kept", soaked([0.3, 0.5, 0.99], 0.5))
 def test_a_blf_that_is_cut_off_gives_its_complete_containers(tmp_path: Path, kept: float, seed: int) -> None:
     path, sent = tmp_path / "a.blf", traffic(seed, 20_000)
     write(path, sent)
@@ -316,7 +318,7 @@ def test_compressed_logs_behind_each_other_are_one(tmp_path: Path) -> None:
     assert log.left_out == []
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", soaked(SUFFIXES, ".log", ".blf"))
 def test_compressed_data_whose_writer_was_killed(tmp_path: Path, suffix: str, seed: int) -> None:
     path = tmp_path / f"a{suffix}"
     write(path, traffic(seed, 20_000))

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from monitor_core.sampling.clock_line import QUICK, SLEW
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, in_words, remarks
 from tests.service.ingest.single_frames import CyclicClock, SampleClock, StampMeter
+from tests.shares import soaked
 
 START_US = 1_760_000_000_000_000
 
 
+@settings(max_examples=30)
 @given(
     bits=st.sampled_from([4, 8, 16, 32]),
     first=st.integers(0, 2**32),
@@ -92,7 +94,7 @@ def test_crystals_that_differ_are_followed_and_intervals_hardly_change(
     assert -5000 < min(off) <= max(off) < 5000
 
 
-@settings(max_examples=50)
+@settings(max_examples=20)
 @given(
     ppm=st.floats(-100, 100),
     jitter_us=st.integers(0, 20_000),
@@ -259,7 +261,7 @@ def after(cycles: int, then: Iterable[int]) -> list[int]:
     return [*range(cycles), *(cycles + n for n in then)]
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(
     first_us=st.integers(0, 2000),
     late_us=st.lists(st.integers(0, 2000), min_size=300, max_size=300),
@@ -306,9 +308,13 @@ def test_a_jitter_to_both_sides_by_a_fifth_of_a_cycle(seed: int) -> None:
     assert len(rejected(found)) < 160
 
 
-@pytest.mark.parametrize("ppm", [0, 80])
-@pytest.mark.parametrize("lost", [0.0, 0.002])
-@pytest.mark.parametrize("every_us", [8_000, 16_000, 32_000])
+@pytest.mark.parametrize(
+    ("every_us", "lost", "ppm"),
+    soaked(
+        list(itertools.product([8_000, 16_000, 32_000], [0.0, 0.002], [0, 80])),
+        *[(8_000, 0.002, 80), (16_000, 0.0, 0), (16_000, 0.002, 0), (32_000, 0.002, 80)],
+    ),
+)
 def test_an_adapter_that_passes_frames_on_in_bunches(
     every_us: int, lost: float, ppm: float, seed: int
 ) -> None:
@@ -464,7 +470,7 @@ def test_the_rate_is_known_from_before_when_the_clock_is_set_back_and_what_was_h
     assert given_us[90] - given_us[0] == pytest.approx(90 * cycle_us, abs=20)  # 340 by the nominal cycle
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(
     chance=st.randoms(use_true_random=False),
     jitter_us=st.integers(0, 20_000),

@@ -101,7 +101,7 @@ def bits(value: float | str | None) -> object:
     return value
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(message=messages(), seed=st.integers(0, 2**32), extra=st.booleans())
 def test_a_block_has_the_bits_of_cantools(message: Message, seed: int, extra: bool) -> None:
     rng = random.Random(seed)
@@ -161,7 +161,7 @@ def by_the_bits(signal: Bits, data: bytes) -> float:
     return number * signal.factor + signal.offset
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(table=table_signals(), seed=st.integers(0, 2**32))
 def test_a_table_of_ids_has_the_values_of_its_bits_and_of_cantools(table: list[Bits], seed: int) -> None:
     rng = random.Random(seed)

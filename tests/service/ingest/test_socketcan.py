@@ -73,7 +73,7 @@ def test_can_fd_frames_need_the_option(tmp_path: Path) -> None:
 
 def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
     config = bus_config(tmp_path)
-    count = 8000
+    count = 4000
     frames = (
         PlayFrame(k / 4000, "bus0", EXTENDED if k % 2 else STANDARD, k.to_bytes(2, "little"), 0.0)
         for k in range(count)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.end_to_end.processes import run_program
 from tests.service.command_line import axiswatch
 from tests.service.modeling.long_drives import ROTATIONAL, chain_text, geared_text
 
@@ -95,25 +94,11 @@ def written(bad: Bad, folder: Path) -> Path:
 def test_a_bad_drawing_is_refused_in_words(name: str, tmp_path: Path) -> None:
     bad, file = BAD[name], written(BAD[name], tmp_path)
     result = axiswatch("model", file)
-    in_one_line(result.exit_code, result.stdout, result.stderr)
+    assert (result.exit_code, result.stdout) == (2, ""), result.stderr
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.removesuffix("\n").isprintable()
     assert result.stderr.startswith(f"axiswatch: {file}{bad.place}"), result.stderr
     assert [word for word in bad.words if word not in result.stderr] == []
-
-
-def in_one_line(exit_code: int, stdout: str, stderr: str) -> None:
-    assert (exit_code, stdout) == (2, ""), stderr
-    assert "Traceback" not in stderr
-    assert stderr.count("\n") == 1
-    assert stderr.removesuffix("\n").isprintable()
-
-
-def test_the_program_ends_so_too(tmp_path: Path) -> None:
-    bad = BAD["two gears in parallel"]
-    file = written(bad, tmp_path)
-    result = run_program("model", file)
-    in_one_line(result.returncode, result.stdout, result.stderr)
-    for word in (f"axiswatch: {file}:", *bad.words):
-        assert word in result.stderr
 
 
 def shown(text: str, folder: Path, *arguments: str) -> str:

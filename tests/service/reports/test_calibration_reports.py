@@ -5,6 +5,7 @@ import json
 import re
 import tomllib
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,11 @@ SENTENCES = {
 
 def alarming(kind: DetectorName) -> Calibration:
     return replace(by_hand(), alarms=kind)
+
+
+@cache
+def page_of(kind: DetectorName) -> str:
+    return as_html(alarming(kind))
 
 
 def causes(calibration: Calibration) -> Table:
@@ -82,12 +88,11 @@ def test_a_table_tells_each_thing_once() -> None:
     ],
 )
 def test_what_will_alarm_is_told_first_on_the_page(kind: DetectorName, titles: list[str]) -> None:
-    calibration = alarming(kind)
-    page = as_html(calibration)
+    page = page_of(kind)
     assert page.index(f"The {titles[0]}: one false alarm") < page.index(f"The {titles[1]}: one false alarm")
     assert f"Thresholds found: {SENTENCES[kind]}." in page
     assert page.index(f"<h2>By the {titles[0]}") < page.index(f"<h2>By the {titles[1]}")
-    assert f"# The {titles[0]}: {SENTENCES[kind]}." in as_toml(calibration)
+    assert f"# The {titles[0]}: {SENTENCES[kind]}." in as_toml(alarming(kind))
     for words in ("Thresholds of the CUSUM tests", "Thresholds of the multi-model detector", "11.0 to 12.0"):
         assert words in page
 
@@ -106,7 +111,7 @@ def test_the_first_sentence_is_what_the_detector_that_alarms_finds_in_time(
     kind: DetectorName, words: str
 ) -> None:
     """The larger of the smallest changes up and down; where one way none is found, the other way is named."""
-    page = as_html(alarming(kind))
+    page = page_of(kind)
     assert f"<p><strong>Found within {WITHIN_S:g} s: {words}</strong></p>" in page
     assert page.index("Found within") < page.index("Thresholds found")
     untried = replace(alarming("cusum"), result=replace(by_hand().result, bank=None, caught=[]))
@@ -115,7 +120,7 @@ def test_the_first_sentence_is_what_the_detector_that_alarms_finds_in_time(
 
 def test_how_faults_were_made_is_said_of_each_and_explained_once() -> None:
     """Nothing was tried of fm: no picture."""
-    page = as_html(by_hand())
+    page = page_of("multimodel")
     assert re.findall(r"<figcaption>(.*?)</figcaption>", page) == ["kT (exact)", "1/Ja (simulated)"]
     assert page.count("Exact: ") == 1
     assert "Mind the gap." in page
