@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 from fastapi import FastAPI
@@ -249,7 +249,11 @@ class Stage:
         return create_app(state)
 
     def client(self) -> TestClient:
-        return TestClient(self.app(), base_url="http://localhost")
+        """Of an application of its own where that is made otherwise for this stage."""
+        if self.access or self.reports or self.extracts:
+            return TestClient(self.app(), base_url="http://localhost")
+        _SHARED.stage = self
+        return TestClient(shared_app(), base_url="http://localhost")
 
     def record(self, axis: str, unit: str, nominal: float, alarm: Alarm) -> int:
         """The number of this alarm in the journal."""
@@ -261,6 +265,36 @@ class Stage:
         axes = (monitored_axis(), monitored_axis("axis2"))
         self.snapshot = replace(self.snapshot, axes=axes, buses=self.snapshot.buses[:1], messages=())
         self.links = ()
+
+
+class _SharedState:
+    """In place of AppState: what the stage has that a client was made of last."""
+
+    stage: Stage
+    access, reports, extracts = Access(), None, None
+    journal = property(lambda self: self.stage.journal)
+    history = property(lambda self: self.stage.history)
+    live = property(lambda self: self.stage.live)
+    setup = property(lambda self: self.stage.setup)
+    axis, recordings = AppState.axis, AppState.recordings
+
+    def snapshot(self) -> Snapshot:
+        return self.stage.snapshot
+
+    def now_us(self) -> int:
+        return self.stage.now_us
+
+    def links(self) -> tuple[LinkSnapshot, ...]:
+        return self.stage.links
+
+
+_SHARED = _SharedState()
+
+
+@cache
+def shared_app() -> FastAPI:
+    """To make one for each test, and its description, takes longer than most of the tests."""
+    return create_app(cast(AppState, _SHARED))
 
 
 @contextmanager
