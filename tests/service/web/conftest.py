@@ -394,9 +394,15 @@ def daemon(stage: Stage) -> Iterator["Daemon"]:
 
 @pytest.fixture
 def page(browser: "Browser", daemon: "Daemon") -> Iterator["Page"]:
+    with quiet_page(browser, daemon.port) as opened:
+        yield opened
+
+
+@contextmanager
+def quiet_page(browser: "Browser", port: int) -> Iterator["Page"]:
     """A page that must not complain, nor ask any other host."""
     complaints: list[str] = []
-    own = f"http://127.0.0.1:{daemon.port}"
+    own = f"http://127.0.0.1:{port}"
     opened = browser.new_page(base_url=own)
     opened.on("pageerror", lambda error: complaints.append(str(error)))
     opened.on("request", lambda r: None if r.url.startswith(own) else complaints.append(r.url))
