@@ -66,13 +66,14 @@ def test_estimates_alarm_and_metrics_come_out_and_a_replay_of_the_record_gives_t
             wait_for(lambda: d.status("readyz") == 200)
             alarm = wait_for(lambda: next((a for a in alarms(d).values() if a["stage"] == "named"), None))
             assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
-            wait_for(lambda: d.axis()["counters"]["used"] > 1200)
+            wait_for(lambda: d.axis()["counters"]["used"] > 700)
             process.send_signal(signal.SIGINT)
             assert process.wait(20) == 0
         last = wait_until_silent(d)
         assert {p["name"]: p["status"] for p in last[1]["parameters"]}["fm"] == "alarm"
         assert alarm_sources(last) == DETECTORS
         metrics = d.text("metrics")
+        standing = sorted(a["raised"] for a in alarms(d).values() if a["active"])
         assert wait_for(lambda: d.get("api/v1/axes/demo.axis1/history")["time"])
         assert d.stop() == 0
     for value in (
@@ -100,6 +101,34 @@ def test_estimates_alarm_and_metrics_come_out_and_a_replay_of_the_record_gives_t
                 assert p[name] == rest[name] == getattr(kept, name)
     assert [a["parameter"] for a in replayed[1]["alarms"]][:1] == ["fm"]
     assert replayed[1]["alarms"][0]["raised"] == alarm["raised"]
+    they_outlive_damaged_files(config, standing)
+
+
+def they_outlive_damaged_files(config: Path, standing: list[str]) -> None:
+    """Alarms, by the times at which they were raised: checkpoints and journal both know them."""
+    state = config.parent / "state"
+    (state / "alarms.sqlite").write_bytes(b"no database" * 1000)
+    with daemon(config) as d:
+        (message,) = daemon_messages(d)
+        assert "alarms.sqlite is damaged" in message
+        assert sorted(a["raised"] for a in alarms(d).values()) == standing
+        assert d.axis(2)["parameters"][2]["status"] == "alarm"
+        assert d.stop() == 0
+    assert len(list(state.glob("alarms.sqlite.damaged-*"))) >= 1
+
+    (state / "checkpoints.sqlite").write_bytes(b"no database" * 1000)
+    with daemon(config) as d:
+        (message,) = daemon_messages(d)
+        assert "checkpoints.sqlite is damaged" in message
+        axis = d.axis(2)
+        assert (axis["samples"], axis["parameters"][2]["status"]) == (0, "alarm")
+        assert d.stop() == 0
+
+
+def daemon_messages(d: Daemon) -> list[str]:
+    """The messages of the daemon, except that the kernel is not ready yet."""
+    messages: list[str] = d.get("api/v1/service")["messages"]
+    return [message for message in messages if "kernel is being compiled" not in message]
 
 
 def alarm_sources(axes: Sequence[dict[str, Any]]) -> tuple[str, ...]:
