@@ -19,6 +19,7 @@ from typing import Any
 from service.can.bus import open_bus, send
 from service.can.frames import FrameKey
 from service.config import load
+from service.simulation.robot import Fault
 from tests.end_to_end.processes import (
     PATIENCE_S,
     ROOT,
@@ -26,10 +27,9 @@ from tests.end_to_end.processes import (
     daemon,
     demo_config,
     edit,
-    robot,
     wait_for,
 )
-from tests.end_to_end.test_daemon import saved
+from tests.end_to_end.test_daemon import played_robot, saved
 
 UNRECORDED = "cannot be recorded yet, is tried again"
 UNSAVED = "the state of the monitors cannot be saved"
@@ -46,12 +46,13 @@ main()
 """
 
 
-def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(tmp_path: Path) -> None:
+def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(
+    tmp_path: Path, seed: int
+) -> None:
     config = demo_config(tmp_path, axes=1, service="checkpoint_interval_s = 1.0")
     with daemon(config) as d:
         limit_files(d, 1)
-        fault = ("--fault", "fm=1.6", "--fault-after", "2")
-        with robot(config, *fault):
+        with played_robot(config, 20, seed, Fault("demo.axis1", {"fm": 1.6}, 4.0)):
             wait_for(lambda: any(UNRECORDED in message and " fm up" in message for message in messages(d)))
             wait_for(lambda: any(UNSAVED in message for message in messages(d)))
             before = d.axis()["last_sample"]

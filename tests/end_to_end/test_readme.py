@@ -3,7 +3,6 @@
 import json
 import re
 import shlex
-import signal
 import subprocess
 import tomllib
 from collections.abc import Callable, Sequence
@@ -23,13 +22,8 @@ from service.store.journal import Journal
 from tests.conftest import no_pictures
 from tests.end_to_end.processes import (
     ROOT,
-    Daemon,
-    daemon,
     demo_config,
     edit,
-    robot,
-    running,
-    wait_for,
 )
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
@@ -68,7 +62,10 @@ def arguments(command: list[str], folder: Path) -> list[str]:
 
 
 def test_every_command_shown_is_run_here() -> None:
-    """`baseline`, and what it needs over REST, in tests/service/commands/test_baseline.py."""
+    """`baseline`, and what it needs over REST, in tests/service/commands/test_baseline.py.
+
+    What a daemon is needed for: in test_daemon.py.
+    """
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
@@ -89,55 +86,6 @@ def test_targets_of_make(target: str, need: Callable[[str], str]) -> None:
     assert done.stdout
 
 
-def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
-    config = demo_config(tmp_path, axes=1)
-    check, *_ = shown("axiswatch check")
-    listen, *_ = shown("axiswatch listen")
-    (run,) = (command for command in shown("axiswatch run") if "--record" in command)
-    (simulate,) = shown("axiswatch simulate")
-    assert axiswatch(*arguments(check, tmp_path)).exit_code == 0
-    with (
-        running(*arguments(simulate, tmp_path), log=tmp_path / "robot.log"),
-        daemon(config, *arguments(run, tmp_path)[3:]) as d,
-    ):
-        heard = axiswatch(*arguments(listen, tmp_path))  # while the axis settles: to play takes as long again
-        assert (heard.exit_code, "axis1" in heard.stdout) == (0, True)
-        wait_for(lambda: d.axis()["counters"]["used"] > 650)  # three memories: less counts as not tested
-        answers_to_curl(d)
-        assert d.stop() == 0
-    (replay,) = shown("axiswatch replay")
-    assert axiswatch(*arguments(replay, tmp_path)).exit_code == 0
-    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["axes"]
-    assert "<svg" in (tmp_path / "replay.html").read_text(encoding="utf-8")
-    is_played_and_listened_to(config, tmp_path / "today.log")
-
-
-def is_played_and_listened_to(config: Path, record: Path) -> None:
-    """The last 300 frames of a record, by another process."""
-    (play,) = shown("axiswatch play")
-    frames = record.read_text(encoding="utf-8").splitlines()[-300:]
-    record.write_text("\n".join((*frames, "")), encoding="utf-8")
-    lines = config.with_name("lines.txt")
-    with running("listen", "--config", config, log=lines) as listener:
-        wait_for(lambda: "can0: up" in lines.read_text(encoding="utf-8"))
-        assert "demo.axis1\ttorque\tnot received" in lines.read_text(encoding="utf-8")
-        played = axiswatch(*arguments(play, config.parent))
-        assert (played.exit_code, played.stdout[:15]) == (0, "300 frames sent")
-        sent = frames[-1].split("#")[1].split()[0]
-        counter = int.from_bytes(bytes.fromhex(sent)[6:8], "little")
-        wait_for(lambda: f"counter\t{counter}\t" in lines.read_text(encoding="utf-8"))
-        assert "can0: up, 300 frames" in lines.read_text(encoding="utf-8")
-        listener.send_signal(signal.SIGTERM)
-        assert listener.wait(30) == 0
-    last = [line.split("\t") for line in lines.read_text(encoding="utf-8").splitlines()[-4:]]
-    assert last[2][:5] == ["demo.axis1", "counter", str(counter), "Axis1State.Counter", str(counter)]
-    torque = int.from_bytes(bytes.fromhex(sent)[:2], "little", signed=True) / 1000
-    assert last[0][2] == f"{torque:.6g} N m"
-    axis, what, scatter, clock = last[3][:4]
-    assert (axis, what, clock) == ("demo.axis1", "stamps", "counter")
-    assert re.fullmatch(r"scatter [0-9.e+]+ ms", scatter)
-
-
 def test_others_are_let_in(tmp_path: Path) -> None:
     """In the order of the documents: a token is made, listed and revoked, beside this [web]."""
     (web,) = (block for block in TOML if "[web]" in block)
@@ -148,39 +96,6 @@ def test_others_are_let_in(tmp_path: Path) -> None:
     assert made.startswith("axw_")
     assert "operate" in listed
     assert revoked == "anna is revoked\n"
-
-
-def test_a_robot_is_backed_up_while_it_is_monitored_and_goes_on_in_another_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its messages lie elsewhere; an alarm that is acknowledged is so there, and the estimates go on."""
-    (backup,), (restore,) = shown("axiswatch backup"), shown("axiswatch restore")
-    (tmp_path / "robot").mkdir()
-    config = demo_config(tmp_path / "robot", service="checkpoint_interval_s = 0.5")
-    (tmp_path / "robot" / "demo.dbc").rename(tmp_path / "demo.dbc")
-    edit(config, ('"demo.dbc"', '"../demo.dbc"'))
-    monkeypatch.chdir(config.parent)
-    with daemon(config) as d, robot(config, "--fault", "fm=1.6", "--fault-after", "3"):
-        (alarm, *_) = wait_for(lambda: d.get("api/v1/alarms")["alarms"])
-        # An earlier checkpoint may be of before the first sample.
-        wait_for(lambda: (d.get("api/v1/service")["checkpoint"] or "") > alarm["raised"])
-        done = axiswatch("alarms", "ack", "1", "--comment", "seen", "--url", d.page)
-        assert done.exit_code == 0, done.output
-        kept = axiswatch(*backup[1:])
-        assert (kept.exit_code, kept.stderr) == (0, "")
-        before = d.axis()["samples"]
-        wait_for(lambda: d.axis()["samples"] > before)
-        d.process.kill()
-    done = axiswatch(*restore[1:])
-    assert done.exit_code == 0, done.output
-    assert "../demo.dbc is now restored/outside/1-demo.dbc" in done.stderr
-    restored = Path("restored", "robot.toml").absolute()
-    assert axiswatch("check", "--config", restored).exit_code == 0
-    with daemon(restored) as d:
-        (alarm,) = [alarm for alarm in d.get("api/v1/alarms")["alarms"] if alarm["id"] == 1]
-        assert alarm["state"] in ("acknowledged", "normal")
-        assert 0 < d.axis()["samples"] <= before
-        assert d.get("api/v1/service")["messages"] == []
 
 
 def test_an_experiment_is_planned(tmp_path: Path) -> None:
@@ -358,13 +273,6 @@ def test_the_drive_drawn_here_is_modelled_and_simulated(tmp_path: Path) -> None:
     )
     assert (simulated.exit_code, simulated.stderr) == (0, "")
     assert "demo.axis1: f x 1.3" in simulated.stdout
-
-
-def answers_to_curl(d: Daemon) -> None:
-    """Each address shown answers, on the port of this daemon."""
-    for command in shown("curl"):
-        if "--json" not in command:
-            assert d.status(command[1].removeprefix("http://127.0.0.1:8080/")) == 200
 
 
 def test_the_history_is_fetched_as_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

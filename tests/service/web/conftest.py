@@ -47,12 +47,10 @@ from service.web.app import create_app
 from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
-from service.web.server import serve
+from service.web.server import Certificate, serve
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
-
-    from tests.service.web.page_parts import Daemon
 
 NOON_US = 1_772_366_400_000_000
 """2026-03-01T12:00:00Z"""
@@ -297,23 +295,41 @@ def shared_app() -> FastAPI:
     return create_app(cast(AppState, _SHARED))
 
 
+class Daemon:
+    """The web server of a stage, in a thread of its own."""
+
+    def __init__(self, stage: Stage, port: int = 0, certificate: Certificate | None = None) -> None:
+        self._stop, self._ready = threading.Event(), threading.Event()
+        self.port, self._stage = 0, stage
+        stage.stopping = False
+        arguments = (stage.app(), "127.0.0.1", port, self._started, self._stop, certificate)
+        self._thread = threading.Thread(target=serve, args=arguments)
+        self._thread.start()
+        assert self._ready.wait(30)
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def _started(self, port: int) -> None:
+        self.port = port
+        self._ready.set()
+
+    def stop(self) -> None:
+        self._stage.stopping = True  # streams of events end
+        self._stop.set()
+        self._thread.join(30)
+        assert not self._thread.is_alive()
+
+
 @contextmanager
-def serving(stage: Stage) -> Iterator[str]:
+def serving(stage: Stage, certificate: Certificate | None = None) -> Iterator[str]:
     """The address at which a stage is served."""
-    stop, started, ports = threading.Event(), threading.Event(), list[int]()
-
-    def ready(port: int) -> None:
-        ports.append(port)
-        started.set()
-
-    server = threading.Thread(target=serve, args=(stage.app(), "127.0.0.1", 0, ready, stop))
-    server.start()
+    daemon = Daemon(stage, certificate=certificate)
     try:
-        assert started.wait(30)
-        yield f"http://127.0.0.1:{ports[0]}"
+        yield daemon.url
     finally:
-        stop.set()
-        server.join(30)
+        daemon.stop()
 
 
 @pytest.fixture
@@ -384,16 +400,14 @@ def browser(need: Callable[[str], str]) -> Iterator["Browser"]:
 
 
 @pytest.fixture
-def daemon(stage: Stage) -> Iterator["Daemon"]:
-    from tests.service.web.page_parts import Daemon
-
+def daemon(stage: Stage) -> Iterator[Daemon]:
     started = Daemon(stage)
     yield started
     started.stop()
 
 
 @pytest.fixture
-def page(browser: "Browser", daemon: "Daemon") -> Iterator["Page"]:
+def page(browser: "Browser", daemon: Daemon) -> Iterator["Page"]:
     with quiet_page(browser, daemon.port) as opened:
         yield opened
 

@@ -15,8 +15,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
 from service.web import event_stream, gate, models
-from service.web.server import serve
-from tests.service.web.conftest import NOON_US, Stage, monitored_axis, serving
+from tests.service.web.conftest import NOON_US, Daemon, Stage, monitored_axis, serving
 
 NOTE = Note(NOON_US, "anna")
 
@@ -136,22 +135,11 @@ def test_streams_are_few_and_their_places_become_free(stage: Stage, monkeypatch:
 
 
 def test_a_stream_ends_with_the_daemon(stage: Stage) -> None:
-    stop, started, ports = threading.Event(), threading.Event(), list[int]()
-
-    def ready(port: int) -> None:
-        ports.append(port)
-        started.set()
-
-    server = threading.Thread(target=serve, args=(stage.app(), "127.0.0.1", 0, ready, stop))
-    server.start()
-    assert started.wait(30)
-    with stream(f"http://127.0.0.1:{ports[0]}") as events:
+    daemon = Daemon(stage)
+    with stream(daemon.url) as events:
         next(events)
-        stage.stopping = True
-        stop.set()
+        daemon.stop()
         assert list(events) == [], "it is closed as it should be: httpx fails where it is cut"
-    server.join(30)
-    assert not server.is_alive()
 
 
 def test_a_client_that_does_not_read_is_cut_off(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:

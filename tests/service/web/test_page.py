@@ -21,13 +21,14 @@ from service.web.robot_setup import RobotSetup, SignalCheck
 from tests.service.web.conftest import (
     PARAMETERS,
     SIGNAL_CHECK,
+    Daemon,
     Stage,
     monitored_axis,
     quiet_page,
     robot_setup,
     with_status,
 )
-from tests.service.web.page_parts import Daemon, parameter, serious_faults, tile, unfold
+from tests.service.web.page_parts import parameter, serious_faults, tile, unfold
 from tests.shares import soaked
 
 pytestmark = pytest.mark.browser
