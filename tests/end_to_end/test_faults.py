@@ -198,6 +198,7 @@ def ends_at_once_by_a_second_signal(d: Daemon) -> None:
         wait_for(lambda: not catches(d.process.pid, signal.SIGTERM))
         d.process.send_signal(signal.SIGTERM)
         assert d.process.wait(PATIENCE_S) == -signal.SIGTERM
+    assert "stopping" not in [event["event"] for event in d.events()], "it has not waited for the client"
 
 
 def catches(pid: int, number: signal.Signals) -> bool:
