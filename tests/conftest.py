@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -102,9 +103,9 @@ def need() -> Callable[[str], str]:
     return path_of
 
 
-@pytest.fixture(scope="module")
-def without_pictures() -> Iterator[None]:
-    """The reports of a module without their pictures: to draw them takes seconds, and its tests look at numbers.
+@contextmanager
+def no_pictures() -> Iterator[None]:
+    """Reports without their pictures: to draw them takes seconds.
 
     Tests of reports (tests/service/identification/test_reports.py, tests/service/reports) draw them.
     """
@@ -115,4 +116,11 @@ def without_pictures() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", savefig)
+        yield
+
+
+@pytest.fixture(scope="module")
+def without_pictures() -> Iterator[None]:
+    """The reports of a module without their pictures: its tests look at numbers."""
+    with no_pictures():
         yield

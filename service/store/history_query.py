@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import NamedTuple
 
 from monitor_core.arrays import Ints
@@ -116,9 +117,10 @@ def _step(question: Question) -> int:
 def _choice(question: Question, since_s: int, until_s: int, ends: _Ends) -> tuple[Resolution, int]:
     """The table to read, and the length of a row."""
     least = _step(question)
-    days = range(1, 2 + (until_s - since_s) // _DAY_S)
-    steps = [s for s in (least, *_STEPS_S, *(_DAY_S * d for d in days)) if s >= least]
-    step_s = next((s for s in steps if _number(since_s, until_s, s) <= question.points), steps[-1])
+    # For a single row the longest one begins at zero: all shorter ones may have a boundary within the range.
+    days = range(1, 2 + until_s // _DAY_S)
+    steps = (s for s in chain((least, *_STEPS_S), (_DAY_S * d for d in days)) if s >= least)
+    step_s = next((s for s in steps if _number(since_s, until_s, s) <= question.points), least)
     finest = next(t for t in reversed(RESOLUTIONS) if step_s % PERIODS_S[t] == 0)
     table = _reaching(finest, since_s, ends)
     return table, max(step_s, PERIODS_S[table])

@@ -181,7 +181,7 @@ def wait_for(look: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T:
         if found:
             return found
         assert time.monotonic() < end, f"waited {patience_s:.0f} s in vain for {look.__qualname__}"
-        time.sleep(0.1)
+        time.sleep(0.05)
 
 
 def mistakes(result: subprocess.CompletedProcess[str]) -> tuple[int, Sequence[str]]:

@@ -3,7 +3,6 @@
 import json
 import os
 import pty
-import re
 import select
 import signal
 import subprocess
@@ -15,11 +14,8 @@ from tests.end_to_end.processes import (
     PROGRAM,
     ROOT,
     alarms_shown,
-    daemon,
     demo,
     demo_config,
-    run_program,
-    running,
     wait_for,
 )
 from tests.service.commands.test_commission import AXIS, H, configured, table
@@ -37,41 +33,6 @@ def test_demo_shows_a_page_and_its_report_and_names_its_fault(tmp_path: Path) ->
         (alarm,) = wait_for(lambda: [a for a in alarms_shown(page) if a["stage"] == "named"])
         assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
     assert "fm x 1.3 after 6 s" in log.read_text(encoding="utf-8")
-
-
-def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
-    config = demo_config(tmp_path, axes=1)
-    record = tmp_path / "frames.log"
-    with daemon(config, "--record", record) as d:
-        done = run_program("simulate", "--config", config, "--seconds", "1.5", "--seed", "7")
-        assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "300 frames sent")
-        wait_for(lambda: d.axis()["samples"] == 300)
-        assert d.stop() == 0
-    lines = tmp_path / "lines.txt"
-    with running("listen", "--config", config, log=lines) as listener:
-        wait_for(lambda: "can0: up" in lines.read_text(encoding="utf-8"))
-        assert "demo.axis1\ttorque\tnot received" in lines.read_text(encoding="utf-8")
-        played = run_program("play", "--config", config, "--speed", "2", record)
-        assert (played.returncode, played.stdout[:15]) == (0, "300 frames sent")
-        sent = record.read_text(encoding="utf-8").splitlines()[-1].split("#")[1].split()[0]
-        counter = int.from_bytes(bytes.fromhex(sent)[6:8], "little")
-        wait_for(lambda: f"counter\t{counter}\t" in lines.read_text(encoding="utf-8"))
-        assert "can0: up, 300 frames" in lines.read_text(encoding="utf-8")
-        listener.send_signal(signal.SIGTERM)
-        assert listener.wait(30) == 0
-    last = lines.read_text(encoding="utf-8").splitlines()[-4:]
-    assert last[2].split("\t")[:5] == [
-        "demo.axis1",
-        "counter",
-        str(counter),
-        "Axis1State.Counter",
-        str(counter),
-    ]
-    torque = int.from_bytes(bytes.fromhex(sent)[:2], "little", signed=True) / 1000
-    assert last[0].split("\t")[2] == f"{torque:.6g} N m"
-    axis, what, scatter, clock = last[3].split("\t")[:4]
-    assert (axis, what, clock) == ("demo.axis1", "stamps", "counter")
-    assert re.fullmatch(r"scatter [0-9.e+]+ ms", scatter)
 
 
 def test_listen_on_a_terminal_is_one_table_and_ends_by_itself(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
 COMMISSIONED = ROOT / "config" / "demo" / "axiswatch.toml"
-FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=200_000, bank_copies=20_000)
+FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=60_000, bank_copies=20_000)
 
 
 class Daemon:

@@ -16,10 +16,11 @@ from service.config import NamedAxis, load
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
+from tests.shares import soaked
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
-QUICK = CalibrationOptions(600.0, None, (0.3,), 2, copies=200_000, bank_copies=20_000)
+QUICK = CalibrationOptions(600.0, None, (0.3,), 1, copies=120_000, bank_copies=20_000)
 
 
 class Cell(NamedTuple):
@@ -48,7 +49,7 @@ def write(path: Path, samples: ArmSamples, side: float = R) -> Path:
 def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
     folder = tmp_path_factory.mktemp("arm")
     arm = Arm(ArmTruth(), np.random.default_rng(seed))
-    record = write(folder / "healthy.csv", arm.take(60.0))
+    record = write(folder / "healthy.csv", arm.take(45.0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(commission, "options_for", lambda _budget_s: QUICK)
         patch.setattr("os.cpu_count", lambda: 1)  # in this process, without pictures
@@ -89,8 +90,8 @@ def follows(axis: NamedAxis) -> set[str]:
 
 
 def test_a_weak_motor_is_named_and_the_healthy_arm_is_quiet(cell: Cell) -> None:
-    healthy = write(cell.folder / "second.csv", cell.arm.take(60.0))
-    faulty = write(cell.folder / "faulty.csv", cell.arm.take(60.0, {"shoulder kT": 0.75}))
+    healthy = write(cell.folder / "second.csv", cell.arm.take(40.0))
+    faulty = write(cell.folder / "faulty.csv", cell.arm.take(40.0, {"shoulder kT": 0.75}))
     assert alarms(cell, healthy) == {}
     found = alarms(cell, faulty)
     assert set(found) == {"robot1.axis1"}
@@ -120,21 +121,20 @@ model = { drive = "one-mass-weight", monitor = ["kT"], nominal = { kT = 1, r = 0
 """
 
 
-@pytest.mark.parametrize("names", [("J1", "J2"), ("1", "2")])
-def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(
-    names: tuple[str, str], cell: Cell, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("names", soaked(["J1 J2", "1 2"], "1 2"))
+def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: Cell, tmp_path: Path) -> None:
     """Axes that are only numbered get signals with a letter."""
     record = write(tmp_path / "motors.csv", cell.arm.take(60.0), 1.0)
-    text = MOTORS + "".join(AXIS.format(name=n, column=c) for n, c in zip(names, AXES, strict=True))
-    found = link_load(text, f"arm.{names[1]}", [str(record)], tmp_path)
+    first, second = names.split()
+    text = MOTORS + "".join(AXIS.format(name=n, column=c) for n, c in zip((first, second), AXES, strict=True))
+    found = link_load(text, f"arm.{second}", [str(record)], tmp_path)
     assert found is not None
-    signals = [name if name.startswith("J") else f"axis{name}" for name in names]
+    signals = [name if name.startswith("J") else f"axis{name}" for name in (first, second)]
     assert f"cos({signals[0]} + {signals[1]})" in found.terms
     assert {c.key: c.value for c in found.signals} == {
         ("signal", signal, key): value
-        for signal, name in zip(signals, names, strict=True)
+        for signal, name in zip(signals, (first, second), strict=True)
         for key, value in (("axis", name), ("factor", R))
     }
     without = text.replace(", r = 0.01", ", r = 1")  # hundreds of radians are no angle of an arm
-    assert link_load(without, f"arm.{names[1]}", [str(record)], tmp_path) is None
+    assert link_load(without, f"arm.{second}", [str(record)], tmp_path) is None

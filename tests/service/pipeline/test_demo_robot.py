@@ -12,7 +12,7 @@ from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault, FaultError, SimulatedRobot
 from tests.service.pipeline.robots import START_US, blocks, demo
 
-FAULT_S = 20.0
+FAULT_S = 10.0
 NAMED_S = 1.2
 """Within this time of its onset a fault has its name."""
 
@@ -38,7 +38,7 @@ def alarms(
 
 
 def test_healthy_axes_are_quiet(tmp_path: Path, seed: int) -> None:
-    assert alarms(tmp_path, 6, 30.0, seed, []) == []
+    assert alarms(tmp_path, 6, 20.0, seed, []) == []
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_a_fault_is_named_in_a_second(
     tmp_path: Path, seed: int, name: str, factor: float, direction: str
 ) -> None:
     fault = Fault("demo.axis2", {name: factor}, FAULT_S)
-    found = alarms(tmp_path, 2, FAULT_S + 10, seed, [fault])
+    found = alarms(tmp_path, 2, FAULT_S + 5, seed, [fault])
     assert {
         (c.axis_id, c.alarm.parameter, c.alarm.direction) for _, c in found if c.alarm.stage == "named"
     } == {("demo.axis2", name, direction)}

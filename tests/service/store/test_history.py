@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from service.store.history_query import Question, ask, pages
@@ -93,7 +93,7 @@ TIMES = st.one_of(
 POINTS = st.builds(point, TIMES, st.integers(0, 3), st.sampled_from(SERIES))
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(st.lists(st.lists(POINTS, min_size=1, max_size=12), max_size=6))
 def test_roll_ups_are_those_of_all_points_whatever_comes_when(batches: list[list[Point]]) -> None:
     with fresh() as store:
@@ -260,8 +260,9 @@ SOME_TIMES = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(SOME_TIMES, SPANS, SPANS, st.integers(1, 40), st.sampled_from([0.5, 7.0, 10.0, 900.0]))
+@example([1_760_000_000, 1_760_832_000], None, None, 1, 0.5)  # on both sides of a boundary of ten days
 def test_the_answer_has_at_most_the_wanted_rows_and_they_are_true(
     times: list[int], since: int | None, until: int | None, most: int, interval_s: float
 ) -> None:

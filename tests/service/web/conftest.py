@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 from fastapi import FastAPI
@@ -47,12 +47,10 @@ from service.web.app import create_app
 from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
-from service.web.server import serve
+from service.web.server import Certificate, serve
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
-
-    from tests.service.web.page_parts import Daemon
 
 NOON_US = 1_772_366_400_000_000
 """2026-03-01T12:00:00Z"""
@@ -249,7 +247,11 @@ class Stage:
         return create_app(state)
 
     def client(self) -> TestClient:
-        return TestClient(self.app(), base_url="http://localhost")
+        """Of an application of its own where that is made otherwise for this stage."""
+        if self.access or self.reports or self.extracts:
+            return TestClient(self.app(), base_url="http://localhost")
+        _SHARED.stage = self
+        return TestClient(shared_app(), base_url="http://localhost")
 
     def record(self, axis: str, unit: str, nominal: float, alarm: Alarm) -> int:
         """The number of this alarm in the journal."""
@@ -263,23 +265,71 @@ class Stage:
         self.links = ()
 
 
+class _SharedState:
+    """In place of AppState: what the stage has that a client was made of last."""
+
+    stage: Stage
+    access, reports, extracts = Access(), None, None
+    journal = property(lambda self: self.stage.journal)
+    history = property(lambda self: self.stage.history)
+    live = property(lambda self: self.stage.live)
+    setup = property(lambda self: self.stage.setup)
+    axis, recordings = AppState.axis, AppState.recordings
+
+    def snapshot(self) -> Snapshot:
+        return self.stage.snapshot
+
+    def now_us(self) -> int:
+        return self.stage.now_us
+
+    def links(self) -> tuple[LinkSnapshot, ...]:
+        return self.stage.links
+
+
+_SHARED = _SharedState()
+
+
+@cache
+def shared_app() -> FastAPI:
+    """To make one for each test, and its description, takes longer than most of the tests."""
+    return create_app(cast(AppState, _SHARED))
+
+
+class Daemon:
+    """The web server of a stage, in a thread of its own."""
+
+    def __init__(self, stage: Stage, port: int = 0, certificate: Certificate | None = None) -> None:
+        self._stop, self._ready = threading.Event(), threading.Event()
+        self.port, self._stage = 0, stage
+        stage.stopping = False
+        arguments = (stage.app(), "127.0.0.1", port, self._started, self._stop, certificate)
+        self._thread = threading.Thread(target=serve, args=arguments)
+        self._thread.start()
+        assert self._ready.wait(30)
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def _started(self, port: int) -> None:
+        self.port = port
+        self._ready.set()
+
+    def stop(self) -> None:
+        self._stage.stopping = True  # streams of events end
+        self._stop.set()
+        self._thread.join(30)
+        assert not self._thread.is_alive()
+
+
 @contextmanager
-def serving(stage: Stage) -> Iterator[str]:
+def serving(stage: Stage, certificate: Certificate | None = None) -> Iterator[str]:
     """The address at which a stage is served."""
-    stop, started, ports = threading.Event(), threading.Event(), list[int]()
-
-    def ready(port: int) -> None:
-        ports.append(port)
-        started.set()
-
-    server = threading.Thread(target=serve, args=(stage.app(), "127.0.0.1", 0, ready, stop))
-    server.start()
+    daemon = Daemon(stage, certificate=certificate)
     try:
-        assert started.wait(30)
-        yield f"http://127.0.0.1:{ports[0]}"
+        yield daemon.url
     finally:
-        stop.set()
-        server.join(30)
+        daemon.stop()
 
 
 @pytest.fixture
@@ -350,19 +400,23 @@ def browser(need: Callable[[str], str]) -> Iterator["Browser"]:
 
 
 @pytest.fixture
-def daemon(stage: Stage) -> Iterator["Daemon"]:
-    from tests.service.web.page_parts import Daemon
-
+def daemon(stage: Stage) -> Iterator[Daemon]:
     started = Daemon(stage)
     yield started
     started.stop()
 
 
 @pytest.fixture
-def page(browser: "Browser", daemon: "Daemon") -> Iterator["Page"]:
+def page(browser: "Browser", daemon: Daemon) -> Iterator["Page"]:
+    with quiet_page(browser, daemon.port) as opened:
+        yield opened
+
+
+@contextmanager
+def quiet_page(browser: "Browser", port: int) -> Iterator["Page"]:
     """A page that must not complain, nor ask any other host."""
     complaints: list[str] = []
-    own = f"http://127.0.0.1:{daemon.port}"
+    own = f"http://127.0.0.1:{port}"
     opened = browser.new_page(base_url=own)
     opened.on("pageerror", lambda error: complaints.append(str(error)))
     opened.on("request", lambda r: None if r.url.startswith(own) else complaints.append(r.url))

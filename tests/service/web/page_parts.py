@@ -1,38 +1,13 @@
-"""The web server of a stage in a thread, and parts of the page that several tests look at."""
+"""Parts of the page that several tests look at."""
 
-import threading
 from pathlib import Path
 
 from playwright.sync_api import Locator, Page
 
 from service.web.app import STATIC
-from service.web.server import serve
-from tests.service.web.conftest import Stage
 
 AXE: Path = STATIC.with_name("dashboard") / "node_modules" / "axe-core" / "axe.min.js"
 """Finds what people who do not see the page, or have no mouse, cannot use"""
-
-
-class Daemon:
-    """The web server of a stage, in a thread of its own."""
-
-    def __init__(self, stage: Stage, port: int = 0) -> None:
-        self._stop, self._ready = threading.Event(), threading.Event()
-        self.port, self._stage = 0, stage
-        stage.stopping = False
-        arguments = (stage.app(), "127.0.0.1", port, self._started, self._stop)
-        self._thread = threading.Thread(target=serve, args=arguments)
-        self._thread.start()
-        assert self._ready.wait(30)
-
-    def _started(self, port: int) -> None:
-        self.port = port
-        self._ready.set()
-
-    def stop(self) -> None:
-        self._stage.stopping = True  # streams of events end
-        self._stop.set()
-        self._thread.join(30)
 
 
 def tile(page: Page, axis: str) -> Locator:

@@ -10,17 +10,29 @@ from monitor_core.monitoring import AlarmEvent, AlarmRules
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_transitions import Note
 from service.store.journal import Entry
-from tests.service.web.conftest import (
-    Stage,
-)
+from tests.service.web.conftest import Stage
 from tests.service.web.page_parts import alarm_row, tile
 
 pytestmark = pytest.mark.browser
 expect.set_options(timeout=30_000)  # a busy machine may take long
 
 
-def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
+def test_it_shows_alarms_active_first_and_those_that_are_not_yet_recorded_without_buttons(
+    page: Page, stage: Stage, fm_alarm: Alarm
+) -> None:
     page.goto("/#/alarms")
+    expect(page.get_by_text("No alarm in this list.")).to_be_visible()
+    waiting, as_it_was = (
+        as_recorded(Entry("demo.axis2", "1", 1.0, fm_alarm, AlarmRules("high"))),
+        stage.snapshot,
+    )
+    stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(waiting,), waiting=1))
+    row = alarm_row(page)
+    expect(row).to_contain_text("active not yet recorded")
+    expect(row).to_contain_text("unacknowledged, high priority")
+    expect(row.get_by_role("button")).to_have_count(0)
+    expect(page.get_by_text("alarms that are not yet recorded: 1")).to_be_visible()
+    stage.snapshot = as_it_was
     expect(page.get_by_text("No alarm in this list.")).to_be_visible()
     ended = replace(fm_alarm, raised_us=fm_alarm.raised_us + 1, ended_us=stage.now_us, direction="down")
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
@@ -164,8 +176,18 @@ def test_a_new_alarm_sounds_where_that_is_wanted(page: Page, stage: Stage, fm_al
     expect(page.get_by_role("table", name="most frequent")).to_contain_text("demo.axis2")
 
 
-def test_an_ended_alarm_gets_a_comment(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
-    number = stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=stage.now_us))
+def test_what_is_refused_is_said_in_the_form_and_an_ended_alarm_gets_a_comment(
+    page: Page, stage: Stage, fm_alarm: Alarm
+) -> None:
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto("/#/alarms")
+    alarm_row(page).get_by_role("button", name="Acknowledge").click()
+    stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, Note(stage.now_us, "somebody else"))
+    form = page.get_by_role("dialog")
+    form.get_by_role("button", name="Acknowledge").click()
+    expect(form.get_by_role("alert")).to_contain_text("not possible: acknowledge; the alarm is acknowledged")
+    form.get_by_role("button", name="Cancel").click()
+    stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=stage.now_us))
     page.goto(f"/#/alarms/{number}")
     page.get_by_role("button", name="Comment").click()
     form = page.get_by_role("dialog", name="Comment: demo.axis1 fm ▲ up")
@@ -174,29 +196,6 @@ def test_an_ended_alarm_gets_a_comment(page: Page, stage: Stage, fm_alarm: Alarm
     form.get_by_label("Work order").fill("WO-18")
     form.get_by_role("button", name="Comment").click()
     expect(page.get_by_role("table", name="What has happened to it")).to_contain_text("work order WO-18")
-
-
-def test_what_is_refused_is_said_in_the_form(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
-    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
-    page.goto("/#/alarms")
-    alarm_row(page).get_by_role("button", name="Acknowledge").click()
-    stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, Note(stage.now_us, "somebody else"))
-    form = page.get_by_role("dialog")
-    form.get_by_role("button", name="Acknowledge").click()
-    expect(form.get_by_role("alert")).to_contain_text("not possible: acknowledge; the alarm is acknowledged")
-
-
-def test_an_alarm_that_is_not_yet_recorded_is_shown_without_buttons(
-    page: Page, stage: Stage, fm_alarm: Alarm
-) -> None:
-    waiting = as_recorded(Entry("demo.axis2", "1", 1.0, fm_alarm, AlarmRules("high")))
-    stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(waiting,), waiting=1))
-    page.goto("/#/alarms")
-    row = alarm_row(page)
-    expect(row).to_contain_text("active not yet recorded")
-    expect(row).to_contain_text("unacknowledged, high priority")
-    expect(row.get_by_role("button")).to_have_count(0)
-    expect(page.get_by_text("alarms that are not yet recorded: 1")).to_be_visible()
 
 
 def test_a_repaired_axis_learns_new_nominal_values_after_a_confirmation(page: Page, stage: Stage) -> None:

@@ -50,16 +50,16 @@ def pages(client: TestClient, limit: int, filters: str = "") -> list[list[Any]]:
     return found
 
 
-@pytest.mark.parametrize("limit", [1, 2, 3, 7, 8])
 def test_pages_hold_each_alarm_once_though_others_are_raised_meanwhile(
-    stage: Stage, client: TestClient, fm_alarm: Alarm, limit: int
+    stage: Stage, client: TestClient, fm_alarm: Alarm
 ) -> None:
     """Two of them were raised at the same time."""
     times = [fm_alarm.raised_us + (k // 2) * 1_000_000 for k in range(7)]
     numbers = [
         stage.record(f"demo.axis{k}", "1", 0.06, replace(fm_alarm, raised_us=t)) for k, t in enumerate(times)
     ]
-    assert [a["id"] for page in pages(client, limit) for a in page] == numbers[::-1]
+    for limit in (1, 2, 3, 7, 8):
+        assert [a["id"] for page in pages(client, limit) for a in page] == numbers[::-1]
     first = get(client, "?limit=3")
     stage.record("demo.axis9", "1", 0.06, replace(fm_alarm, raised_us=NOON_US))
     second = get(client, f"?limit=9&cursor={first['next']}")
@@ -117,24 +117,17 @@ def test_what_is_not_possible_is_a_problem_with_its_reason(client: TestClient, n
     assert len(get(client, f"/{number}")["transitions"]) == 2
 
 
-@pytest.mark.parametrize(
-    ("action", "body"),
-    [
+def test_bodies_that_are_not_as_described_are_refused(client: TestClient, number: int) -> None:
+    bodies: tuple[tuple[str, dict[str, Any]], ...] = (
         ("shelve", {}),
         ("shelve", {"duration_s": 60, "until": "2026-03-01T13:00:00Z"}),
         ("shelve", {"until": "2026-03-01T13:00:00"}),
         ("comment", {"comment": ""}),
         ("comment", {"comment": "x" * 2001}),
         ("acknowledge", {"who": "somebody else"}),
-    ],
-)
-def test_bodies_that_are_not_as_described_are_refused(
-    action: str, body: dict[str, Any], client: TestClient, number: int
-) -> None:
-    post(client, f"{number}/{action}", body, status=422)
-
-
-def test_a_body_that_is_no_text_is_refused_as_described(client: TestClient, number: int) -> None:
+    )
+    for action, body in bodies:
+        post(client, f"{number}/{action}", body, status=422)
     address = f"/api/v1/alarms/{number}/comment"
     answer = client.post(address, content=b"~\x11D\xff\x1c", headers={"content-type": "application/json"})
     assert (answer.status_code, answer.headers["content-type"]) == (400, "application/problem+json")

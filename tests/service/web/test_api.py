@@ -145,30 +145,23 @@ def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alar
     assert [(r["state"], r["high"]) for r in alarm["reaches"]] == [("open", None)]
 
 
-@pytest.mark.parametrize(
-    ("path", "known"),
-    [
-        ("axes/demo.axis9", ["demo.axis1", "demo.axis2"]),
-        ("axes/demo.axis9/history", ["demo.axis1", "demo.axis2"]),
-        ("axes/demo.axis1/history?parameter=kg", ["kT", "1/Ja", "fm"]),
-        ("alarms/7", []),
-    ],
-)
-def test_what_is_not_there_is_answered_with_what_is(path: str, known: list[str], client: TestClient) -> None:
-    body = get(client, f"/api/v1/{path}", status=404)
-    assert body["known"] == known
-    assert any(word in body["detail"] for word in ("demo.axis9", "'kg'", "alarm 7"))
-
-
-def test_an_unknown_path_is_answered_with_the_known_ones(client: TestClient) -> None:
+def test_what_is_not_there_is_answered_with_what_is(client: TestClient) -> None:
+    for path, known, word in (
+        ("axes/demo.axis9", ["demo.axis1", "demo.axis2"], "demo.axis9"),
+        ("axes/demo.axis9/history", ["demo.axis1", "demo.axis2"], "demo.axis9"),
+        ("axes/demo.axis1/history?parameter=kg", ["kT", "1/Ja", "fm"], "'kg'"),
+        ("alarms/7", [], "alarm 7"),
+    ):
+        body = get(client, f"/api/v1/{path}", status=404)
+        assert body["known"] == known
+        assert word in body["detail"]
     body = get(client, "/api/v2/axes", status=404)
     assert "/api/v2/axes" in body["detail"]
     assert {"/api/v1/axes", "/metrics", "/docs"} <= set(body["known"])
 
 
-@pytest.mark.parametrize(
-    "query",
-    [
+def test_bad_filters_are_refused(client: TestClient) -> None:
+    for query in (
         "since=yesterday",
         "since=2026-03-01T12:00:00",
         "until=0.5",
@@ -180,11 +173,9 @@ def test_an_unknown_path_is_answered_with_the_known_ones(client: TestClient) -> 
         "limit=0",
         "limit=100000",
         "active=perhaps",
-    ],
-)
-def test_bad_filters_are_refused(query: str, client: TestClient) -> None:
-    body = get(client, f"/api/v1/alarms?{query}", status=422)
-    assert body["detail"][0]["loc"] == ["query", query.split("=")[0]]
+    ):
+        body = get(client, f"/api/v1/alarms?{query}", status=422)
+        assert body["detail"][0]["loc"] == ["query", query.split("=")[0]]
 
 
 def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:

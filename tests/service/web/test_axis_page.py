@@ -19,7 +19,7 @@ from tests.service.web.page_parts import serious_faults, tile
 pytestmark = pytest.mark.browser
 
 
-def test_an_axis_shows_estimates_plots_and_the_long_term_trend_where_it_is_known(page: Page) -> None:
+def test_an_axis_shows_estimates_over_time_and_the_long_term_trend_where_it_is_known(page: Page) -> None:
     page.goto("/")
     tile(page, "demo.axis1").click()
     panel = page.get_by_role("region", name="fm")
@@ -38,12 +38,13 @@ def test_an_axis_shows_estimates_plots_and_the_long_term_trend_where_it_is_known
     expect(
         page.get_by_role("img", name="fm: means over its long-term history").locator("canvas")
     ).to_be_visible()
+    changes_the_range_of_time(page)
     page.goto("/#/axes/demo.axis2")
     expect(page.get_by_text("Too little history for a trend yet.")).to_be_visible()
 
 
-def test_the_range_of_time_is_changed_by_presets_keys_and_mouse(page: Page) -> None:
-    page.goto("/#/axes/demo.axis1")
+def changes_the_range_of_time(page: Page) -> None:
+    """By presets, keys and mouse."""
     tools = page.get_by_role("group", name="Time range")
     expect(tools).to_contain_text("2026-03-01 11:49:59 – 2026-03-01 11:59:59 (UTC)")
     tools.get_by_role("button", name="1 h").click()
@@ -93,12 +94,8 @@ def add_samples(stage: Stage) -> None:
     observer("demo.axis1", block, AxisTrace(trace, (), None))
 
 
-def test_the_drive_is_a_chain_that_marks_the_parameter_with_an_alarm(
-    page: Page, stage: Stage, fm_alarm: Alarm
-) -> None:
-    watch_the_reference(stage)
-    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
-    page.goto("/#/axes/demo.axis1")
+def shows_the_drive(page: Page) -> None:
+    """As a chain that marks the parameter with an alarm."""
     drive = page.get_by_role("region", name="Drive")
     parts = drive.locator(".chain > li")
     expect(parts).to_have_count(7)  # motor, gear, its shaft, spring, gearbox, spring, arm
@@ -112,13 +109,17 @@ def test_the_drive_is_a_chain_that_marks_the_parameter_with_an_alarm(
     expect(drive.get_by_text("not tested")).to_have_count(1)  # 1/Ja is not observed
 
 
-def test_signals_and_bode_plot_are_asked_for_once_they_are_opened(page: Page, stage: Stage) -> None:
+def test_the_drive_its_signals_and_its_bode_plot_which_are_asked_for_once_they_are_opened(
+    page: Page, stage: Stage, fm_alarm: Alarm
+) -> None:
     watch_the_reference(stage)
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url.rsplit("/", 1)[-1].split("?")[0]))
     page.goto("/#/axes/demo.axis1")
     signals = page.get_by_role("button", name="Signals of the last seconds")
     expect(signals).to_have_attribute("aria-expanded", "false")
+    shows_the_drive(page)
     assert not {"signals", "bode"} & set(asked)
     signals.focus()
     with page.expect_response(lambda response: "/signals" in response.url):

@@ -1,52 +1,28 @@
 """Connections as they come from outside: TLS, those that send nothing, and those that send without an end."""
 
-import contextlib
 import socket
 import ssl
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 import httpx
 import pytest
 
 from service.web import server
-from service.web.server import Certificate, CertificateError, is_remote, serve
+from service.web.server import Certificate, CertificateError, is_remote
 from tests.conftest import ROOT
-from tests.service.web.conftest import Stage
+from tests.service.web.conftest import Stage, serving
 
 TLS = Certificate(ROOT / "tests" / "tls" / "localhost.crt", ROOT / "tests" / "tls" / "localhost.key")
 """For localhost and 127.0.0.1, signed by itself, until 2126; its key protects nothing."""
 
-Served = Callable[..., AbstractContextManager[int]]
+
+def port_of(url: str) -> int:
+    return int(url.rpartition(":")[2])
 
 
-@pytest.fixture
-def served(stage: Stage) -> Served:
-    @contextlib.contextmanager
-    def run(certificate: Certificate | None = None) -> Iterator[int]:
-        stop, started, ports = threading.Event(), threading.Event(), list[int]()
-
-        def ready(port: int) -> None:
-            ports.append(port)
-            started.set()
-
-        arguments = (stage.app(), "127.0.0.1", 0, ready, stop, certificate)
-        thread = threading.Thread(target=serve, args=arguments)
-        thread.start()
-        try:
-            assert started.wait(30)
-            yield ports[0]
-        finally:
-            stop.set()
-            thread.join(30)
-
-    return run
-
-
-def test_over_tls_the_answer_is_encrypted_and_the_browser_keeps_to_it(served: Served) -> None:
-    with served(TLS) as port:
+def test_over_tls_the_answer_is_encrypted_and_the_browser_keeps_to_it(stage: Stage) -> None:
+    with serving(stage, TLS) as url:
+        port = port_of(url)
         trusted = ssl.create_default_context(cafile=str(TLS.file))
         answer = httpx.get(f"https://localhost:{port}/healthz", verify=trusted)
         assert answer.status_code == 200
@@ -58,13 +34,12 @@ def test_over_tls_the_answer_is_encrypted_and_the_browser_keeps_to_it(served: Se
             httpx.get(f"http://localhost:{port}/healthz")
 
 
-def test_a_connection_that_sends_no_request_is_closed(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_connection_that_sends_no_request_is_closed(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even a part of one keeps it open, before the first request or after it."""
     monkeypatch.setattr(server, "_SILENT_S", 0.2)
     first = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
-    with served() as port:
+    with serving(stage) as url:
+        port = port_of(url)
         for sent in (b"", b"GET / HTTP/1.1\r\nHost: local", first, first + b"GET / HTTP/1.1\r\nHo"):
             with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
                 connection.sendall(sent)
@@ -72,42 +47,32 @@ def test_a_connection_that_sends_no_request_is_closed(
                 assert (b"200 OK" in found) == (sent.startswith(first))
 
 
-@pytest.mark.parametrize("length", ["Content-Length: 1000000000", "Transfer-Encoding: chunked"])
-@pytest.mark.parametrize("request_line", ["POST /api/v1/alarms", "GET /healthz"])
-def test_a_body_without_an_end_is_not_read(length: str, request_line: str, served: Served) -> None:
+def test_a_body_without_an_end_is_not_read_and_to_head_only_the_head_is_sent(stage: Stage) -> None:
     """The request is answered, and the connection closed at once, not after it has been silent for long."""
-    head = f"{request_line} HTTP/1.1\r\nHost: localhost\r\n{length}\r\n\r\n".encode()
-    with served() as port, socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
-        connection.sendall(head)
-        found = b"".join(iter(lambda: connection.recv(65536), b""))
-        assert (b" 413 " in found) == length.startswith("Content")
-        assert b"connection: close" in found.lower()
+    with serving(stage) as url:
+        port = port_of(url)
 
+        def answered(head: str) -> bytes:
+            with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
+                connection.sendall(f"{head}\r\n\r\n".encode())
+                return b"".join(iter(lambda: connection.recv(65536), b""))
 
-def test_to_head_only_the_head_is_sent(served: Served) -> None:
-    with served() as port, socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
-        connection.sendall(b"HEAD /api/v1/axes HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
-        head, end, body = b"".join(iter(lambda: connection.recv(65536), b"")).partition(b"\r\n\r\n")
-        assert head.startswith(b"HTTP/1.1 200 OK")
-        assert (end, body) == (b"\r\n\r\n", b"")
-
-
-def test_who_forwards_cannot_say_that_he_is_somebody_else(served: Served) -> None:
-    """Behind a proxy the scheme is that of the connection, whatever the request says."""
-    with served() as port:
+        for line in ("POST /api/v1/alarms", "GET /healthz"):
+            for length in ("Content-Length: 1000000000", "Transfer-Encoding: chunked"):
+                found = answered(f"{line} HTTP/1.1\r\nHost: localhost\r\n{length}")
+                assert (b" 413 " in found) == length.startswith("Content")
+                assert b"connection: close" in found.lower()
+        found = answered("HEAD /api/v1/axes HTTP/1.1\r\nHost: localhost\r\nConnection: close")
+        assert found.startswith(b"HTTP/1.1 200 OK")
+        assert found.partition(b"\r\n\r\n")[1:] == (b"\r\n\r\n", b"")
+        # Behind a proxy the scheme is that of the connection, whatever the request says.
         answer = httpx.get(f"http://127.0.0.1:{port}/healthz", headers={"X-Forwarded-Proto": "https"})
         assert "strict-transport-security" not in answer.headers
 
 
-@pytest.mark.parametrize(
-    ("host", "remote"),
-    [
-        ("127.0.0.1", False), ("127.8.9.1", False), ("localhost", False), ("::1", False),
-        ("0.0.0.0", True), ("::", True), ("192.0.2.1", True), ("10.0.0.1", True),
-    ],
-)  # fmt: skip
-def test_which_addresses_other_machines_reach(host: str, remote: bool) -> None:
-    assert is_remote(host) == remote
+def test_which_addresses_other_machines_reach() -> None:
+    assert not any(is_remote(host) for host in ("127.0.0.1", "127.8.9.1", "localhost", "::1"))
+    assert all(is_remote(host) for host in ("0.0.0.0", "::", "192.0.2.1", "10.0.0.1"))
 
 
 def test_a_certificate_that_cannot_be_used_says_why(tmp_path: Path) -> None:

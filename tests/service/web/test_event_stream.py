@@ -15,8 +15,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
 from service.web import event_stream, gate, models
-from service.web.server import serve
-from tests.service.web.conftest import NOON_US, Stage, monitored_axis, serving
+from tests.service.web.conftest import NOON_US, Daemon, Stage, monitored_axis, serving
 
 NOTE = Note(NOON_US, "anna")
 
@@ -136,27 +135,15 @@ def test_streams_are_few_and_their_places_become_free(stage: Stage, monkeypatch:
 
 
 def test_a_stream_ends_with_the_daemon(stage: Stage) -> None:
-    stop, started, ports = threading.Event(), threading.Event(), list[int]()
-
-    def ready(port: int) -> None:
-        ports.append(port)
-        started.set()
-
-    server = threading.Thread(target=serve, args=(stage.app(), "127.0.0.1", 0, ready, stop))
-    server.start()
-    assert started.wait(30)
-    with stream(f"http://127.0.0.1:{ports[0]}") as events:
+    daemon = Daemon(stage)
+    with stream(daemon.url) as events:
         next(events)
-        stage.stopping = True
-        stop.set()
+        daemon.stop()
         assert list(events) == [], "it is closed as it should be: httpx fails where it is cut"
-    server.join(30)
-    assert not server.is_alive()
 
 
 def test_a_client_that_does_not_read_is_cut_off(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """It gets what fits into the buffers; then its place is free for another."""
-    monkeypatch.setattr(gate, "LONGEST_REQUEST_S", 0.3)
     monkeypatch.setattr(event_stream, "MOST_STREAMS", 1)
     monkeypatch.setattr(event_stream, "MOST_AXES_PER_S", 1e9)
     monkeypatch.setattr(event_stream, "EVERY_S", 0.001)
@@ -175,6 +162,8 @@ def test_a_client_that_does_not_read_is_cut_off(stage: Stage, monkeypatch: pytes
     try:
         with serving(stage) as address:
             host, _, port = address.removeprefix("http://").partition(":")
+            assert httpx.get(f"{address}/healthz").status_code == 200  # the first request takes longer
+            monkeypatch.setattr(gate, "LONGEST_REQUEST_S", 0.5)
             with socket.socket() as deaf:
                 deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
                 deaf.connect((host, int(port)))

@@ -1,10 +1,17 @@
-"""/metrics: the golden file, promtool's opinion, and what is absent or infinite."""
+"""/metrics: the golden file, promtool's opinion, what is absent or infinite, and what a real Prometheus makes of it."""
 
+import json
 import math
+import socket
 import subprocess
-from collections.abc import Callable
+import urllib.error
+import urllib.parse
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
@@ -20,8 +27,11 @@ from service.store.journal import Entry
 from service.web.app_state import VERSION
 from service.web.metrics import Metrics
 from tests import golden
-from tests.service.web.conftest import Stage, with_status
+from tests.conftest import ROOT
+from tests.end_to_end.processes import wait_for
+from tests.service.web.conftest import Stage, serving, with_status
 
+SHIPPED = ROOT / "config" / "prometheus"
 GOLDEN = Path(__file__).with_name("metrics.golden")
 OPENMETRICS = "application/openmetrics-text; version=1.0.0"
 
@@ -169,3 +179,70 @@ def test_no_checkpoint_has_no_age_and_names_are_escaped(stage: Stage) -> None:
     name = 'a"b\\c\nd'
     stage.snapshot = replace(stage.snapshot, axes=(replace(stage.snapshot.axes[0], id=name),))
     assert ("axiswatch_samples_total", name) in values(own(stage))
+
+
+# --- a real Prometheus ------------------------------------------------------------------------------------------------
+
+
+def free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])
+
+
+@contextmanager
+def prometheus(program: str, target: str, folder: Path) -> Iterator[str]:
+    """Prometheus on the shipped configuration, scraping this target; its address."""
+    config = (SHIPPED / "prometheus.yml").read_text(encoding="utf-8")
+    assert "localhost:8080" in config
+    assert "scrape_interval: 5s" in config
+    config = config.replace("localhost:8080", target).replace("scrape_interval: 5s", "scrape_interval: 1s")
+    config = config.replace("scrape_timeout: 4s", "scrape_timeout: 1s")
+    (folder / "prometheus.yml").write_text(config, encoding="utf-8")
+    (folder / "alerts.yml").write_bytes((SHIPPED / "alerts.yml").read_bytes())
+    address = f"127.0.0.1:{free_port()}"
+    with (folder / "prometheus.log").open("wb") as log:
+        process = subprocess.Popen(
+            [
+                program,
+                f"--config.file={folder / 'prometheus.yml'}",
+                f"--storage.tsdb.path={folder / 'tsdb'}",
+                f"--web.listen-address={address}",
+            ],
+            stdout=log,
+            stderr=log,
+        )
+    try:
+        yield f"http://{address}"
+    finally:
+        process.kill()
+        process.wait()
+
+
+def asked(address: str, expression: str) -> dict[tuple[str, ...], float]:
+    """The answer of Prometheus, by axis and parameter; empty while there is none."""
+    url = f"{address}/api/v1/query?{urllib.parse.urlencode({'query': expression})}"
+    try:
+        with urllib.request.urlopen(url, timeout=20) as answer:
+            found: list[dict[str, Any]] = json.loads(answer.read())["data"]["result"]
+    except (urllib.error.URLError, ConnectionError):
+        return {}
+    return {
+        (row["metric"].get("axis", ""), row["metric"].get("parameter", "")): float(row["value"][1])
+        for row in found
+    }
+
+
+@pytest.mark.prometheus
+def test_prometheus_has_the_estimates_of_the_api(
+    stage: Stage, tmp_path: Path, need: Callable[[str], str]
+) -> None:
+    with (
+        serving(stage) as url,
+        prometheus(need("prometheus"), url.removeprefix("http://"), tmp_path) as address,
+    ):
+        scraped = wait_for(lambda: asked(address, "axiswatch_parameter_estimate"))
+        alive = asked(address, "up")
+    axes = stage.snapshot.axes
+    assert scraped == {(axis.id, p.name): p.estimate for axis in axes for p in axis.status.parameters}
+    assert list(alive.values()) == [1.0]

@@ -1,5 +1,7 @@
-"""The server, the files of its pages, and openapi.json, which every answer obeys."""
+"""The server, the files of its pages and how they are built, and openapi.json, which every answer obeys."""
 
+import gzip
+import json
 import re
 import socket
 import threading
@@ -12,34 +14,23 @@ import pytest
 from fastapi.testclient import TestClient
 from jsonschema import Draft202012Validator
 
+from hatch_build import is_current, npm
 from monitor_core.detection import Alarm
 from service.web.app import STATIC
 from service.web.server import CannotListenError, listen, serve
-from tests.service.web.conftest import Stage, robot_setup
+from tests.service.web.conftest import Daemon, Stage, robot_setup
 from tests.service.web.test_drive_routes import reference, watch
 
 
 def test_it_serves_on_a_free_port_until_it_is_stopped(stage: Stage) -> None:
-    stop, started = threading.Event(), threading.Event()
-    ports: list[int] = []
-
-    def ready(port: int) -> None:
-        ports.append(port)
-        started.set()
-
-    server = threading.Thread(target=serve, args=(stage.app(), "127.0.0.1", 0, ready, stop))
-    server.start()
-    assert started.wait(30)
-    address = f"http://127.0.0.1:{ports[0]}"
-    with httpx.Client() as client:
-        assert client.get(f"{address}/healthz").status_code == 200
-        stop.set()
-        server.join(30)
-        assert not server.is_alive()
+    daemon = Daemon(stage)
+    with httpx.Client(base_url=daemon.url) as client:
+        assert client.get("/healthz").status_code == 200
+        daemon.stop()
         with pytest.raises(httpx.ConnectError):
-            client.get(f"{address}/healthz")
+            client.get("/healthz")
     # The same port can be had again at once.
-    listen("127.0.0.1", ports[0]).close()
+    listen("127.0.0.1", daemon.port).close()
 
 
 def test_it_runs_in_the_main_thread_and_leaves_signals_alone(stage: Stage) -> None:
@@ -89,20 +80,46 @@ def test_ipv6_where_there_is_any() -> None:
 FILES = ["/", "/docs", *(f"/static/{path.name}" for path in sorted(STATIC.glob("*")))]
 
 
-@pytest.mark.parametrize("path", FILES)
-def test_pages_forbid_what_they_do_not_need(path: str, client: TestClient) -> None:
-    answer = client.get(path)
-    assert answer.status_code == 200
-    assert "default-src 'none'" in answer.headers["content-security-policy"]
-    assert answer.headers["x-content-type-options"] == "nosniff"
-    hosts = set(re.findall(r"(\w+://[^/\s\"'`]+)", answer.text))
-    assert hosts <= {"http://www.w3.org"}  # names of the languages of the page, which nobody asks
+def test_pages_forbid_what_they_do_not_need(client: TestClient) -> None:
+    for path in FILES:
+        answer = client.get(path)
+        assert answer.status_code == 200, path
+        assert "default-src 'none'" in answer.headers["content-security-policy"], path
+        assert answer.headers["x-content-type-options"] == "nosniff", path
+        hosts = set(re.findall(r"(\w+://[^/\s\"'`]+)", answer.text))
+        assert hosts <= {"http://www.w3.org"}, path  # names of the languages of the page, which nobody asks
 
 
 def test_no_file_outside_is_served(client: TestClient) -> None:
     assert client.get("/static/../app.py").status_code == 404
     assert client.get("/static/%2e%2e/app.py").status_code == 404
     assert Path(STATIC / ".." / "app.py").exists()
+
+
+# --- the dashboard as built ------------------------------------------------------------------------------------------
+
+
+def test_the_dashboard_is_small() -> None:
+    """All of it, as a server that compresses would send it."""
+    assert (STATIC / "index.html").is_file(), "not built: python hatch_build.py"
+    assert sum(len(gzip.compress(file.read_bytes())) for file in STATIC.iterdir()) <= 80_000
+
+
+def test_the_dashboard_is_newer_than_its_sources() -> None:
+    """Else the tests of the page would test another one; `make` builds it by itself."""
+    assert is_current(), "python hatch_build.py"
+
+
+def test_the_lock_file_of_the_dashboard_has_hashes_and_no_host() -> None:
+    packages = json.loads((STATIC.with_name("dashboard") / "package-lock.json").read_text(encoding="utf-8"))[
+        "packages"
+    ]
+    assert [name for name, p in packages.items() if name and "integrity" not in p] == []
+    assert [name for name, p in packages.items() if "resolved" in p] == []
+
+
+def test_the_data_layer_of_the_dashboard() -> None:
+    npm("test", "--silent")  # with what npm writes, if one fails
 
 
 # --- openapi.json -------------------------------------------------------------------------------------------
@@ -146,21 +163,20 @@ def schema(client: TestClient) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(("path", "request_path"), PATHS.items(), ids=list(PATHS))
 def test_each_address_answers_as_described(
-    path: str, request_path: str, stage: Stage, client: TestClient, schema: dict[str, Any], fm_alarm: Alarm
+    stage: Stage, client: TestClient, schema: dict[str, Any], fm_alarm: Alarm
 ) -> None:
     """Names, kinds, ranges and formats of all values; with every field, and no other."""
     stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
     stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))
-    if request_path.startswith(("/api/v1/commissioning", "/api/v1/system")):
-        stage.setup = robot_setup()
-        client = stage.client()
-    if request_path.endswith(("/model", "/bode")):
-        watch(stage, reference())
-    answer = client.get(request_path)
-    assert answer.status_code == (503 if path == "/readyz" else 200)
-    obeys_schema(answer, schema["paths"][path]["get"], schema)
+    stage.setup = robot_setup()
+    as_it_is, watched = stage.snapshot, replace(stage)
+    watch(watched, reference())
+    for path, request_path in PATHS.items():
+        stage.snapshot = watched.snapshot if request_path.endswith(("/model", "/bode")) else as_it_is
+        answer = client.get(request_path)
+        assert answer.status_code == (503 if path == "/readyz" else 200), path
+        obeys_schema(answer, schema["paths"][path]["get"], schema)
 
 
 def obeys_schema(answer: Any, operation: dict[str, Any], schema: dict[str, Any]) -> None:

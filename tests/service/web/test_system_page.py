@@ -1,36 +1,19 @@
 """The daemon itself on the page: its buses, files, configuration, who has changed what; the commissioning."""
 
-from pathlib import Path
-
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
-from service.store.tokens import Scope, TokenFile
-from service.web.access import Access
-from tests.service.web.conftest import (
-    Stage,
-)
-from tests.service.web.page_parts import Daemon, unfold
+from tests.service.web.conftest import Stage
+from tests.service.web.page_parts import unfold
 
 pytestmark = pytest.mark.browser
 expect.set_options(timeout=30_000)  # a busy machine may take long
 
 
-def test_the_system_page_shows_buses_drops_and_clocks(page: Page) -> None:
-    page.goto("/#/system")
-    buses = page.get_by_role("table", name="Buses")
-    for words in ("down: Network is down", "242\u202f420", "queue_full 12"):
-        expect(buses).to_contain_text(words)
-    expect(page.get_by_role("table", name="Samples by axis")).to_contain_text("no_partner")
-    expect(page.get_by_role("table", name="Clocks")).to_contain_text("fitted cycle")
-    page.get_by_role("button", name="Record the last minutes").click()
-    expect(page.get_by_role("alert")).to_contain_text("no frames are kept")
-
-
-def test_the_system_page_shows_files_configuration_and_who_has_changed_what(
+def test_the_system_page_shows_buses_files_configuration_and_who_has_changed_what(
     configured: Stage, page: Page, fm_alarm: Alarm
 ) -> None:
     number = configured.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
@@ -38,6 +21,11 @@ def test_the_system_page_shows_files_configuration_and_who_has_changed_what(
     configured.journal.act(number, AlarmEvent.ACKNOWLEDGE, note)
     page.clock.install()
     page.goto("/#/system")
+    buses = page.get_by_role("table", name="Buses")
+    for words in ("down: Network is down", "242\u202f420", "queue_full 12"):
+        expect(buses).to_contain_text(words)
+    expect(page.get_by_role("table", name="Samples by axis")).to_contain_text("no_partner")
+    expect(page.get_by_role("table", name="Clocks")).to_contain_text("fitted cycle")
     expect(page.get_by_role("table", name="Files")).to_contain_text("alarms.sqlite")
     page.clock.run_for(11_000)
     expect(page.get_by_text("of one core of")).to_be_visible()  # between two answers
@@ -47,6 +35,8 @@ def test_the_system_page_shows_files_configuration_and_who_has_changed_what(
     trail = page.get_by_role("table", name="Who has changed what")
     for words in ("anna", "acknowledged", "demo.axis1", "Alarm 1 fm", "<b>seen</b>; work order WO-17"):
         expect(trail).to_contain_text(words)
+    page.get_by_role("button", name="Record the last minutes").click()
+    expect(page.get_by_role("alert")).to_contain_text("no frames are kept")
 
 
 def test_the_commissioning_is_checked_and_its_reports_open(configured: Stage, page: Page) -> None:
@@ -72,22 +62,3 @@ def test_the_commissioning_is_checked_and_its_reports_open(configured: Stage, pa
         expect(found.nth(1)).to_contain_text(words)
     page.get_by_role("link", name="report: Nominal values, demo.axis2").click()
     expect(page.get_by_role("heading", name="Identification of demo.axis2")).to_be_visible()
-
-
-def test_who_may_not_see_the_configuration_is_told_what_it_needs(
-    configured: Stage, browser: Browser, tmp_path: Path
-) -> None:
-    tokens = TokenFile(tmp_path / "tokens.json")
-    secret = tokens.new("wall", Scope.READ)
-    configured.access = Access(tokens)
-    daemon = Daemon(configured)
-    try:
-        page = browser.new_page(base_url=f"http://127.0.0.1:{daemon.port}")
-        page.goto("/#/system")
-        page.get_by_label("Token").fill(secret)
-        page.get_by_role("button", name="Use").click()
-        page.get_by_text("Configuration", exact=True).click()
-        expect(page.get_by_text("this needs a token with the scope admin")).to_be_visible()
-        page.close()
-    finally:
-        daemon.stop()
