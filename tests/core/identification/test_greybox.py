@@ -293,13 +293,12 @@ def test_levels_time_constant_and_drive_are_found(seed: int) -> None:
 def test_the_monitor_gets_this_very_gain(seed: int) -> None:
     """From the estimate's drive, values and noise: K in physical states, lambda_0."""
     rec = reference_record(seed, 3000)
-    noise = Disturbance(torque=0.3, slow=0.5, free=())
+    noise = Disturbance(torque=0.3, free=())
     found = fit(reference_problem(predictor="innovations", disturbance=noise), [rec])
-    levels = (found.noise["torque"], found.noise["output"], found.noise["slow"])
-    K, lam0 = filter_gain(found.model(), found.interval_s, *levels)
+    K, lam0 = filter_gain(found.model(), found.interval_s, found.noise["torque"], found.noise["output"])
     np.testing.assert_allclose(found.K, K, rtol=1e-6, atol=1e-9 * abs(K).max())
     assert found.lam0 == pytest.approx(lam0, rel=1e-9)
-    assert len(found.K) == len(found.drive.states) == 6
+    assert len(found.K) == len(found.drive.states) == 5
 
 
 # --- Outliers one by one: those that are, not those that K made of them -----------------------------------------------
