@@ -11,7 +11,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.identification.records import Finding, Known, Record, known_of, suspicions
+from monitor_core.identification.records import Finding, Known, Record, known_of, suspicions, torque_is_turned
 from monitor_core.identification.records.motion_checks import antiresonance_s, rigid_inertia
 from monitor_core.identification.records.rigid_body import rigid_fit
 from monitor_core.identification.records.sample_checks import outliers
@@ -200,6 +200,33 @@ def test_wrong_sign(record: Record) -> None:
     assert finding.number < 0
     assert "torque or motion has the wrong sign" in finding.sentence
     assert kinds(with_y(record, -record.y)) == [("wrong-sign", "refuse")]
+
+
+def picks(rng: np.random.Generator, inertia: float, weight: float) -> Record:
+    """An axis of an arm, between five poses again and again, with pauses, friction, and a ripple of its gear."""
+    interval_s, count, poses, pieces = 0.008, 15_000, rng.uniform(-1.2, 1.2, 5), list[Floats]()
+    while sum(map(len, pieces)) < count:
+        begin, end = poses[len(pieces) // 2 % 5], poses[(len(pieces) // 2 + 1) % 5]
+        s = np.arange(0, 1, interval_s / (0.6 + 0.6 * abs(end - begin)))
+        pieces += [begin + (end - begin) * (10 * s**3 - 15 * s**4 + 6 * s**5)]
+        pieces += [np.full(rng.integers(25, 150), end)]
+    q = np.concatenate(pieces)[:count]
+    speed = np.gradient(q, interval_s)
+    u = inertia * np.gradient(speed, interval_s) + 0.04 * speed + 0.35 * np.tanh(speed / 0.01)
+    u += weight * np.cos(q) + 0.02 * np.sin(100 * q) + 0.01 * rng.standard_normal(count)
+    return Record(interval_s * np.arange(count), u, q, "angle", "picks")
+
+
+@pytest.mark.parametrize(("inertia", "weight"), [(0.026, 0.0), (0.3, 2.0)])
+def test_the_sign_of_an_axis_that_repeats_its_motion(inertia: float, weight: float, seed: int) -> None:
+    """Windows as long as its cycle hold the weight or friction only: of the inertia they say nothing."""
+    for k in range(4):
+        record = picks(np.random.default_rng([seed, k]), inertia, weight)
+        turned = with_u(record, -record.u)
+        assert suspicions(record) == ()
+        assert [finding.kind for finding in suspicions(turned)] == ["wrong-sign"]
+        assert not torque_is_turned(record)
+        assert torque_is_turned(turned)
 
 
 @pytest.mark.parametrize(
