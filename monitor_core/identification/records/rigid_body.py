@@ -40,6 +40,8 @@ _AROUND = 4
 """Samples on either side for the speed from an angle."""
 _AS_GOOD, _WELL = 2.0, 0.1
 """Times what the best window leaves unexplained, or that part of the torque: windows that explain about as much."""
+_AS_SURE = 2.0
+"""Times the deviation of the window that determines the inertia best: windows that do that about as well."""
 _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 
@@ -84,7 +86,9 @@ def rigid_fits(
 ) -> list[Rigid | None]:
     """Fits of models with these terms, all with the window that is best for the first; None: that explains nothing.
 
-    The best is the one that determines the inertia best, of those in which the model explains about as much as in any.
+    The longer the window, the less is seen of springs, but of the motion, too: at last only weight or friction is left,
+    and explains all.  So the best is the longest that determines the inertia about as well as any does, of those in
+    which the model explains about as much as in any.
 
     Args:
         records: about equally sampled.
@@ -98,12 +102,11 @@ def rigid_fits(
     fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0]))]
     if not fits:
         return [None] * len(models)
-    # The longer the window, the less of the motion is left in it: last the weight or the friction alone, all explained.
     most = max(fit.explained for fit, _ in fits)
     enough = 1 - max(_AS_GOOD * (1 - most), _WELL)
-    best, window = max(
-        (pair for pair in fits if pair[0].explained >= enough), key=lambda pair: pair[0].sureness
-    )
+    good = [pair for pair in fits if pair[0].explained >= enough]
+    sure = max(fit.sureness for fit, _ in good) / _AS_SURE
+    best, window = max((pair for pair in good if pair[0].sureness >= sure), key=lambda pair: pair[1])
     return [best, *(_fit(parts, window, speed_scale, terms) for terms in models[1:])]
 
 

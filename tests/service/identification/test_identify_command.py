@@ -129,10 +129,7 @@ def test_a_sampling_that_is_hardly_off_is_not_said(directory: Path) -> None:
     assert not [word for word in warnings if "belongs to the interval of this record" in word]
 
 
-def test_decimal_commas_and_a_torque_with_the_wrong_sign_are_named(directory: Path) -> None:
-    rows = (directory / "second.csv").read_text(encoding="utf-8").replace(",", ";").replace(".", ",")
-    (directory / "commas.csv").write_text(rows, encoding="utf-8")
-    assert "which is no number: write decimal points" in refused("commas.csv")
+def test_a_torque_with_the_wrong_sign_is_named(directory: Path) -> None:
     assert "wrong sign" in refused(times(directory, "healthy.csv", torque=-1))
 
 
