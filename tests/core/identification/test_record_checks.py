@@ -214,7 +214,7 @@ def picks(rng: np.random.Generator, inertia: float, weight: float) -> Record:
     speed = np.gradient(q, interval_s)
     u = inertia * np.gradient(speed, interval_s) + 0.04 * speed + 0.35 * np.tanh(speed / 0.01)
     u += weight * np.cos(q) + 0.02 * np.sin(100 * q) + 0.01 * rng.standard_normal(count)
-    return Record(interval_s * np.arange(count), u, q, "angle", "picks")
+    return Record(np.asarray(interval_s * np.arange(count), np.float64), u, q, "angle", "picks")
 
 
 @pytest.mark.parametrize(("inertia", "weight"), [(0.026, 0.0), (0.3, 2.0)])
