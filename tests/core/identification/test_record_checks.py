@@ -11,9 +11,18 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.identification.records import Finding, Known, Record, known_of, suspicions, torque_is_turned
+from monitor_core.identification.records import (
+    Finding,
+    Known,
+    Record,
+    known_of,
+    motion_checks,
+    shown_inertia,
+    suspicions,
+    torque_is_turned,
+)
 from monitor_core.identification.records.motion_checks import antiresonance_s, rigid_inertia
-from monitor_core.identification.records.rigid_body import rigid_fit
+from monitor_core.identification.records.rigid_body import Rigid, rigid_fit
 from monitor_core.identification.records.sample_checks import outliers
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import three_mass, two_mass
@@ -227,6 +236,17 @@ def test_the_sign_of_an_axis_that_repeats_its_motion(inertia: float, weight: flo
         assert [finding.kind for finding in suspicions(turned)] == ["wrong-sign"]
         assert not torque_is_turned(record)
         assert torque_is_turned(turned)
+        mass = shown_inertia(record)
+        assert mass is not None
+        assert mass.inertia == pytest.approx(inertia, rel=0.15)
+
+
+def test_an_inertia_against_all_work_is_not_believed(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """Should a fit go wrong: an axis that only takes work, and again and again, is driven by its torque."""
+    record = picks(np.random.default_rng(seed), 0.026, 0.0)
+    wrong = Rigid(-0.08, 0.003, {"coulomb": -0.1}, 0.99)
+    monkeypatch.setattr(motion_checks, "shown_inertia", lambda *_: wrong)
+    assert suspicions(record) == ()
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """Tables as records: columns become samples, and faults are named by file, line and column."""
 
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -295,10 +296,22 @@ def test_a_decimal_comma_without_names(tmp_path: Path) -> None:
     assert [block.columns[name].tolist() for name in table.names] == [[0.5, 0.75], [1.25, -1e-3]]
 
 
+@pytest.fixture
+def berlin(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The clock of the computer is that of Berlin."""
+    with monkeypatch.context() as patch:
+        patch.setenv("TZ", "Europe/Berlin")
+        time.tzset()
+        yield
+    time.tzset()
+
+
+@pytest.mark.usefixtures("berlin")
 @pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
 @pytest.mark.parametrize("between", ["T", " "])
 @pytest.mark.parametrize("torn", [False, True])
 def test_dates_are_seconds(tmp_path: Path, zone: str, between: str, torn: bool) -> None:
+    """Without a zone in UTC, wherever the computer is; also in the hour that summer time leaves out."""
     begin = datetime(2026, 3, 29, 0, 59, 59, 990_000)
     dates = [
         (begin + timedelta(milliseconds=5 * k)).isoformat(between, "microseconds") + zone for k in range(9)
