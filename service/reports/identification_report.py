@@ -321,7 +321,8 @@ def outlook_words(report: IdentificationReport) -> str:
     lost = [w for w in result.watched if w.obstacle is not None]
     named = ", ".join(f"{w.name} (changes from {_change(w, result)})" for w in watched)
     poor = " Alarms would come from what the drive lacks." if result.rejection is Rejection.POOR else ""
-    words = f"Can be watched: {named}." if watched else "Nothing can be watched with this."
+    within = f"within a memory of {result.memory_s:g} s; smaller ones take longer"
+    words = f"Can be watched: {named}, {within}." if watched else "Nothing can be watched with this."
     return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
 
 
