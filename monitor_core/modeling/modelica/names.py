@@ -6,6 +6,7 @@ unknown classes, parameters and variables where they are written.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any
@@ -30,7 +31,7 @@ def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
     Raises:
         ModelError: a class is defined twice.
     """
-    root = library()
+    root = copy.deepcopy(library())
     for file in sorted(files, key=lambda f: len(f.within)):
         path: tuple[str, ...] = file.within[0].to_tuple() if file.within else ()
         if path[:1] and path[0] in _LIBRARY:
