@@ -64,7 +64,7 @@ for one in sorted(after - before):
 def test_nothing_is_left_to_compile(tmp_path: Path, seed: int) -> None:
     """Other kinds of arguments are compiled anew: none of identify's and excite's are."""
     config = write_robot(tmp_path)
-    record = write_record(tmp_path / "a.csv", load(config), 5.0, seed)
+    record = write_record(tmp_path / "a.csv", load(config), 10.0, seed)
     (tmp_path / "out").mkdir()
     command = [sys.executable, "-c", _PROGRAM, str(config), str(record), str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=500)
