@@ -95,7 +95,7 @@ def _connect(steps: SimpleQueue[Step]) -> None:
 
 
 def end_with_parent() -> None:
-    """Ends this process as soon as the one that started it is no more: killed, that one ends nobody, nor is told to."""
+    """Ends this process when its parent ends: a parent that is killed cannot end its children."""
     parent = parent_process()
     if parent is not None:
         threading.Thread(target=_end_after, args=(parent,), name="parent", daemon=True).start()

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.identification import Record, rigid_fit, torque_is_turned
+from monitor_core.identification import Record, has_wrong_sign, rigid_fit
 
 _TABLE = """
 time: t time times timestamp zeit sec secs seconds s ms us
@@ -182,9 +182,9 @@ class Named(NamedTuple):
 def axes_by_values(
     values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]
 ) -> list[AxisRoles]:
-    """Which columns (N,) that change are torque and motion of which axis.
+    """Which columns are torque and motion of which axis.
 
-    ``t``: their times (N,) [s]; None: evenly spaced.  ``named``: what their names say.
+    ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: what names say.
     """
     by_role: dict[str, list[str]] = {}
     for name in values:
@@ -316,7 +316,7 @@ def _pair(
         record = Record(times[good], u[good], y[good], output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
-        turned = torque_is_turned(record)
+        turned = has_wrong_sign(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
         f"axis{number}" if number else "axis",

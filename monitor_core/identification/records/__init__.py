@@ -14,11 +14,11 @@ from monitor_core.identification.records.measured_record import (
     between,
 )
 from monitor_core.identification.records.motion_checks import (
+    has_wrong_sign,
     is_about_nominal,
     known_of,
     shown_inertia,
     suspicions,
-    torque_is_turned,
 )
 from monitor_core.identification.records.rigid_body import rigid_fit, speed_scales
 from monitor_core.identification.records.turning_weight import TurningWeight, turning_weight
@@ -31,7 +31,7 @@ from monitor_core.identification.records.value_patterns import (
 )
 
 __all__ = [
-    "UNITS", "Finding", "Known", "Record", "Span", "TurningWeight", "between",
-    "held_for", "is_about_nominal", "known_of", "link_weights", "lively_parts", "rigid_fit", "shown_inertia",
-    "speed_scales", "stuck_spans", "suspicions", "torque_is_turned", "turning_weight", "whole_numbers", "wrap_of",
+    "Finding", "Known", "Record", "Span", "TurningWeight", "UNITS", "between", "has_wrong_sign", "held_for",
+    "is_about_nominal", "known_of", "link_weights", "lively_parts", "rigid_fit", "shown_inertia", "speed_scales",
+    "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
 ]  # fmt: skip

@@ -99,7 +99,7 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
     return mass if abs(mass.inertia) > _SURE * mass.sd and mass.explained > _EXPLAINS else None
 
 
-def torque_is_turned(record: Record) -> bool:
+def has_wrong_sign(record: Record) -> bool:
     """Whether torque or motion has the wrong sign, whatever their units.
 
     Inertia and friction of one mass tell, where they agree, and else the work: a weight gives back what it took.

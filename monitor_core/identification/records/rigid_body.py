@@ -39,9 +39,9 @@ _SCALES = (0.02, 0.05, 0.12, 0.3)
 _AROUND = 4
 """Samples on either side for the speed from an angle."""
 _AS_GOOD, _WELL = 2.0, 0.1
-"""Times what the best window leaves unexplained, or that part of the torque: windows that explain about as much."""
+"""A window explains about as much as the best one if it leaves at most so many times more unexplained, or this part."""
 _AS_SURE = 2.0
-"""Times the deviation of the window that determines the inertia best: windows that do that about as well."""
+"""A window determines the inertia about as well as the best one if its deviation is at most so many times as large."""
 _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 

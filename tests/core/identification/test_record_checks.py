@@ -15,11 +15,11 @@ from monitor_core.identification.records import (
     Finding,
     Known,
     Record,
+    has_wrong_sign,
     known_of,
     motion_checks,
     shown_inertia,
     suspicions,
-    torque_is_turned,
 )
 from monitor_core.identification.records.motion_checks import antiresonance_s, rigid_inertia
 from monitor_core.identification.records.rigid_body import Rigid, rigid_fit
@@ -234,8 +234,8 @@ def test_the_sign_of_an_axis_that_repeats_its_motion(inertia: float, weight: flo
         turned = with_u(record, -record.u)
         assert suspicions(record) == ()
         assert [finding.kind for finding in suspicions(turned)] == ["wrong-sign"]
-        assert not torque_is_turned(record)
-        assert torque_is_turned(turned)
+        assert not has_wrong_sign(record)
+        assert has_wrong_sign(turned)
         mass = shown_inertia(record)
         assert mass is not None
         assert mass.inertia == pytest.approx(inertia, rel=0.15)

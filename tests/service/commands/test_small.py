@@ -18,8 +18,9 @@ from tests.service.identification.conftest import write_record, write_robot
 
 
 def test_version_and_warm() -> None:
-    result = CliRunner().invoke(app, ["version"])
-    assert (result.exit_code, result.stdout) == (0, f"axiswatch {version('axiswatch')}\n")
+    for words in ("version", "--version"):
+        result = CliRunner().invoke(app, [words])
+        assert (result.exit_code, result.stdout) == (0, f"axiswatch {version('axiswatch')}\n")
     result = CliRunner().invoke(app, ["warm"])
     assert result.exit_code == 0
     assert result.stdout.startswith("the kernel is ready (")

@@ -258,6 +258,7 @@ def test_what_can_be_watched_is_first_and_the_verdict_second(found: Identificati
     lines = console.export_text().strip().splitlines()
     assert lines[0].startswith("demo.axis1: Can be watched: kT (changes from ")
     assert all(f"{name} (changes from" in lines[0] for name in ("kT", "1/Ja", "fm"))
+    assert f"within a memory of {found.result.memory_s:g} s" in lines[0]
     assert lines[1].startswith("demo.axis1: good fit: the simulation explains ")
     text = " ".join(read(page).texts)
     outlook = lines[0].removeprefix("demo.axis1: ")
