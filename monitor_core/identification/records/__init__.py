@@ -31,7 +31,7 @@ from monitor_core.identification.records.value_patterns import (
 )
 
 __all__ = [
-    "Finding", "Known", "Record", "Span", "TurningWeight", "UNITS", "between", "has_wrong_sign", "held_for",
+    "UNITS", "Finding", "Known", "Record", "Span", "TurningWeight", "between", "has_wrong_sign", "held_for",
     "is_about_nominal", "known_of", "link_weights", "lively_parts", "rigid_fit", "shown_inertia", "speed_scales",
     "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
 ]  # fmt: skip
