@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -17,7 +16,6 @@ from monitor_core.calibration.injection import EquivalentLoad, changed_values, e
 from monitor_core.calibration.simulated_copies import Innovations, Plants, innovations
 from monitor_core.detection import Crossing
 from monitor_core.detection.alarm import direction_of
-from monitor_core.detection.cusum.cusum_evidence import BatchEvent
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
@@ -30,6 +28,8 @@ from monitor_core.settings import Settings
 
 PARTS = 20
 """Of the time that is watched: where the cause is named, the rest is left out."""
+PROBES = 20
+"""Onsets at which the multi-model detector is tried first."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,8 @@ def run_trials(
     """Start each fault at ``onsets`` samples of the record and watch for so many seconds.
 
     The detector is the CUSUM tests, or the multi-model one with these ``limits``: then ``first`` is its final name.
+    Where a change is found at no onset, smaller ones of the same parameter and direction are not tried: they count as
+    not found.
 
     Returns the results, and the number of onsets that were possible.
 
@@ -98,35 +100,26 @@ def run_trials(
     if last <= min(first, len(record.t_us)):
         raise ValueError("the record is too short")
     at = np.unique(np.linspace(first, last, onsets).astype(np.int64))
-    detector = _Tests(model, settings) if limits is None else _Bank(model, settings, limits)
-    resume = [detector.after(record.select(slice(*ends))) for ends in pairwise([0, *at.tolist()])]
-    found = []
-    for number, (fault, load, u, y) in enumerate(inject(model, settings, record, faults, at, N)):
-        alarms = []
-        for k, resume_at_onset in enumerate(resume):
-            samples = record._replace(u=u).select(slice(at[k], at[k] + N))
-            samples = samples if y is None else samples._replace(y=y[:, k])
-            resume_at_onset()
-            alarms.append(_first_alarm(detector, samples, settings.interval_s))
+    detector: _Tests | _Bank = (
+        _Tests(model, settings, record, at) if limits is None else _Bank(model, settings, limits, record, at)
+    )
+    results, not_found = dict[Fault, TrialResult](), set[tuple[str, bool]]()
+    by_size = sorted(faults, key=lambda fault: -abs(fault.size))
+    for number, (fault, load, u, y) in enumerate(inject(model, settings, record, by_size, at, N)):
+        kind = fault.parameter, fault.size > 0
+        alarms = [FirstAlarm()] * len(at)
+        if kind not in not_found:
+            windows = [record._replace(u=u).select(slice(k, k + N)) for k in at.tolist()]
+            if y is not None:
+                windows = [window._replace(y=y[:, k]) for k, window in enumerate(windows)]
+            alarms = detector.first_alarms(windows)
         delays, names, directions = zip(*alarms, strict=True)
+        if not any(map(math.isfinite, delays)):
+            not_found.add(kind)
         peak = math.nan if load is None else float(np.abs(u).max())
-        found.append(TrialResult(fault, load is not None, np.array(delays), names, directions, peak))
+        results[fault] = TrialResult(fault, load is not None, np.array(delays), names, directions, peak)
         progress((number + 1) / len(faults))
-    return found, len(at)
-
-
-def _first_alarm(detector: _Tests | _Bank, samples: SampleBlock, interval_s: float) -> FirstAlarm:
-    """The first alarm in these samples, with its final name if that comes within them."""
-    first = FirstAlarm()
-    for rows in np.array_split(np.arange(samples.size), PARTS):
-        for t_us, name, direction, is_final in detector.run(samples.select(rows)):
-            delay_s = first.delay_s
-            if not first.name:
-                delay_s = float(t_us - samples.t_us[0]) * 1e-6 + interval_s
-                first = FirstAlarm(delay_s, name, direction)
-            if is_final:
-                return FirstAlarm(delay_s, name, direction)
-    return first
+    return [results[fault] for fault in faults], len(at)
 
 
 def inject(
@@ -166,56 +159,89 @@ def _faulty_outputs(plants: Plants, record: SampleBlock, at: Ints, N: int, befor
     return np.asarray(record.y[rows] + with_fault - without)
 
 
-Alarm = tuple[int, str, str, bool]
-"""Time [us], name, "up", "down" or "", and whether the name is final."""
-
-
 class _Tests:
-    """The CUSUM tests, from any state of the healthy monitor on."""
+    """The CUSUM tests from each onset on, side by side."""
 
-    def __init__(self, model: AxisModel, settings: Settings) -> None:
-        self._batch = AxisBatch([model], [settings])
+    def __init__(self, model: AxisModel, settings: Settings, record: SampleBlock, at: Ints) -> None:
+        self._interval_s = settings.interval_s
+        healthy = AxisBatch([model], [settings])
+        self._columns = []
+        for ends in pairwise([0, *at.tolist()]):
+            _crossings(healthy, [record.select(slice(*ends))])
+            self._columns.append(healthy.column(0))
+        self._batch = AxisBatch([model] * len(at), [settings] * len(at))
 
-    def after(self, part: SampleBlock) -> Callable[[], None]:
-        """Run a further part of the healthy record; what is returned goes back to the state after it."""
-        self._run(part)
-        return partial(self._batch.restore, 0, *self._batch.column(0))
+    def first_alarms(self, windows: Sequence[SampleBlock]) -> list[FirstAlarm]:
+        """The first alarm in the samples after each onset."""
+        for a, column in enumerate(self._columns):
+            self._batch.restore(a, *column)
+        first = dict[int, FirstAlarm]()
+        for rows in np.array_split(np.arange(windows[0].size), PARTS):
+            for a, crossing in _crossings(self._batch, [window.select(rows) for window in windows]):
+                delay_s = _delay_s(windows[a], crossing.time_us, self._interval_s)
+                first.setdefault(a, FirstAlarm(delay_s, crossing.parameter, crossing.direction))
+            if len(first) == len(windows):
+                break
+        return [first.get(a, FirstAlarm()) for a in range(len(windows))]
 
-    def run(self, samples: SampleBlock) -> Iterator[Alarm]:
-        """Alarms in the next samples."""
-        for _, event in self._run(samples):
-            if isinstance(event, Crossing):
-                yield event.time_us, event.parameter, event.direction, True
 
-    def _run(self, samples: SampleBlock) -> list[tuple[int, BatchEvent]]:
-        t_us, u, y = samples.t_us[:, np.newaxis], samples.u[:, np.newaxis], samples.y[:, np.newaxis]
-        shift = None if samples.shift is None else samples.shift[..., np.newaxis]
-        gate = None if samples.gate is None else samples.gate[:, np.newaxis]
-        weight = None if samples.weight is None else samples.weight[:, np.newaxis]
-        return self._batch.run(t_us, u, y, None, shift, gate, weight)
+def _crossings(batch: AxisBatch, blocks: Sequence[SampleBlock]) -> list[tuple[int, Crossing]]:
+    """What the tests of each axis of a batch find in its block; all blocks have the same arrays."""
+    together = {
+        name: np.stack([getattr(block, name) for block in blocks], axis=-1)
+        for name in ("t_us", "u", "y", "shift", "gate", "weight")
+        if getattr(blocks[0], name) is not None
+    }
+    return batch.crossings(**together)
 
 
 class _Bank:
-    """The multi-model detector, from any state of a bank on that has not alarmed."""
+    """The multi-model detector from each onset on, one after the other."""
 
-    def __init__(self, model: AxisModel, settings: Settings, limits: Sequence[Limit]) -> None:
+    def __init__(
+        self, model: AxisModel, settings: Settings, limits: Sequence[Limit], record: SampleBlock, at: Ints
+    ) -> None:
+        self._interval_s = settings.interval_s
         self._bank = bank_of(model, settings, Limits(1.0, tuple(limits)))
-        self._quiet = HypothesisBank(model, settings, self._bank.hypotheses, allowance=self._bank.allowance)
+        healthy = HypothesisBank(model, settings, self._bank.hypotheses, allowance=self._bank.allowance)
+        self._states = list[tuple[Memory, tuple[int, ...]]]()
+        for ends in pairwise([0, *at.tolist()]):
+            healthy.run(*record.select(slice(*ends))[:6])
+            self._states.append((healthy.memory, healthy.moved))
 
-    def after(self, part: SampleBlock) -> Callable[[], None]:
-        """As ``_Tests.after``."""
-        self._quiet.run(*part[:6])
-        return partial(self._resume, self._quiet.memory, self._quiet.moved)
+    def first_alarms(self, windows: Sequence[SampleBlock]) -> list[FirstAlarm]:
+        """The first alarm in the samples after each onset, with its final name if that comes within them.
 
-    def _resume(self, memory: Memory, moved: tuple[int, ...]) -> None:
-        self._bank.reset()
-        self._bank.follow(moved)
-        self._bank.memory = memory
+        Where none of ``PROBES`` onsets over the record has one, the others are taken to have none: to watch in vain
+        takes longest.
+        """
+        onsets = range(len(windows))
+        first = {k: self._first_alarm(k, windows[k]) for k in onsets[:: max(1, len(windows) // PROBES)]}
+        if any(math.isfinite(alarm.delay_s) for alarm in first.values()):
+            first |= {k: self._first_alarm(k, windows[k]) for k in onsets if k not in first}
+        return [first.get(k, FirstAlarm()) for k in onsets]
 
-    def run(self, samples: SampleBlock) -> Iterator[Alarm]:
-        """As ``_Tests.run``."""
-        for event in self._bank.run(*samples[:6]):
-            if isinstance(event, ChangeDetected | CauseIdentified):
-                share = event.shares[0]
+    def _first_alarm(self, onset: int, samples: SampleBlock) -> FirstAlarm:
+        bank = self._bank
+        memory, moved = self._states[onset]
+        bank.reset()
+        bank.follow(moved)
+        bank.memory = memory
+        first = FirstAlarm()
+        for rows in np.array_split(np.arange(samples.size), PARTS):
+            for event in bank.run(*samples.select(rows)[:6]):
+                if not isinstance(event, ChangeDetected | CauseIdentified):
+                    continue
+                share, delay_s = event.shares[0], first.delay_s
                 direction = direction_of(share.size) if share.cause else ""
-                yield event.time_us, share.cause, direction, isinstance(event, CauseIdentified)
+                if not first.name:
+                    delay_s = _delay_s(samples, event.time_us, self._interval_s)
+                    first = FirstAlarm(delay_s, share.cause, direction)
+                if isinstance(event, CauseIdentified):
+                    return FirstAlarm(delay_s, share.cause, direction)
+        return first
+
+
+def _delay_s(samples: SampleBlock, time_us: int, interval_s: float) -> float:
+    """Time from the onset, which is an interval before the first of these samples, to an alarm."""
+    return float(time_us - samples.t_us[0]) * 1e-6 + interval_s

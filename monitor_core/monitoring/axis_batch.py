@@ -130,6 +130,14 @@ class AxisBatch:
         self._advance(self._samples(t_us, u, y, count, shift, gate, weight), trace)
         return trace
 
+    def crossings(
+        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
+        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
+    ) -> list[tuple[int, Crossing]]:  # fmt: skip
+        """As ``run``, but only the events that a test crossed its threshold, those of each axis in order of time."""
+        events, _ = self._advance(self._samples(t_us, u, y, count, shift, gate, weight), self._trace(0))
+        return [self._event(events, k) for k in range(int(events.filled[0]))]
+
     def _samples(
         self, t_us: Ints, u: Floats, y: Floats, count: Ints | None,
         shift: Floats | None, gate: Bools | None, weight: Floats | None,

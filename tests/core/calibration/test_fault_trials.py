@@ -1,13 +1,19 @@
 """What is found of faults that begin in a record: as if the whole record had been run with the fault in it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from monitor_core.calibration.fault_trials import Fault, run_trials
+from monitor_core.arrays import Ints
+from monitor_core.calibration.fault_trials import PROBES, Fault, run_trials
 from monitor_core.calibration.injection import changed_values, equivalent_load, faulty_torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
+from monitor_core.detection.multimodel.candidates import default_hypotheses
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.detection.multimodel.naming import Event
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S
 from monitor_core.monitoring import AxisMonitor
@@ -60,6 +66,27 @@ def test_without_a_fault_nothing_is_found(healthy: SampleBlock) -> None:
     found, _ = run_trials(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
     assert all(caught.found_within(6.0) == 0.0 for caught in found)
     assert all(caught.delay(0.5) == np.inf for caught in found)
+
+
+def test_a_change_that_is_not_found_is_tried_at_few_onsets(
+    healthy: SampleBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the multi-model detector with thresholds that nothing reaches; smaller changes are not tried."""
+    never = [Limit(h.cause, h.size, 1e9, 0.0, h.alike) for h in default_hypotheses(MODEL, SETTINGS)]
+    samples, run = list[int](), HypothesisBank.run
+
+    def counted(bank: HypothesisBank, t_us: Ints, *block: Any) -> list[Event]:
+        samples.append(len(t_us))
+        return run(bank, t_us, *block)
+
+    monkeypatch.setattr(HypothesisBank, "run", counted)
+    faults = [Fault("kT", size) for size in (0.1, 0.3, -0.1)]
+    found, onsets = run_trials(MODEL, SETTINGS, healthy, faults, 3 * PROBES, 0.5, never)
+    assert onsets == 3 * PROBES
+    assert [caught.fault for caught in found] == faults
+    assert all(np.isinf(caught.delay_s).all() and len(caught.delay_s) == onsets for caught in found)
+    watched = sum(samples) - (len(healthy.t_us) - round(0.5 / INTERVAL_S) - 1)
+    assert watched == 2 * PROBES * round(0.5 / INTERVAL_S)
 
 
 def test_a_record_that_is_too_short(healthy: SampleBlock) -> None:
