@@ -20,10 +20,12 @@ find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat 
 
 # The kernel is compiled ahead, else each of the test processes would compile all of it: in two parts.
 ahead() {
-  .venv/bin/python -c "import tests.conftest
+  .venv/bin/python -c "import os
+import tests.conftest # without garbage collection, which would take a tenth of the time
 from service.commands.warm import compile_offline
 from service.pipeline.warming import Shape, compile_kernel
-$1"
+$1
+os._exit(0) # it is written; to take the compiler's memory apart would take a second"
 }
 if [ $# = 0 ]; then
   ahead "compile_kernel(Shape.MANY_AXES); compile_kernel(Shape.MULTIMODEL)" &
