@@ -209,7 +209,7 @@ def test_an_axis_is_identified_calibrated_and_watched(
     (calibrate,) = shown("axiswatch calibrate")
     output = ("--output", tmp_path / "thresholds.toml", "--onsets", 5, "--sizes", "20", "--force")
     # Some of the copies: all of them take half a minute.
-    fewer = partial(CalibrationOptions, copies=200_000, bank_copies=40_000)
+    fewer = partial(CalibrationOptions, copies=60_000, bank_copies=20_000)
     monkeypatch.setattr("monitor_core.calibration.CalibrationOptions", fewer)
     calibrated = axiswatch(*arguments(calibrate, tmp_path), *output)
     assert calibrated.exit_code == 0, calibrated.output
@@ -319,7 +319,7 @@ def test_the_library_example_names_the_fault(capsys: pytest.CaptureFixture[str])
     (program,) = (block for block in code("python") if "import monitor_core as mc" in block)
     shown = "copies=1_000_000, bank_copies=250_000"
     assert shown in program
-    program = program.replace(shown, "copies=200_000, bank_copies=50_000")
+    program = program.replace(shown, "copies=60_000, bank_copies=20_000")
     exec(compile(program, "README.md", "exec"), {})
     parameter, direction, _, size, *_ = capsys.readouterr().out.split()
     assert (parameter, direction) == ("kT", "up")
