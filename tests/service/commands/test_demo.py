@@ -135,8 +135,8 @@ def as_shipped(
     assert not review.faults
     assert order.records
     files = {what: f"{order.axis_id}-{what}.toml" for what in ("nominal", "thresholds")}
-    for name in files.values():
-        shutil.copy(COMMISSIONED.parent / name, order.folder)
+    for what, name in files.items():
+        shutil.copy(COMMISSIONED.with_name(f"demo.axis1-{what}.toml"), order.folder / name)
     drive = Correction(("model", "drive"), "three-mass", "as shipped")
     return Outcome(
         order.axis_id,
