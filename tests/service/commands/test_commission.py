@@ -20,6 +20,7 @@ from service.config import load
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
+from tests.service.commands.test_demo import as_shipped
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -196,8 +197,13 @@ def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     assert found.values["fm"] == pytest.approx(scale * VALUES["fm"], rel=0.1)
 
 
-def test_from_a_can_log_to_a_configuration(folder: Path, seed: int) -> None:
+@pytest.mark.parametrize("identified", [False, pytest.param(True, marks=pytest.mark.soak)])
+def test_from_a_can_log_to_a_configuration(
+    identified: bool, folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The DBC says degrees, the configuration does not; the torque has the wrong sign."""
+    if not identified:
+        monkeypatch.setattr(axis_processes, "commission_axis", as_shipped)
     rows = table(folder / "rows.csv", seed, 25.0, sign=-1)
     config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc"))
     log = can_logs.log_of(rows, config, folder / "healthy.blf", 180 / np.pi)
@@ -208,7 +214,8 @@ def test_from_a_can_log_to_a_configuration(folder: Path, seed: int) -> None:
     assert axis.config.motion.factor == pytest.approx(np.pi / 180)
     assert axis.config.torque.factor == -1
     assert axis.config.bus == "can0"
-    assert axis.config.model.monitor == ("kT", "fm")
+    if identified:
+        assert axis.config.model.monitor == ("kT", "fm")
     assert "`axiswatch run --config made/axiswatch.toml`" in result.output
 
 
