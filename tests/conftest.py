@@ -29,8 +29,9 @@ SEED = int(os.environ.get("AXISWATCH_SEED") or 2439)
 os.environ["AXISWATCH_SEED"] = str(SEED)  # the same one in every process of this run
 _REPEAT = f"axiswatch seed: {SEED} (AXISWATCH_SEED={SEED} repeats this run)"
 
-# No assertion on time, as machines are shared; the same examples in every run, except in `make soak`.
-settings.register_profile("axiswatch", deadline=None, derandomize="AXISWATCH_SOAK" not in os.environ)
+# No assertion on time, as machines are shared; the same examples in every run, and other and more in `make soak`.
+SOAK = "AXISWATCH_SOAK" in os.environ
+settings.register_profile("axiswatch", deadline=None, derandomize=not SOAK, max_examples=100 if SOAK else 40)
 settings.load_profile("axiswatch")
 
 DEBIAN_PACKAGE = {

@@ -46,7 +46,7 @@ angle = {{ column = "A{n}_Pos" }}
 estimator = {{ torque_noise = 1.0, output_noise = 1.0 }}
 model = {{ drive = "two-mass", monitor = ["kT", "fm"], friction_speed_scale = 1.0, nominal = {{ kT = 1, r = 0.0085 }} }}
 """
-FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=200_000, bank_copies=20_000)
+FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=60_000, bank_copies=20_000)
 
 
 def table(path: Path, seed: int, seconds: float, fault: float = 1.0, axes: int = 1, sign: int = 1) -> Path:
