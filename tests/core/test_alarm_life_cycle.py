@@ -235,5 +235,5 @@ class Life(RuleBasedStateMachine):
 
 TestLife: Any = Life.TestCase
 TestLife.settings = settings(
-    max_examples=80, stateful_step_count=30, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=40, stateful_step_count=30, deadline=None, suppress_health_check=list(HealthCheck)
 )

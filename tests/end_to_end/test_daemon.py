@@ -1,6 +1,7 @@
 """The daemon from outside: frames on a real bus between processes in, answers and files out."""
 
 import json
+import queue
 import random
 import re
 import signal
@@ -8,6 +9,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -16,11 +18,13 @@ import httpx
 import pytest
 
 from monitor_core.monitoring import AxisMonitor
+from service.commands.daemon import run_daemon
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import (
+    PATIENCE_S,
     Daemon,
     daemon,
     demo_config,
@@ -196,13 +200,12 @@ def goes_on_in_another_folder(before: int) -> None:
     assert "../demo.dbc is now restored/outside/1-demo.dbc" in done.stderr
     restored = Path("restored", "robot.toml").absolute()
     assert axiswatch("check", "--config", restored).exit_code == 0
-    with daemon(restored) as d:
+    with inside(restored) as d:
         assert alarms(d)[1]["state"] in ("acknowledged", "normal")
         assert 0 < d.axis()["samples"] <= before
         assert daemon_messages(d) == []
         standing = sorted(a["raised"] for a in alarms(d).values() if a["active"])
         assert standing
-        assert d.stop() == 0
     they_outlive_damaged_files(restored, standing)
 
 
@@ -210,21 +213,40 @@ def they_outlive_damaged_files(config: Path, standing: list[str]) -> None:
     """Alarms, by the times at which they were raised: checkpoints and journal both know them."""
     state = config.parent / "state"
     (state / "alarms.sqlite").write_bytes(b"no database" * 1000)
-    with daemon(config) as d:
+    with inside(config) as d:
         (message,) = daemon_messages(d)
         assert "alarms.sqlite is damaged" in message
         assert sorted(a["raised"] for a in alarms(d).values()) == standing
         assert d.axis(2)["parameters"][2]["status"] == "alarm"
-        assert d.stop() == 0
     assert len(list(state.glob("alarms.sqlite.damaged-*"))) >= 1
 
     (state / "checkpoints.sqlite").write_bytes(b"no database" * 1000)
-    with daemon(config) as d:
+    with inside(config) as d:
         (message,) = daemon_messages(d)
         assert "checkpoints.sqlite is damaged" in message
         axis = d.axis(2)
         assert (axis["samples"], axis["parameters"][2]["status"]) == (0, "alarm")
-        assert d.stop() == 0
+
+
+class Inside(Daemon):
+    """A daemon in a thread of this process."""
+
+    def __init__(self, page: str) -> None:
+        self.page = page
+
+
+@contextmanager
+def inside(file: Path) -> Iterator[Daemon]:
+    """A daemon without a start of the program: where what it has found in its files is looked at."""
+    config, pages, stop = load(file, {}), queue.SimpleQueue[str](), threading.Event()
+    config = config.model_copy(update={"web": config.web.model_copy(update={"port": 0})})
+    with ThreadPoolExecutor(1, "daemon") as pool:
+        ended = pool.submit(run_daemon, config, ready=pages.put, stop=stop, file=file)
+        try:
+            yield Inside(pages.get(timeout=PATIENCE_S))
+        finally:
+            stop.set()
+        ended.result()
 
 
 def daemon_messages(d: Daemon) -> list[str]:

@@ -8,21 +8,21 @@ import resource
 import signal
 import socket
 import struct
-import subprocess
-import sys
 import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from service.can.bus import open_bus, send
 from service.can.frames import FrameKey
 from service.config import load
+from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault
 from tests.end_to_end.processes import (
     PATIENCE_S,
-    ROOT,
     Daemon,
     daemon,
     demo_config,
@@ -30,20 +30,10 @@ from tests.end_to_end.processes import (
     wait_for,
 )
 from tests.end_to_end.test_daemon import played_robot, saved
+from tests.service.command_line import axiswatch
 
 UNRECORDED = "cannot be recorded yet, is tried again"
 UNSAVED = "the state of the monitors cannot be saved"
-
-BROKEN = """
-from service.commands.main import main
-from service.pipeline.axis_monitors import FramePipeline
-
-def update(_):
-    raise ZeroDivisionError("division by a fault")
-
-FramePipeline.update = update
-main()
-"""
 
 
 def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(
@@ -83,11 +73,15 @@ def messages(d: Daemon) -> list[str]:
     return found
 
 
-def test_a_fault_of_the_program_ends_the_process_with_1_and_a_clear_log(tmp_path: Path) -> None:
-    config = demo_config(tmp_path, axes=1)
-    command = [sys.executable, "-c", BROKEN, "run", "--config", str(config), "--port", "0"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 1
+def test_a_fault_of_the_program_ends_it_with_1_and_a_clear_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def update(_: FramePipeline) -> None:
+        raise ZeroDivisionError("division by a fault")
+
+    monkeypatch.setattr(FramePipeline, "update", update)
+    done = axiswatch("run", "--config", demo_config(tmp_path, axes=1), "--port", "0")
+    assert done.exit_code == 1
     *log, last = done.stderr.splitlines()
     assert last == "axiswatch: a fault in the worker has stopped the daemon; the log says what"
     (failure,) = [event for event in map(json.loads, log) if event["level"] == "critical"]

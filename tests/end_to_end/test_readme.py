@@ -15,7 +15,7 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from service.can.frame_recorder import FrameRecorder
-from service.commands import commission, live_recording
+from service.commands import axis_processes, commission, live_recording
 from service.config import Config, load
 from service.simulation.robot import Fault
 from service.store.journal import Journal
@@ -29,6 +29,7 @@ from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
 from tests.service.commands.live_robots import configured, moving
 from tests.service.commands.test_commission import table
+from tests.service.commands.test_demo import as_shipped
 from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import blocks
 from tests.service.web.conftest import FM_ALARM, Stage, serving, stored_history
@@ -155,10 +156,13 @@ def test_a_robot_is_commissioned_by_one_command(
     assert "1 of 1 axis ready." in (tmp_path / "commissioned" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("identified", [False, pytest.param(True, marks=pytest.mark.soak)])
 def test_a_robot_is_commissioned_on_its_bus(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+    identified: bool, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A bus in this process, on which a robot lives faster than the clock; its torque has the wrong sign."""
+    if not identified:
+        monkeypatch.setattr(axis_processes, "commission_axis", as_shipped)
     robot_config = configured(tmp_path / "true.toml", can_logs.dbc(tmp_path / "robot.dbc", 1, "rad"))
     rows = table(tmp_path / "rows.csv", seed, 40.0, sign=-1)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: replace(FEW_COPIES, within_s=20.0))
@@ -180,10 +184,12 @@ def test_a_robot_is_commissioned_on_its_bus(
     assert "`axiswatch run --config commissioned/axiswatch.toml`" in done.stdout
     assert any("commissioned/axiswatch.toml" in run for run in shown("axiswatch run"))
     assert axiswatch("check", "--config", "commissioned/axiswatch.toml").exit_code == 0
-    kept = tmp_path / "commissioned" / "robot1.axis1.json"
-    before = kept.stat().st_mtime_ns
+    kept = [*tmp_path.glob("commissioned/records/*"), *tmp_path.glob("commissioned/robot1.axis1.json")]
+    before = [path.stat().st_mtime_ns for path in kept]
+    assert len(before) == 1 + identified
     again = axiswatch(*[word for word in command[1:] if word not in ("--minutes", "0.06")])
-    assert (again.exit_code, kept.stat().st_mtime_ns) == (0, before), "what was recorded is used again"
+    assert again.exit_code == 0, again.output
+    assert [path.stat().st_mtime_ns for path in kept] == before, "what was recorded is used again"
 
 
 def test_an_axis_is_identified_calibrated_and_watched(
@@ -209,7 +215,7 @@ def test_an_axis_is_identified_calibrated_and_watched(
     (calibrate,) = shown("axiswatch calibrate")
     output = ("--output", tmp_path / "thresholds.toml", "--onsets", 5, "--sizes", "20", "--force")
     # Some of the copies: all of them take half a minute.
-    fewer = partial(CalibrationOptions, copies=200_000, bank_copies=40_000)
+    fewer = partial(CalibrationOptions, copies=60_000, bank_copies=20_000)
     monkeypatch.setattr("monitor_core.calibration.CalibrationOptions", fewer)
     calibrated = axiswatch(*arguments(calibrate, tmp_path), *output)
     assert calibrated.exit_code == 0, calibrated.output
@@ -319,7 +325,7 @@ def test_the_library_example_names_the_fault(capsys: pytest.CaptureFixture[str])
     (program,) = (block for block in code("python") if "import monitor_core as mc" in block)
     shown = "copies=1_000_000, bank_copies=250_000"
     assert shown in program
-    program = program.replace(shown, "copies=200_000, bank_copies=50_000")
+    program = program.replace(shown, "copies=60_000, bank_copies=20_000")
     exec(compile(program, "README.md", "exec"), {})
     parameter, direction, _, size, *_ = capsys.readouterr().out.split()
     assert (parameter, direction) == ("kT", "up")

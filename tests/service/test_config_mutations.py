@@ -113,7 +113,7 @@ def test_a_deleted_key_is_missed_where_its_table_is(file: Path, mutation: Mutati
     assert not problems or mutation.is_component or mutation.header in [problem.line for problem in problems]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(mutations, st.text("abcXYZ_-", min_size=1, max_size=3), st.booleans())
 def test_a_misspelled_key_is_named(file: Path, mutation: Mutation, letters: str, before: bool) -> None:
     key = mutation.entry["key"].strip('"')
@@ -123,7 +123,7 @@ def test_a_misspelled_key_is_named(file: Path, mutation: Mutation, letters: str,
         assert (mutation.row + 1, wrong) in [(p.line, p.key.split(".")[-1].strip('"')) for p in problems]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(mutations, st.sampled_from(VALUES))
 def test_a_value_of_another_type_is_named(file: Path, mutation: Mutation, value: str) -> None:
     problems = found(file, mutation.with_row(f"{mutation.entry['key']} = {value}"))
@@ -132,7 +132,7 @@ def test_a_value_of_another_type_is_named(file: Path, mutation: Mutation, value:
         assert mutation.row + 1 in [problem.line for problem in problems]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(st.sampled_from(TEXTS), st.data())
 def test_any_mess_is_loaded_or_reported(file: Path, text: str, data: st.DataObject) -> None:
     rows = text.split("\n")

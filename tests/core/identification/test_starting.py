@@ -47,7 +47,7 @@ OTHERS = {"fc": 0.0, "tau0": 0.0, "kT": 1.0, "r": R}
 AT_OPTIMUM = 1.001
 WRONG = 3.0
 """Given values are wrong by factors between this and its reciprocal."""
-law = settings(deadline=None, max_examples=40)
+law = settings(deadline=None, max_examples=20)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from monitor_core.modeling.modular import (
 from tests.core.modeling.generic_ranks import minimality
 from tests.core.modeling.spaces import Chain, library_three_mass, table
 
-law = settings(deadline=None, max_examples=60)
+law = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
 primes = st.sampled_from(PRIMES)
 

@@ -14,7 +14,7 @@ from monitor_core.modeling.resonances import resonances, resonances_of
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.modeling.spaces import Chain, library_three_mass, table
 
-law = settings(deadline=None, max_examples=100)
+law = settings(deadline=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
 decades = st.floats(-4, 4).map(lambda e: 10.0**e)
 damping_ratios = st.floats(0.001, 0.9)

@@ -24,7 +24,7 @@ from tests.service.found_files import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
-WISHES = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=300_000, bank_copies=60_000)
+WISHES = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=150_000, bank_copies=40_000)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_the_promise_and_faults_that_are_found(found: Calibration) -> None:
 def test_the_same_again_is_the_same(robot: Path) -> None:
     """Also of the bank, whose copies run beside the others: neither takes the other's draws."""
     config = load(robot, {})
-    few = CalibrationOptions(300.0, 4.0, (0.2,), 2, copies=60_000, bank_copies=20_000)
+    few = CalibrationOptions(300.0, 4.0, (0.2,), 1, copies=20_000, bank_copies=10_000)
     records = [str(robot.parent / "healthy.csv@0:30")]
     first, again = (calibrate_axis(config, config.axes[0], records, few, PROVENANCE) for _ in range(2))
     assert first.result.bank is not None

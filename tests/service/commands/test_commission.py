@@ -20,6 +20,7 @@ from service.config import load
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
+from tests.service.commands.test_demo import as_shipped
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -45,7 +46,7 @@ angle = {{ column = "A{n}_Pos" }}
 estimator = {{ torque_noise = 1.0, output_noise = 1.0 }}
 model = {{ drive = "two-mass", monitor = ["kT", "fm"], friction_speed_scale = 1.0, nominal = {{ kT = 1, r = 0.0085 }} }}
 """
-FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=200_000, bank_copies=20_000)
+FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=60_000, bank_copies=20_000)
 
 
 def table(path: Path, seed: int, seconds: float, fault: float = 1.0, axes: int = 1, sign: int = 1) -> Path:
@@ -100,7 +101,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_from_a_table_to_a_configuration(folder: Path, seed: int) -> None:
+def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A torque of the wrong sign and a wrong interval are put right; what is there is not computed again.
 
     An axis that stands still does not hinder the other.
@@ -132,6 +133,7 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int) -> None:
     assert 'href="cell.a1-identification.html"' in page
 
     before = {path: path.stat().st_mtime_ns for path in (folder / "made").glob("cell.a1*")}
+    monkeypatch.setattr("os.cpu_count", lambda: 1)  # without a process for each axis
     assert axiswatch(*words).exit_code == NOT_TESTED
     assert {path: path.stat().st_mtime_ns for path in (folder / "made").glob("cell.a1*")} == before
 
@@ -196,8 +198,13 @@ def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     assert found.values["fm"] == pytest.approx(scale * VALUES["fm"], rel=0.1)
 
 
-def test_from_a_can_log_to_a_configuration(folder: Path, seed: int) -> None:
+@pytest.mark.parametrize("identified", [False, pytest.param(True, marks=pytest.mark.soak)])
+def test_from_a_can_log_to_a_configuration(
+    identified: bool, folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The DBC says degrees, the configuration does not; the torque has the wrong sign."""
+    if not identified:
+        monkeypatch.setattr(axis_processes, "commission_axis", as_shipped)
     rows = table(folder / "rows.csv", seed, 25.0, sign=-1)
     config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc"))
     log = can_logs.log_of(rows, config, folder / "healthy.blf", 180 / np.pi)
@@ -208,7 +215,8 @@ def test_from_a_can_log_to_a_configuration(folder: Path, seed: int) -> None:
     assert axis.config.motion.factor == pytest.approx(np.pi / 180)
     assert axis.config.torque.factor == -1
     assert axis.config.bus == "can0"
-    assert axis.config.model.monitor == ("kT", "fm")
+    if identified:
+        assert axis.config.model.monitor == ("kT", "fm")
     assert "`axiswatch run --config made/axiswatch.toml`" in result.output
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from service.commands import commission
+from service.commands import axis_commissioning, commission
 from service.commands.link_load import link_load
 from service.config import NamedAxis, load
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
@@ -20,7 +20,7 @@ from tests.shares import soaked
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
-QUICK = CalibrationOptions(600.0, None, (0.3,), 1, copies=120_000, bank_copies=20_000)
+QUICK = CalibrationOptions(600.0, None, (0.3,), 1, copies=50_000, bank_copies=10_000)
 
 
 class Cell(NamedTuple):
@@ -53,6 +53,8 @@ def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(commission, "options_for", lambda _budget_s: QUICK)
         patch.setattr("os.cpu_count", lambda: 1)  # in this process, without pictures
+        # Motions for what these records do not show are planned in tests/service/identification/test_advice.py.
+        patch.setattr(axis_commissioning, "motion_for", lambda *_: None)
         init = axiswatch("init", record, "-o", folder / "axis.toml")
         assert init.exit_code == 0, init.output
         # To look for it is most of the work, and tested elsewhere.

@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 from service.commands.exit_codes import NOT_TESTED
 from service.commands.main import app
 from service.simulation.robot import Fault
+from tests.conftest import no_pictures
 from tests.service.command_line import refused
 from tests.service.identification.test_reports import read
 from tests.service.robot_tables import START_S, configured, rows
@@ -85,7 +86,8 @@ def test_the_page_needs_nothing_else_and_its_picture_shows_what_there_is(page: s
 
 def test_the_page_says_what_the_json_says(folder: Path, page: str) -> None:
     result = run(folder, folder / "a.csv", "--json", "-")
-    with_page = run(folder, folder / "a.csv", "--json", "-", "--report", folder / "again.html")
+    with no_pictures():
+        with_page = run(folder, folder / "a.csv", "--json", "-", "--report", folder / "again.html")
     assert with_page.stdout == result.stdout, "the report changes no number"
     found = json.loads(result.stdout)
     axis, silent = found["axes"]

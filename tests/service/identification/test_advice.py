@@ -148,7 +148,7 @@ def test_commissioning_plans_the_motion_that_is_missing(
     command = re.search("`axiswatch (excite .+)` plans another one", result.output)
     assert command
     assert "--find fm " in command[1]
-    assert f" {most:.3g} N m " in shown(*shlex.split(command[1]))
+    assert f" {most:.3g} N m " in shown(*shlex.split(command[1]), "--seconds", 4)
     assert abs(np.genfromtxt(file, delimiter=",", names=True)["torque_Nm"]).max() != planned.max()
 
 

@@ -79,7 +79,7 @@ def entries(line: bytes) -> Iterator[can.Message]:
     return iter(can.CanutilsLogReader(io.StringIO(text + "\n")))
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(content=st.lists(lines(), max_size=20), piece=st.integers(1, 300), ended=st.booleans())
 def test_all_lines_are_read_as_one_by_one(
     content: list[str], piece: int, ended: bool, tmp_path_factory: pytest.TempPathFactory

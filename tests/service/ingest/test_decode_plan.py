@@ -101,7 +101,7 @@ def bits(value: float | str | None) -> object:
     return value
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(message=messages(), seed=st.integers(0, 2**32), extra=st.booleans())
 def test_a_block_has_the_bits_of_cantools(message: Message, seed: int, extra: bool) -> None:
     rng = random.Random(seed)

@@ -76,10 +76,13 @@ def test_nothing_saved_is_no_message(tmp_path: Path, checkpoints: Checkpoints, j
     assert restored == Restored(None, (), (), ())
 
 
+@pytest.mark.parametrize("is_saved", [True, False])
 def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
-    tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
+    is_saved: bool, tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    save(monitors, checkpoints)
+    """Also where there is no checkpoint, as after damage."""
+    if is_saved:
+        save(monitors, checkpoints)
     journal.record([Entry(AXIS, "N m s/rad", 0.06, OPEN)])
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.open == (AxisAlarm(AXIS, OPEN),)

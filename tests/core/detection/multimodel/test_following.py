@@ -1,5 +1,7 @@
 """A bank whose axis has nominal values that vary: it is quiet while they are followed, and names faults beside them."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -47,9 +49,13 @@ def course(column: int, by: float, turns: float = 0.5) -> Floats:
     return shift
 
 
+@cache
+def hypotheses() -> int:
+    return len(HypothesisBank(PLANT.model, PLANT.settings).hypotheses)
+
+
 def bank(samples: float = 720_000.0) -> HypothesisBank:
-    many = len(HypothesisBank(PLANT.model, PLANT.settings).hypotheses)
-    return HypothesisBank(PLANT.model, PLANT.settings, h=guaranteed(many, samples))
+    return HypothesisBank(PLANT.model, PLANT.settings, h=guaranteed(hypotheses(), samples))
 
 
 @pytest.mark.parametrize(
