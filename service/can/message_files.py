@@ -11,7 +11,7 @@ import cantools.database
 from cantools.database.can import Database
 
 from monitor_core.wording import listed
-from service.can.messages import CodingError, DescriptionError, MessageSet, read_unchanged
+from service.can.messages import CodingError, DescriptionError, MessageSet, read_unchanged, text_in
 
 KINDS: Mapping[str, str] = MappingProxyType({".dbc": "DBC", ".kcd": "KCD", ".sym": "SYM", ".arxml": "ARXML"})
 """Formats by the suffix of a file"""
@@ -33,7 +33,7 @@ def read_messages(path: Path) -> MessageSet:
 
 @lru_cache(maxsize=16)
 def _read(path: Path, kind: str, _modified_ns: int, _size: int) -> MessageSet:
-    text = _text(path.read_bytes())
+    text = text_in(path.read_bytes())
     try:
         database = cantools.database.load_string(text, kind.lower(), strict=False)
     except CodingError as error:
@@ -48,10 +48,3 @@ def _reason(error: CodingError, kind: str) -> str:
     if isinstance(original, TypeError | AttributeError | LookupError):
         return f"an entry is missing or wrong ({original})"
     return str(error).removeprefix(f'{kind}: "').removesuffix('"').replace(">>!<<", "<here>")
-
-
-def _text(data: bytes) -> str:
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:  # most tools write the Western code page
-        return data.decode("cp1252", errors="replace")
