@@ -237,6 +237,26 @@ def test_a_log_with_more_damaged_lines_is_refused(tmp_path: Path, suffix: str) -
     assert log.dropped["unreadable"] == 11
 
 
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(".asc", "a.log"), (".log", "a.blf"), (".blf", "a.asc"), (".log", "a.trc"), (".trc", "a.log.gz")],
+)
+def test_a_log_with_the_name_of_another_kind(
+    tmp_path: Path, kind: str, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with can.Logger(str(tmp_path / f"right{kind}")) as writer:
+        for k in range(20):
+            writer(can.Message(timestamp=1.76e9 + k, arbitration_id=0x123, is_extended_id=False, data=b"ab"))
+    (tmp_path / f"right{kind}").rename(tmp_path / name)
+    assert fault(tmp_path / name).endswith(f"; its content is that of a {kind} file: let its name end so")
+    assert not caplog.records
+
+
+def test_a_compressed_log_without_its_ending(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_bytes(gzip.compress(b"(1760000000.000000) can0 123#00\n"))
+    assert fault(tmp_path / "a.log").endswith("; its content is compressed: let its name end with .log.gz")
+
+
 def test_a_line_without_all_its_bytes_is_no_frame(tmp_path: Path) -> None:
     write(tmp_path / "a.asc", [Frame(START_US, 0x123, False, bytes(8))])
     text = (tmp_path / "a.asc").read_text(encoding="utf-8")
