@@ -15,6 +15,7 @@ import can
 import can.interfaces
 from can.typechecking import CanFilter
 
+from monitor_core.wording import did_you_mean
 from service.can.frames import FrameKey
 from service.can.user_errors import BusError
 
@@ -50,6 +51,8 @@ _IN_THE_MACHINE = ("virtual", "udp_multicast")
 """Interfaces without an adapter."""
 _VIRTUAL_DEVICE = re.compile(r"vx?can\d*")
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
+_ARPHRD_CAN = "280"
+"""How Linux marks the devices of CAN"""
 _SEND_TIMEOUT_S = 1.0
 
 
@@ -77,6 +80,12 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
         # The system error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
         raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
+
+
+def can_devices(devices: Path = Path("/sys/class/net")) -> list[str]:
+    """The CAN interfaces of this machine that Linux has a driver for."""
+    kinds = sorted(devices.glob("*/type"))
+    return [kind.parent.name for kind in kinds if kind.read_text(encoding="ascii").strip() == _ARPHRD_CAN]
 
 
 def reaches_hardware(config: BusSettings, devices: Path = Path("/sys/class/net")) -> bool:
@@ -141,8 +150,11 @@ def _filter(key: FrameKey) -> CanFilter:
 def _hint(config: BusSettings, error: OSError) -> str:
     code = error.errno if config.interface == "socketcan" else None
     if code == errno.ENODEV:
+        there = can_devices()
         return (
-            f"there is no network interface {config.channel}: connect the adapter, or for a virtual one run "
+            f"there is no network interface {config.channel}: "
+            + (did_you_mean(config.channel, there) + "; " if there else "")
+            + "connect the adapter, or for a virtual one run "
             f"`ip link add dev {config.channel} type vcan && ip link set {config.channel} up`"
         )
     reason = "this kernel has no CAN (modprobe can-raw)" if code == errno.EAFNOSUPPORT else error.strerror

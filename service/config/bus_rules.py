@@ -49,6 +49,16 @@ def same_names(
             yield Finding((key, i, "name"), "must differ from the name of", (key, first[table.name]))
 
 
+def channels(config: Config) -> Iterator[Finding]:
+    """No two buses are the same one, whose frames would count twice; what makes a channel another may be an option."""
+    first: dict[tuple[str, str, str], int] = {}
+    for i, bus in enumerate(config.bus):
+        options = "" if bus.interface == "socketcan" else repr(sorted(bus.options.items()))
+        taken = first.setdefault((bus.interface, bus.channel, options), i)
+        if taken != i:
+            yield Finding(("bus", i, "channel"), "is already used by", ("bus", taken, "channel"))
+
+
 def bus_references(config: Config) -> Iterator[Finding]:
     """Every axis names a bus of the file, if there is any."""
     known = [bus.name for bus in config.bus]
@@ -253,6 +263,7 @@ def certificate_and_key(config: Config) -> Iterator[Finding]:
 CONFIG_RULES = (
     certificate_and_key,
     names,
+    channels,
     bus_references,
     descriptions,
     sources,

@@ -30,35 +30,6 @@ OVERLOAD_S = float(os.environ.get("AXISWATCH_OVERLOAD_S", "60"))
 FASTER = 10.0
 SILENT_S = 2.0
 
-SENDER = """
-import errno, socket, struct, sys, time
-channel, seconds, path = sys.argv[1], float(sys.argv[2]), sys.argv[3]
-frames = [(float(t), bytes.fromhex(raw)) for t, raw in (line.split() for line in open(path))]
-raw = socket.socket(socket.PF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-raw.bind((channel,))
-raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")
-start, sent, late_s = time.monotonic(), 0, 0.0
-while True:
-    for due_s, record in frames:
-        wait_s = due_s - (time.monotonic() - start)
-        if wait_s > 0.001:
-            time.sleep(wait_s)
-        late_s = max(late_s, -wait_s)
-        while True:
-            try:
-                raw.send(record)
-                break
-            except OSError as error:
-                if error.errno != errno.ENOBUFS:
-                    raise
-                time.sleep(0.001)
-        sent += 1
-    if time.monotonic() - start >= seconds:
-        break
-print(sent, time.monotonic() - start, late_s)
-"""
-"""Sends records of frames, each at its time, again and again until so many seconds have passed"""
-
 
 def bus_of(config: Config, **other: object) -> BusConfig:
     return config.bus[0].model_copy(update={"interface": "socketcan", "channel": "vcan0", **other})
@@ -77,7 +48,8 @@ def written(path: Path, frames: FrameBlock, faster: float) -> Path:
 
 @contextmanager
 def sending(seconds: float, path: Path) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-c", SENDER, "vcan0", str(seconds), str(path)]
+    """A process that sends these frames again and again until so many seconds have passed."""
+    command = [sys.executable, "-m", "tests.soak.full_bus_sender", "vcan0", str(seconds), str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             yield process
