@@ -6,7 +6,7 @@ import errno
 import re
 import socket
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
@@ -49,6 +49,7 @@ class BusSettings(Protocol):
 
 _IN_THE_MACHINE = ("virtual", "udp_multicast")
 """Interfaces without an adapter."""
+_LAST_NUMBER = re.compile(r"(?<!\d)\d{1,4}$")
 _VIRTUAL_DEVICE = re.compile(r"vx?can\d*")
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
 _ARPHRD_CAN = "280"
@@ -86,6 +87,20 @@ def can_devices(devices: Path = Path("/sys/class/net")) -> list[str]:
     """The CAN interfaces of this machine that Linux has a driver for."""
     kinds = sorted(devices.glob("*/type"))
     return [kind.parent.name for kind in kinds if kind.read_text(encoding="ascii").strip() == _ARPHRD_CAN]
+
+
+def channel_number(channel: str) -> int | None:
+    """The number at the end of a channel, of at most four digits, by which log formats without names know it."""
+    found = _LAST_NUMBER.search(channel)
+    return None if found is None else int(found[0])
+
+
+def blf_channels(buses: Sequence[BusSettings]) -> dict[str, int] | None:
+    """The numbers, from 0 on, of buses in files without names, by their names; None: they cannot be told apart."""
+    if len(buses) == 1:
+        return {buses[0].name: 0}
+    found = {bus.name: number for bus in buses if (number := channel_number(bus.channel)) is not None}
+    return found if len(set(found.values())) == len(buses) else None
 
 
 def reaches_hardware(config: BusSettings, devices: Path = Path("/sys/class/net")) -> bool:

@@ -45,10 +45,9 @@ class Part(NamedTuple):
     low_bit: int
     length: int
 
-    def values(self, raw: NDArray[np.unsignedinteger]) -> NDArray[np.unsignedinteger]:
+    def values(self, data: NDArray[np.uint8]) -> Floats:
         """The numbers in these bytes (N,)."""
-        part: NDArray[np.unsignedinteger] = (raw >> self.low_bit) & ((1 << self.length) - 1)
-        return part
+        return np.asarray((data >> self.low_bit) & ((1 << self.length) - 1), np.float64)
 
 
 class Field(NamedTuple):
@@ -68,9 +67,9 @@ class Field(NamedTuple):
 
     def values(self, data: NDArray[np.uint8]) -> Floats:
         """The numbers in these data (N, W), raw (N,)."""
-        raw = _raw(data, self.first_byte, self.width, self.byte_order)
         if self.part is not None:
-            return self.part.values(raw).astype(np.float64)
+            return self.part.values(data[:, self.first_byte])
+        raw = _raw(data, self.first_byte, self.width, self.byte_order)
         if self.is_float:
             return raw.view(np.float32).astype(np.float64)
         if self.is_signed:
@@ -133,7 +132,7 @@ def split_counter(field: Field, data: NDArray[np.uint8]) -> tuple[Field, ...]:
     for length in range(7, 1, -1):  # the lower bits of a counter count as well
         rest = 8 - length
         for counter, other in ((Part(0, length), Part(length, rest)), (Part(rest, length), Part(0, rest))):
-            if counts_frames(counter.values(raw).astype(np.float64), 2.0**length):
+            if counts_frames(counter.values(raw), 2.0**length):
                 one_byte = field._replace(width=1, byte_order="little", is_float=False, is_signed=False)
                 constant = one_byte._replace(kind="constant")
                 parts = (
@@ -152,8 +151,8 @@ def _low_bit(field: Field) -> int:
     return field.part.low_bit if field.part is not None else 0
 
 
-def _kind_of_part(raw: NDArray[np.unsignedinteger]) -> FieldKind:
-    values = np.unique(raw).size
+def _kind_of_part(numbers: Floats) -> FieldKind:
+    values = np.unique(numbers).size
     return "constant" if values == 1 else "state" if values <= _FEW_VALUES else "signal"
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from monitor_core.wording import did_you_mean, listed
-from service.can.bus import interface_names
+from service.can.bus import blf_channels, interface_names
 from service.can.canopen_drives import node_name, read_drive
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
@@ -57,6 +57,16 @@ def channels(config: Config) -> Iterator[Finding]:
         taken = first.setdefault((bus.interface, bus.channel, options), i)
         if taken != i:
             yield Finding(("bus", i, "channel"), "is already used by", ("bus", taken, "channel"))
+
+
+def recording_channels(config: Config) -> Iterator[Finding]:
+    """Files with numbers in place of names can tell the buses apart."""
+    if config.service.recording_format == "blf" and config.bus and blf_channels(config.bus) is None:
+        found = listed([bus.channel for bus in config.bus])
+        message = (
+            f'these files number the buses by the ends of their channels, which here are {found}: take "log"'
+        )
+        yield Finding(("service", "recording_format"), message)
 
 
 def bus_references(config: Config) -> Iterator[Finding]:
@@ -264,6 +274,7 @@ CONFIG_RULES = (
     certificate_and_key,
     names,
     channels,
+    recording_channels,
     bus_references,
     descriptions,
     sources,

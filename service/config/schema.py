@@ -178,6 +178,8 @@ class ServiceConfig(Table):
     """raw frames before an alarm that are recorded with it, kept in memory until then [s]"""
     recording_after_s: Positive = Field(30.0, le=3600)
     """raw frames after an alarm that are recorded with it [s]"""
+    recording_format: Literal["log", "blf"] = "log"
+    """files of the raw frames around alarms: "log" of candump, or "blf" of Vector's tools"""
     recordings_mb: Real = Field(500.0, ge=0)
     """all recordings together; the oldest are removed; 0: none is made [MB]"""
 

@@ -1,4 +1,6 @@
-"""Sends frames on a SocketCAN device, many with one system call: `python -m tests.soak.full_bus_sender CHANNEL SECONDS FILE`.
+"""Sends frames on a SocketCAN device, many with one system call.
+
+`python -m tests.soak.full_bus_sender CHANNEL SECONDS FILE`
 
 Each line of the file is the time of a frame, s, and its record in hexadecimal digits.  All are sent, again and again
 until so many seconds have passed; then it prints how many there were, how long it took, and how late the latest was, s.

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.can.frame_recorder import FrameRecorder, span_s
+from service.can.frame_recorder import FrameRecorder, span_s, write_blf
 from service.can.frames import Frame, FrameBlock
 from service.can.log_files import LOG_SUFFIXES, CanLog
 from service.can.user_errors import RecordError
@@ -87,6 +87,30 @@ def test_recorded_frames_are_in_the_file_at_once(tmp_path: Path) -> None:
     with FrameRecorder(tmp_path / "a.log") as recorder:
         recorder.write("bus0", FrameBlock.from_frames(sent))
         assert [frame for _, frame in all_frames(CanLog(tmp_path / "a.log"))] == sent
+
+
+def test_a_blf_keeps_each_frame_to_the_microsecond(tmp_path: Path, seed: int) -> None:
+    """Of two buses, the second one with earlier frames; by its reader, times are as in a candump log."""
+    rng, path = random.Random(seed), tmp_path / "a.blf"
+    lengths = [*range(9), 12, 16, 20, 24, 32, 48, 64]
+    first, second = (
+        FrameBlock.from_frames(
+            [
+                Frame(begin_us + rng.randrange(10**9), rng.randrange(0x800), False, rng.randbytes(length))
+                for length in lengths * 20
+            ]
+            + [Frame(begin_us, rng.randrange(1 << 29), True, b"")]
+        )
+        for begin_us in (START_US + 999, START_US - 7_200_000_001)
+    )
+    write_blf(path, [("right", first), ("left", second)], {"left": 0, "right": 4})
+    found = {"0": list[Frame](), "4": list[Frame]()}
+    for block in CanLog(path).blocks():
+        for frame, channel in zip(block.frames.frames(), block.channels, strict=True):
+            found[block.names[channel]].append(frame)
+    assert found == {"0": list(second.frames()), "4": list(first.frames())}
+    with pytest.raises(RecordError, match=r"cannot write .*a\.blf: No such file"):
+        write_blf(tmp_path / "gone" / "a.blf", [("left", first)], {"left": 0})
 
 
 def test_what_cannot_be_recorded(tmp_path: Path) -> None:
