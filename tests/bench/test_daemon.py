@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.bench.measure import Say, cpu, memory_mb
@@ -41,6 +43,25 @@ def test_six_axes(tmp_path: Path, say: Say, rate: int, target: str) -> None:
             ("the robot beside it", robot_after.share_since(robot_before), "-"),
         ]
     say(f"the daemon, {AXES} axes at {rate} Hz over {WATCHED_S:.0f} s", ("", "found", "target"), rows)
+
+
+def test_latency(tmp_path: Path, say: Say) -> None:
+    """From the receipt of a frame to the estimate that has used it, six axes at 1 kHz."""
+    config, file = demo_config(tmp_path, axes=AXES), tmp_path / "ages.npy"
+    text = config.read_text(encoding="utf-8")
+    assert INTERVAL in text
+    config.write_text(text.replace(INTERVAL, "sample_interval_s = 0.001"), encoding="utf-8")
+    program = (sys.executable, "-m", "tests.bench.latency_daemon", str(file))
+    with daemon(config, program=program) as d, robot(config):
+        wait_for(lambda: d.axis()["counters"]["used"])
+        time.sleep(WATCHED_S)
+        assert d.stop() == 0
+    ages_ms = np.load(file) / 1000
+    ages_ms = ages_ms[-round(0.9 * WATCHED_S * 1000 * AXES) :]  # of the start, many wait for the compiler
+    median, late = np.percentile(ages_ms, [50, 99.9]).tolist()
+    rows = [("median", median, 25), ("99.9 %", late, 60), ("largest", float(ages_ms.max()), "-")]
+    header = ("", "found ms", "target ms")
+    say(f"from a frame to the estimate, {AXES} axes at 1 kHz, {ages_ms.size} frames", header, rows)
 
 
 def test_time_to_the_first_estimate(tmp_path: Path, say: Say, monkeypatch: pytest.MonkeyPatch) -> None:
