@@ -49,6 +49,8 @@ class BusSettings(Protocol):
 
 _IN_THE_MACHINE = ("virtual", "udp_multicast")
 """Interfaces without an adapter."""
+FD_INTERFACES = ("socketcan", *_IN_THE_MACHINE)
+"""Interfaces that give CAN FD frames without further options"""
 _LAST_NUMBER = re.compile(r"(?<!\d)\d{1,4}$")
 _VIRTUAL_DEVICE = re.compile(r"vx?can\d*")
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
@@ -60,10 +62,18 @@ _SEND_TIMEOUT_S = 1.0
 def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> Bus:
     """Open a bus; ``wanted``: let only these frames through, in the kernel where the interface supports it; None: all.
 
+    SocketCAN gives CAN FD frames, too, unless the options say otherwise; other interfaces need bit rates for that.
+
     Raises:
         BusError: it cannot be opened; the text says what to do.
     """
-    options: dict[str, Any] = {**config.options, "interface": config.interface, "channel": config.channel}
+    defaults = {"fd": True} if config.interface == "socketcan" else {}
+    options: dict[str, Any] = {
+        **defaults,
+        **config.options,
+        "interface": config.interface,
+        "channel": config.channel,
+    }
     if wanted is not None:
         options["can_filters"] = [_filter(key) for key in wanted]
     try:

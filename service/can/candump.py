@@ -108,7 +108,9 @@ def _times(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
     t_us = np.zeros(len(marks.start), np.int64)
     good = (letters[marks.stamp_end - 1] == ord(")")) & (letters[marks.stamp_end - 8] == ord("."))
     good &= marks.stamp_end - 9 - marks.start <= _DIGITS
-    for place in range(6 + _DIGITS):  # from the last digit on; place by place is faster than all digits of all lines
+    for place in range(
+        6 + _DIGITS
+    ):  # from the last digit on; place by place is faster than all digits of all lines
         at = marks.stamp_end - 2 - place - (place >= 6)
         digit = np.where(at > marks.start, _HEX[letters[np.maximum(at, 0)]], np.uint8(0))
         good &= digit < 10

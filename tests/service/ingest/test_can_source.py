@@ -12,13 +12,14 @@ from typing import Any
 import can
 import pytest
 
-from service.can.bus import open_bus, send
+from service.can.bus import can_devices, open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
 from service.can.frames import Frame, FrameBlock, FrameKey
 from service.can.receivers import Receiver, Rejected, frame_of, receiver_of
 from service.can.user_errors import BusError
+from service.config.remarks import remarks
 from service.config.schema import BusConfig
-from tests.service.ingest.plant import axis1, make_config
+from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)
 
@@ -244,3 +245,21 @@ def test_the_queue_is_bounded_in_frames() -> None:
     assert list(queue.take(1).frames()) == frames[:3]
     assert list(queue.take(100).frames()) == frames[3:5]
     assert queue.take(100).size == 0
+
+
+def test_messages_of_can_fd_where_the_interface_must_be_told(tmp_path: Path) -> None:
+    def said(axis: dict[str, object], **bus: object) -> list[str]:
+        return [words for words in remarks(make_config(tmp_path, axis, **bus)) if "CAN FD" in words]
+
+    pcan: dict[str, object] = {"interface": "pcan", "channel": "PCAN_USBBUS1"}
+    (words,) = said(axis4(), **pcan)
+    assert words.startswith("bus bus0: Wide4 needs CAN FD; pcan gives such frames once it is opened for them")
+    for silent in (said(axis2(), **pcan), said(axis4(), **pcan, options={"fd": True}), said(axis4())):
+        assert silent == []
+
+
+def test_the_devices_of_can(tmp_path: Path) -> None:
+    for name, kind in (("eth0", 1), ("vcan1", 280), ("can0", 280)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(f"{kind}\n", encoding="ascii")
+    assert can_devices(tmp_path) == ["can0", "vcan1"]

@@ -62,8 +62,8 @@ def test_error_and_remote_frames_are_counted(tmp_path: Path) -> None:
     assert (stats.frames, stats.dropped["error_frame"], stats.dropped["remote_frame"]) == (1, 1, 1)
 
 
-def test_can_fd_frames_need_the_option(tmp_path: Path) -> None:
-    classic, fd = bus_config(tmp_path), bus_config(tmp_path, options={"fd": True})
+def test_can_fd_frames_come_unless_the_option_forbids_it(tmp_path: Path) -> None:
+    classic, fd = bus_config(tmp_path, options={"fd": False}), bus_config(tmp_path)
     with reading(classic) as classic_reader, reading(fd) as fd_reader, open_bus(fd) as sender:
         send(sender, STANDARD, bytes(range(64)))
         send(sender, STANDARD, b"classic")
