@@ -22,21 +22,24 @@ _taken: list[Ints] = []
 _ages_us: list[Ints] = []
 
 
-class _Measured(FramePipeline):
-    def take(self, bus: str, frames: FrameBlock) -> None:
-        super().take(bus, frames)
-        _taken.append(frames.t_us.copy())
+_take, _update = FramePipeline.take, FramePipeline.update
 
-    def update(self) -> list[AxisAlarm]:
-        changes = super().update()
-        now_us = time.time_ns() // 1000
-        _ages_us.extend(now_us - t_us for t_us in _taken)
-        _taken.clear()
-        return changes
+
+def take(self: FramePipeline, bus: str, frames: FrameBlock) -> None:
+    _take(self, bus, frames)
+    _taken.append(frames.t_us.copy())
+
+
+def update(self: FramePipeline) -> list[AxisAlarm]:
+    changes = _update(self)
+    now_us = time.time_ns() // 1000
+    _ages_us.extend(now_us - t_us for t_us in _taken)
+    _taken.clear()
+    return changes
 
 
 if __name__ == "__main__":
     path = Path(sys.argv.pop(1))
-    FramePipeline.take, FramePipeline.update = _Measured.take, _Measured.update  # type: ignore[method-assign]
+    FramePipeline.take, FramePipeline.update = take, update  # type: ignore[method-assign]
     atexit.register(lambda: np.save(path, np.concatenate(_ages_us)))
     main()

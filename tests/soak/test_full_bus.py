@@ -94,8 +94,8 @@ def test_a_real_log_ten_times_as_fast(records_dir: Path, tmp_path: Path) -> None
 
 def test_a_minute_of_overload(tmp_path: Path) -> None:
     """Sent as fast as the kernel takes it, to a reader with a short queue and a busy worker."""
-    whole = make_config(tmp_path, axis1())
-    config, ingest = bus_of(whole, queue_frames=2000), Ingest(whole, "bus0")
+    plant = make_config(tmp_path, axis1())
+    config, ingest = bus_of(plant, queue_frames=2000), Ingest(plant, "bus0")
     ids = [key.record_id for key in ingest.keys]
     count = 1000
     numbers = np.arange(count)
