@@ -248,13 +248,13 @@ def test_the_queue_is_bounded_in_frames() -> None:
 
 
 def test_messages_of_can_fd_where_the_interface_must_be_told(tmp_path: Path) -> None:
-    def said(axis: dict[str, object], **bus: object) -> list[str]:
+    def notes(axis: dict[str, object], **bus: object) -> list[str]:
         return [words for words in remarks(make_config(tmp_path, axis, **bus)) if "CAN FD" in words]
 
     pcan: dict[str, object] = {"interface": "pcan", "channel": "PCAN_USBBUS1"}
-    (words,) = said(axis4(), **pcan)
+    (words,) = notes(axis4(), **pcan)
     assert words.startswith("bus bus0: Wide4 needs CAN FD; pcan gives such frames once it is opened for them")
-    for silent in (said(axis2(), **pcan), said(axis4(), **pcan, options={"fd": True}), said(axis4())):
+    for silent in (notes(axis2(), **pcan), notes(axis4(), **pcan, options={"fd": True}), notes(axis4())):
         assert silent == []
 
 
