@@ -16,7 +16,7 @@ import can.interfaces
 from can.typechecking import CanFilter
 
 from monitor_core.wording import did_you_mean
-from service.can.frames import FrameKey
+from service.can.frames import FrameFilter, FrameKey
 from service.can.user_errors import BusError
 
 Bus = can.BusABC
@@ -59,7 +59,7 @@ _ARPHRD_CAN = "280"
 _SEND_TIMEOUT_S = 1.0
 
 
-def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> Bus:
+def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -> Bus:
     """Open a bus; ``wanted``: let only these frames through, in the kernel where the interface supports it; None: all.
 
     SocketCAN gives CAN FD frames, too, unless the options say otherwise; other interfaces need bit rates for that.
@@ -75,7 +75,7 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
         "channel": config.channel,
     }
     if wanted is not None:
-        options["can_filters"] = [_filter(key) for key in wanted]
+        options["can_filters"] = [_filter(entry) for entry in wanted]
     try:
         # python-can leaves its socket open where there is no device.
         if config.interface == "socketcan" and all(
@@ -167,9 +167,10 @@ def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
         time.sleep(0.001)  # the transmit queue is full, which poll does not report
 
 
-def _filter(key: FrameKey) -> CanFilter:
-    mask = _EXTENDED_MASK if key.extended else _STANDARD_MASK
-    return {"can_id": key.can_id, "can_mask": mask, "extended": key.extended}
+def _filter(wanted: FrameFilter) -> CanFilter:
+    key = wanted.key
+    mask = wanted.mask & (_EXTENDED_MASK if key.extended else _STANDARD_MASK)
+    return {"can_id": key.can_id & mask, "can_mask": mask, "extended": key.extended}
 
 
 def _hint(config: BusSettings, error: OSError) -> str:

@@ -90,7 +90,7 @@ class Decoder:
             self._plans[key] = MessagePlan(self._messages[key], self._wanted[key])
         plan = self._plans[key]
         long = frames.lengths[places] >= plan.length
-        if short := places.size - np.count_nonzero(long):
+        if short := places.size - int(np.count_nonzero(long)):
             self.dropped["too_short"] += short
             places, t_us = places[long], t_us[long]
         if not places.size:

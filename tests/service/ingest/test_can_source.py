@@ -14,7 +14,7 @@ import pytest
 
 from service.can.bus import can_devices, open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
-from service.can.frames import Frame, FrameBlock, FrameKey
+from service.can.frames import Frame, FrameBlock, FrameFilter, FrameKey
 from service.can.receivers import Receiver, Rejected, frame_of, receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
@@ -35,7 +35,7 @@ def wait_for(condition: Callable[[], bool], what: Callable[[], object], limit_s:
 @contextmanager
 def reading(config: BusConfig, *wanted: FrameKey) -> Iterator[CanReader]:
     """A reader of that bus, closed at the end."""
-    reader = CanReader(config, wanted or (STANDARD, EXTENDED))
+    reader = CanReader(config, [FrameFilter(key) for key in wanted or (STANDARD, EXTENDED)])
     reader.open()
     reader.start()
     try:
@@ -212,14 +212,14 @@ def test_frames_that_wait_can_be_taken_after_closing(tmp_path: Path) -> None:
     ],
 )
 def test_a_bus_that_cannot_be_opened(tmp_path: Path, bus: dict[str, object], message: str) -> None:
-    reader = CanReader(make_config(tmp_path, axis1(), **bus).bus[0], [STANDARD])
+    reader = CanReader(make_config(tmp_path, axis1(), **bus).bus[0], [FrameFilter(STANDARD)])
     with pytest.raises(BusError, match=message):
         reader.open()
 
 
 def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1(), interface="udp_multicast", channel="10.0.0.1").bus[0]
-    reader = CanReader(config, [STANDARD])
+    reader = CanReader(config, [FrameFilter(STANDARD)])
     reader.start()
     wait_for(lambda: "cannot open udp_multicast" in reader.stats().state, reader.stats)
     assert not reader.stats().up
