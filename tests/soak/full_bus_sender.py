@@ -1,4 +1,4 @@
-"""Sends frames on a SocketCAN device, many with one system call.
+"""Sends frames on a SocketCAN device, or to a port of this machine as datagrams, many with one system call.
 
 `python -m tests.soak.full_bus_sender CHANNEL SECONDS FILE`
 
@@ -27,6 +27,18 @@ RECORD = 16
 NAP_S = 0.002
 
 
+def opened(channel: str) -> socket.socket:
+    """A socket for that device, or, of a number, to that port."""
+    if channel.isdecimal():
+        datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        datagrams.connect(("127.0.0.1", int(channel)))
+        return datagrams
+    raw = socket.socket(socket.PF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    raw.bind((channel,))
+    raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")  # it hears nothing
+    return raw
+
+
 def send_all(channel: str, seconds: float, path: Path) -> None:
     """Send what is in the file, and print the result."""
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
@@ -38,13 +50,12 @@ def send_all(channel: str, seconds: float, path: Path) -> None:
         header.header.vectors, header.header.vectors_length = ctypes.pointer(vector), 1
     sendmmsg = ctypes.CDLL(None, use_errno=True).sendmmsg
     start, sent, late_s, going = time.monotonic(), 0, 0.0, True
-    with socket.socket(socket.PF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
-        raw.bind((channel,))
-        raw.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, b"")  # it hears nothing
+    with opened(channel) as raw:
+        begin_s = start
         while going:
             done = 0
             while done < len(rows):
-                passed_s = time.monotonic() - start
+                passed_s = time.monotonic() - begin_s
                 ready = min(int(np.searchsorted(due_s, passed_s, "right")), done + MOST)
                 if ready <= done:
                     time.sleep(NAP_S)
@@ -55,6 +66,7 @@ def send_all(channel: str, seconds: float, path: Path) -> None:
                     raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
                 done += max(0, count)
             sent += done
+            begin_s += float(due_s[-1]) * len(rows) / (len(rows) - 1)
             going = time.monotonic() - start < seconds
     print(sent, time.monotonic() - start, late_s)
 

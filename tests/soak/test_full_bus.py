@@ -47,9 +47,9 @@ def written(path: Path, frames: FrameBlock, faster: float) -> Path:
 
 
 @contextmanager
-def sending(seconds: float, path: Path) -> Iterator[subprocess.Popen[str]]:
+def sending(seconds: float, path: Path, channel: str = "vcan0") -> Iterator[subprocess.Popen[str]]:
     """A process that sends these frames again and again until so many seconds have passed."""
-    command = [sys.executable, "-m", "tests.soak.full_bus_sender", "vcan0", str(seconds), str(path)]
+    command = [sys.executable, "-m", "tests.soak.full_bus_sender", channel, str(seconds), str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             yield process
