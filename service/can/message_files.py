@@ -11,10 +11,20 @@ import cantools.database
 from cantools.database.can import Database
 
 from monitor_core.wording import listed
-from service.can.messages import CodingError, DescriptionError, MessageSet, read_unchanged, text_in
+from service.can.messages import (
+    CodingError,
+    DescriptionError,
+    Message,
+    MessageSet,
+    key_of_message,
+    read_unchanged,
+    text_in,
+)
 
 KINDS: Mapping[str, str] = MappingProxyType({".dbc": "DBC", ".kcd": "KCD", ".sym": "SYM", ".arxml": "ARXML"})
 """Formats by the suffix of a file"""
+_GROUP, _SOURCE, _ANY_SOURCE = 0x3FFFF00, 0xFF, 0xFE
+"""Of an identifier of J1939: parameter group with destination; source address, and the one that is of nobody"""
 
 
 def read_messages(path: Path) -> MessageSet:
@@ -39,7 +49,13 @@ def _read(path: Path, kind: str, _modified_ns: int, _size: int) -> MessageSet:
     except CodingError as error:
         raise DescriptionError(f"{path} is no valid {kind}: {_reason(error, kind)}") from None
     assert isinstance(database, Database)  # the other class belongs to another file format
-    return MessageSet(tuple(database.messages), path.name)
+    masks = {key_of_message(m): _group_mask(m) for m in database.messages if m.protocol == "j1939"}
+    return MessageSet(tuple(database.messages), path.name, masks=masks)
+
+
+def _group_mask(message: Message) -> int:
+    """The bits of an identifier of J1939 that count: its priority does not, nor a source that stands for any."""
+    return _GROUP | (0 if message.frame_id & _SOURCE == _ANY_SOURCE else _SOURCE)
 
 
 def _reason(error: CodingError, kind: str) -> str:
