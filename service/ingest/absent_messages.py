@@ -1,4 +1,4 @@
-"""Why a CAN log has no samples of an axis: what it has in place of the messages of this axis."""
+"""Why a record has no samples of an axis: its numbers, or what a CAN log has in place of the messages of this axis."""
 
 from __future__ import annotations
 
@@ -8,11 +8,32 @@ from pathlib import Path
 
 import numpy as np
 
+from monitor_core.samples import PHYSICAL_LIMITS
 from service.can.frames import FrameKey, key_of
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
 from service.config.bus_messages import messages_of
 from service.config.schema import Config, NamedAxis
-from service.ingest.records import LogRecord
+from service.ingest.records import LogRecord, is_table
+from service.ingest.unit_names import UNITS
+
+
+def why_none(path: Path, config: Config, axis: NamedAxis, dropped: Mapping[str, int]) -> str:
+    """Why a record gives no samples of an axis, as far as it shows; else what was dropped.
+
+    Raises:
+        RecordError, DescriptionError, IngestError: as of LogRecord.
+    """
+    if dropped.get("absurd"):
+        torque, motion = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[axis.config.output]
+        unit = UNITS[axis.config.output]
+        return (
+            f"{dropped['absurd']} values are beyond {torque:g} N m or {motion:g} {unit}, more than any machine has; is"
+            " the factor that makes them SI units missing, or wrong?"
+        )
+    if not is_table(path) and (words := absence_words(path, config, axis)):
+        return words
+    lost = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
+    return f"dropped: {lost or 'nothing'}"
 
 
 def absence_words(path: Path, config: Config, axis: NamedAxis) -> str:
