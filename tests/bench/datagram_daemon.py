@@ -26,11 +26,22 @@ class _Datagrams:
         self._socket.close()
 
 
-if __name__ == "__main__":
-    port = int(sys.argv.pop(1))
+def read_datagrams(port: int) -> None:
+    """Let every bus be that port."""
 
     def opened(*_: Any) -> Any:
         return _Datagrams(port)
 
     bus_reader.open_bus, bus_reader.receiver_of = opened, SocketReceiver  # type: ignore[assignment]
+
+
+def free_port() -> int:
+    """One that nobody listens on."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+if __name__ == "__main__":
+    read_datagrams(int(sys.argv.pop(1)))
     main()

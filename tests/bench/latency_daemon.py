@@ -1,6 +1,7 @@
-"""The program, which also writes how old frames are when the estimates follow them: `... latency_daemon FILE run ...`.
+"""The program, which also writes how old frames are when estimates follow: `... latency_daemon FILE PORT run ...`.
 
-From the receipt of each frame, by its time stamp, to the end of the update that has used it.
+From the receipt of each frame, by its time stamp, to the end of the update that has used it.  Frames are datagrams of
+that port.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from service.can.frames import FrameBlock
 from service.commands.main import main
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
+from tests.bench.datagram_daemon import read_datagrams
 
 _taken: list[Ints] = []
 _ages_us: list[Ints] = []
@@ -40,6 +42,7 @@ def update(self: FramePipeline) -> list[AxisAlarm]:
 
 if __name__ == "__main__":
     path = Path(sys.argv.pop(1))
+    read_datagrams(int(sys.argv.pop(1)))
     FramePipeline.take, FramePipeline.update = take, update  # type: ignore[method-assign]
     atexit.register(lambda: np.save(path, np.concatenate(_ages_us)))
     main()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import sys
 import time
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 
 from service.can.frames import FrameBlock
+from tests.bench.datagram_daemon import free_port
 from tests.bench.measure import Say, cpu, memory_mb
 from tests.end_to_end.processes import Daemon, daemon, wait_for
 from tests.soak.test_full_bus import sending, written
@@ -82,9 +82,7 @@ def frames() -> FrameBlock:
 
 def test_twenty_thousand_frames_a_second(tmp_path: Path, say: Say) -> None:
     config, file = configured(tmp_path), written(tmp_path / "frames", frames(), 1.0)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = str(free.getsockname()[1])
+    port = str(free_port())
     with daemon(config, program=(sys.executable, "-m", "tests.bench.datagram_daemon", port)) as d:
         wait_for(lambda: not d.get("api/v1/service")["messages"])  # it is compiled
         with sending(3600.0, file, port) as sender:
