@@ -32,7 +32,8 @@ def read_datagrams(port: int) -> None:
     def opened(*_: Any) -> Any:
         return _Datagrams(port)
 
-    bus_reader.open_bus, bus_reader.receiver_of = opened, SocketReceiver  # type: ignore[assignment]
+    for name, value in (("open_bus", opened), ("receiver_of", SocketReceiver)):
+        setattr(bus_reader, name, value)
 
 
 def free_port() -> int:
