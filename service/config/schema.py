@@ -160,6 +160,8 @@ class ServiceConfig(Table):
     state_dir: FilePath = Field(Path("state"), validate_default=True)
     """folder of the alarm journal and the checkpoints, relative to the configuration file; default under systemd: its
     StateDirectory"""
+    block_s: Real = Field(0.1, ge=0.01, le=1.0)
+    """time in which frames are collected before estimates follow them [s]"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
     history_interval_s: Positive = Field(10.0, le=3600)
