@@ -6,7 +6,7 @@ import errno
 import re
 import socket
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +15,8 @@ import can
 import can.interfaces
 from can.typechecking import CanFilter
 
-from service.can.frames import FrameKey
+from monitor_core.wording import did_you_mean
+from service.can.frames import FrameFilter, FrameKey
 from service.can.user_errors import BusError
 
 Bus = can.BusABC
@@ -48,20 +49,33 @@ class BusSettings(Protocol):
 
 _IN_THE_MACHINE = ("virtual", "udp_multicast")
 """Interfaces without an adapter."""
+FD_INTERFACES = ("socketcan", *_IN_THE_MACHINE)
+"""Interfaces that give CAN FD frames without further options"""
+_LAST_NUMBER = re.compile(r"(?<!\d)\d{1,4}$")
 _VIRTUAL_DEVICE = re.compile(r"vx?can\d*")
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
+_ARPHRD_CAN = "280"
+"""How Linux marks the devices of CAN"""
 _SEND_TIMEOUT_S = 1.0
 
 
-def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> Bus:
+def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -> Bus:
     """Open a bus; ``wanted``: let only these frames through, in the kernel where the interface supports it; None: all.
+
+    SocketCAN gives CAN FD frames, too, unless the options say otherwise; other interfaces need bit rates for that.
 
     Raises:
         BusError: it cannot be opened; the text says what to do.
     """
-    options: dict[str, Any] = {**config.options, "interface": config.interface, "channel": config.channel}
+    defaults = {"fd": True} if config.interface == "socketcan" else {}
+    options: dict[str, Any] = {
+        **defaults,
+        **config.options,
+        "interface": config.interface,
+        "channel": config.channel,
+    }
     if wanted is not None:
-        options["can_filters"] = [_filter(key) for key in wanted]
+        options["can_filters"] = [_filter(entry) for entry in wanted]
     try:
         # python-can leaves its socket open where there is no device.
         if config.interface == "socketcan" and all(
@@ -77,6 +91,26 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
         # The system error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
         raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
+
+
+def can_devices(devices: Path = Path("/sys/class/net")) -> list[str]:
+    """The CAN interfaces of this machine that Linux has a driver for."""
+    kinds = sorted(devices.glob("*/type"))
+    return [kind.parent.name for kind in kinds if kind.read_text(encoding="ascii").strip() == _ARPHRD_CAN]
+
+
+def channel_number(channel: str) -> int | None:
+    """The number at the end of a channel, of at most four digits, by which log formats without names know it."""
+    found = _LAST_NUMBER.search(channel)
+    return None if found is None else int(found[0])
+
+
+def blf_channels(buses: Sequence[BusSettings]) -> dict[str, int] | None:
+    """The numbers, from 0 on, of buses in files without names, by their names; None: they cannot be told apart."""
+    if len(buses) == 1:
+        return {buses[0].name: 0}
+    found = {bus.name: number for bus in buses if (number := channel_number(bus.channel)) is not None}
+    return found if len(set(found.values())) == len(buses) else None
 
 
 def reaches_hardware(config: BusSettings, devices: Path = Path("/sys/class/net")) -> bool:
@@ -133,16 +167,20 @@ def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
         time.sleep(0.001)  # the transmit queue is full, which poll does not report
 
 
-def _filter(key: FrameKey) -> CanFilter:
-    mask = _EXTENDED_MASK if key.extended else _STANDARD_MASK
-    return {"can_id": key.can_id, "can_mask": mask, "extended": key.extended}
+def _filter(wanted: FrameFilter) -> CanFilter:
+    key = wanted.key
+    mask = wanted.mask & (_EXTENDED_MASK if key.extended else _STANDARD_MASK)
+    return {"can_id": key.can_id & mask, "can_mask": mask, "extended": key.extended}
 
 
 def _hint(config: BusSettings, error: OSError) -> str:
     code = error.errno if config.interface == "socketcan" else None
     if code == errno.ENODEV:
+        there = can_devices()
         return (
-            f"there is no network interface {config.channel}: connect the adapter, or for a virtual one run "
+            f"there is no network interface {config.channel}: "
+            + (did_you_mean(config.channel, there) + "; " if there else "")
+            + "connect the adapter, or for a virtual one run "
             f"`ip link add dev {config.channel} type vcan && ip link set {config.channel} up`"
         )
     reason = "this kernel has no CAN (modprobe can-raw)" if code == errno.EAFNOSUPPORT else error.strerror

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import can
 
 from service.can.bus import BusSettings, open_bus
-from service.can.frames import NO_FRAMES, FrameBlock, FrameKey, concatenate_frames
+from service.can.frames import NO_FRAMES, FrameBlock, FrameFilter, concatenate_frames
 from service.can.receivers import BLOCK_FRAMES, Receiver, reader_of, receiver_of
 from service.can.user_errors import BusError
 
@@ -82,7 +82,7 @@ class CanReader:
     the frames to let through; None: all.
     """
 
-    def __init__(self, config: BusSettings, wanted: Iterable[FrameKey] | None) -> None:
+    def __init__(self, config: BusSettings, wanted: Iterable[FrameFilter] | None) -> None:
         self._config, self._wanted = config, None if wanted is None else tuple(wanted)
         self._queue = FrameQueue(config.queue_frames)
         self._block_frames = min(BLOCK_FRAMES, config.queue_frames // 4)

@@ -23,6 +23,7 @@ from service.can.messages import (
     MessageSet,
     message_of,
     read_unchanged,
+    text_in,
 )
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 LAST_NODE = 127
 SUFFIXES: Final = (".eds", ".dcf")
-_NAMES: Final = {
+_NAMES: Final[dict[str, str]] = {
     "0x6064": "position actual value",
     "0x606C": "velocity actual value",
     "0x6077": "torque actual value",
@@ -42,6 +43,7 @@ _MOST_PDOS, _BITS = 512, 64
 _DISABLED, _EXTENDED, _ID = 1 << 31, 1 << 29, (1 << 29) - 1
 _SYNCHRONOUS, _ON_REQUEST, _EVENT = range(241), (252, 253), 255
 """Transmission types"""
+_LAST_OF_COMMUNICATION = 0x1FFF
 _FIRST_OBJECT = 0x1000
 """Below are data types: they fill a PDO, and carry nothing."""
 _TOOL = "with the tool of the drive, and save the file again"
@@ -74,6 +76,32 @@ def read_drive(path: Path, node_id: int) -> MessageSet:
     return read_unchanged(_read, path, node_id)
 
 
+def commissioned_node(path: Path) -> int | None:
+    """The node id for which the settings in a DCF were saved; None: it is not given, as in every EDS.
+
+    Raises:
+        DescriptionError: as of ``read_drive``.
+    """
+    node_id = _known(path, None).node_id
+    return node_id if node_id is not None and 1 <= node_id <= LAST_NODE else None
+
+
+def value_in(path: Path, node_id: int, index: int, subindex: int = 0) -> int | None:
+    """The whole number that an object has in an EDS or DCF; None: it is not given.
+
+    Raises:
+        DescriptionError: as of ``read_drive``.
+    """
+    return _number(_known(path, node_id), index, subindex)
+
+
+def _known(path: Path, node_id: int | None) -> ObjectDictionary:
+    try:
+        return _dictionary(path, node_id)
+    except OSError as error:
+        raise DescriptionError(f"cannot read {path}: {error.strerror}") from None
+
+
 @lru_cache(maxsize=64)
 def _read(path: Path, node_id: int, _modified_ns: int, _size: int) -> MessageSet:
     known = _dictionary(path, node_id)
@@ -94,9 +122,21 @@ def _read(path: Path, node_id: int, _modified_ns: int, _size: int) -> MessageSet
             words = f"{pdo.name} holds it as delivered, but not as configured here (ParameterValue): map it, {_TOOL}"
             faults.setdefault(bits.name, words)
     group = MessageGroup(
-        tuple(messages), faults, f"no transmit PDO holds it in {path.name}: map it, {_TOOL}", _NAMES
+        tuple(messages), faults, f"no transmit PDO holds it in {path.name}: map it, {_TOOL}", _names(known)
     )
     return MessageSet(tuple(messages), path.name, {name: group}, sync)
+
+
+def _names(known: ObjectDictionary) -> dict[str, str]:
+    """What the objects are that PDOs may hold, by the file."""
+    from canopen.objectdictionary import ODVariable
+
+    found = dict[str, str]()
+    for entry in known.values():
+        for variable in [entry] if isinstance(entry, ODVariable) else entry.values():
+            if variable.index > _LAST_OF_COMMUNICATION and variable.name:
+                found[object_name(variable.index, variable.subindex)] = " ".join(variable.name.split())
+    return found | _NAMES
 
 
 # --- The transmit PDOs of an object dictionary ------------------------------------------------------------------------
@@ -192,10 +232,10 @@ class _Text(io.StringIO):
     name = "drive.eds"
 
 
-def _dictionary(path: Path, node_id: int) -> ObjectDictionary:
+def _dictionary(path: Path, node_id: int | None) -> ObjectDictionary:
     from canopen import ObjectDictionaryError, import_od
 
-    text = path.read_bytes().decode("utf-8-sig", errors="replace")
+    text = text_in(path.read_bytes())
     try:
         if "[deviceinfo]" not in text.lower():
             raise ValueError("there is no section [DeviceInfo]")

@@ -116,15 +116,15 @@ class _SignalPlan:
         word, down = self._place.raw(data), 64 - self._place.length
         if self._float:
             unsigned, real = _FLOATS[self._place.length]
-            raw = (word >> _SHIFTS[down]).astype(unsigned).view(real).astype(np.float64)
-            return raw if self._is_raw else raw * self._factor + self._added
-        bits = word.view(np.int64) >> down if self._signed else word >> _SHIFTS[down]
-        if self._is_raw:
-            return bits.astype(np.float64)
-        if self._is_large:  # hardly any database has such numbers
-            return np.array([_real(n * self._scale + self._offset) for n in bits.tolist()], np.float64)
-        values = np.asarray(bits * self._factor, np.float64)
-        values += self._added
+            values = (word >> _SHIFTS[down]).astype(unsigned).view(real).astype(np.float64)
+        else:
+            bits = word.view(np.int64) >> down if self._signed else word >> _SHIFTS[down]
+            if self._is_large:  # hardly any database has such numbers
+                return np.array([_real(n * self._scale + self._offset) for n in bits.tolist()], np.float64)
+            values = bits.astype(np.float64)
+        if not self._is_raw:
+            values *= self._factor
+            values += self._added
         return values
 
 

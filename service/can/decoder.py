@@ -67,13 +67,13 @@ class Decoder:
     def decode(self, frames: FrameBlock) -> dict[FrameKey, Decoded]:
         """The wanted signals in these frames, by message; counts the frames where some or all are missing."""
         found: dict[FrameKey, Decoded] = {}
-        left, ids = frames.size, frames.ids
+        left, ids = frames.size, np.ascontiguousarray(frames.ids)  # looked at for each message
         left -= sum(cycle.take(frames) for cycle in self._sync.values())
         for key in self._messages:
             mask = self.known.masks.get(key)
             alike = ids if mask is None else ids & np.uint32(mask | EXTENDED)
             wanted = key.record_id if mask is None else key.record_id & (mask | EXTENDED)
-            places = np.flatnonzero(alike == wanted)
+            places = (alike == wanted).nonzero()[0]
             if places.size:
                 left -= places.size
                 decoded = self._decoded(key, frames, places)
@@ -90,8 +90,8 @@ class Decoder:
             self._plans[key] = MessagePlan(self._messages[key], self._wanted[key])
         plan = self._plans[key]
         long = frames.lengths[places] >= plan.length
-        if not long.all():
-            self.dropped["too_short"] += int(np.count_nonzero(~long))
+        if short := places.size - int(np.count_nonzero(long)):
+            self.dropped["too_short"] += short
             places, t_us = places[long], t_us[long]
         if not places.size:
             return Decoded(places, np.zeros(0, np.int64), {})

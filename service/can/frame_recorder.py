@@ -1,14 +1,16 @@
-"""Recording frames as a candump log."""
+"""Recording frames as a candump log, or as a .blf file."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from service.can.frames import CLASSIC_BYTES, EXTENDED, FrameBlock
+import can
+
+from service.can.frames import CLASSIC_BYTES, EXTENDED, Frame, FrameBlock
 from service.can.user_errors import RecordError
 
 
@@ -16,7 +18,7 @@ class FrameRecorder:
     """Writes a candump log (.log), which keeps frames exactly: times to the microsecond, name of the bus, CAN FD.
 
     The other formats of python-can lose some of this and are refused: .asc rounds the start to milliseconds, .trc has
-    no CAN FD, .blf has no names of buses and writes nothing to the disk before 128 KiB.
+    no CAN FD, .blf has no names of buses and writes nothing to the disk before 128 KiB (see ``write_blf``).
 
     Raises:
         RecordError: another format, or a file that exists or cannot be written.
@@ -77,6 +79,41 @@ def _log_lines(bus: str, frames: FrameBlock) -> Iterator[str]:
         kind = f"#{flags:X}" if length > CLASSIC_BYTES else ""
         begin = 2 * frames.data.shape[1] * k
         yield f"({seconds}.{micro:06d}) {bus} {frame_id}#{kind}{digits[begin : begin + 2 * length]} R\n"
+
+
+def write_blf(path: Path, blocks: Sequence[tuple[str, FrameBlock]], channels: Mapping[str, int]) -> None:
+    """Write frames of buses to a .blf file, complete: it keeps times to the microsecond, and CAN FD.
+
+    Args:
+        path: the file; an older one is replaced.
+        blocks: at least one frame of each bus, by its name.
+        channels: numbers of the buses from 0 on, as the file has no names.
+
+    Raises:
+        RecordError: the disk does not take it.
+    """
+    try:
+        with can.BLFWriter(path) as writer:
+            # What is earlier than the first frame, as of another bus, would get its time.
+            writer.start_timestamp = min(int(frames.t_us.min()) for _, frames in blocks) // 1000 / 1000
+            for bus, frames in blocks:
+                for frame in frames.frames():
+                    writer.on_message_received(_message(frame, channels[bus]))
+    except OSError as error:
+        raise RecordError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _message(frame: Frame, channel: int) -> can.Message:
+    is_fd = len(frame.data) > CLASSIC_BYTES
+    return can.Message(
+        timestamp=frame.t_us / 1e6,
+        arbitration_id=frame.can_id,
+        is_extended_id=frame.extended,
+        data=frame.data,
+        is_fd=is_fd,
+        bitrate_switch=is_fd,
+        channel=channel,
+    )
 
 
 _TAIL = 4096

@@ -41,6 +41,14 @@ class FrameKey(NamedTuple):
         return self.can_id | EXTENDED if self.extended else self.can_id
 
 
+class FrameFilter(NamedTuple):
+    """Frames that a bus is to let through: those whose identifier has these bits."""
+
+    key: FrameKey
+    mask: int = ID_BITS
+    """Bits of the identifier that count"""
+
+
 def key_of(record_id: int) -> FrameKey:
     """The key of the frames with that id in their records."""
     return FrameKey(record_id & ~EXTENDED, record_id >= EXTENDED)

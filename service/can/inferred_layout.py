@@ -27,6 +27,7 @@ _WIDTHS = (1, 2, 4)
 _FEW_VALUES = 8
 _COUNTS = 0.9
 """Of the frames, in which a counter goes up by one; the others were lost."""
+_FEW_SKIPS, _MOST_OF_THEM = 3, 0.5
 _NOISE = 0.85
 """Of its bits, that the differences of a random number need."""
 _FIELD_BITS = 0.05
@@ -36,6 +37,17 @@ _MOST_PAGES = 32
 _MUCH_SHORTER = 0.7
 _PLAUSIBLE = (1e-9, 1e12)
 """Largest magnitude of a floating-point number of a machine"""
+
+
+class Part(NamedTuple):
+    """Some bits of a byte."""
+
+    low_bit: int
+    length: int
+
+    def values(self, data: NDArray[np.uint8]) -> Floats:
+        """The numbers in these bytes (N,)."""
+        return np.asarray((data >> self.low_bit) & ((1 << self.length) - 1), np.float64)
 
 
 class Field(NamedTuple):
@@ -50,9 +62,13 @@ class Field(NamedTuple):
     kind: FieldKind
     bits: float
     """Mean description of a frame's value: of the smoothest a few"""
+    part: Part | None = None
+    """The bits that it is, of a byte that it shares"""
 
     def values(self, data: NDArray[np.uint8]) -> Floats:
         """The numbers in these data (N, W), raw (N,)."""
+        if self.part is not None:
+            return self.part.values(data[:, self.first_byte])
         raw = _raw(data, self.first_byte, self.width, self.byte_order)
         if self.is_float:
             return raw.view(np.float32).astype(np.float64)
@@ -103,6 +119,55 @@ def infer_layout(data: NDArray[np.uint8]) -> tuple[Field, ...]:
     return best[-1][1]
 
 
+def split_counter(field: Field, data: NDArray[np.uint8]) -> tuple[Field, ...]:
+    """The fields in a number of which only some bits change, the lowest or the highest of a byte, and count the frames.
+
+    Of any other number it is the number itself.
+    """
+    places = range(field.first_byte, field.first_byte + field.width)
+    varying = [place for place in places if np.ptp(data[:, place])]
+    if field.kind == "counter" or len(varying) != 1:
+        return (field,)
+    raw = data[:, varying[0]]
+    for length in range(7, 1, -1):  # the lower bits of a counter count as well
+        rest = 8 - length
+        for counter, other in ((Part(0, length), Part(length, rest)), (Part(rest, length), Part(0, rest))):
+            if counts_frames(counter.values(raw), 2.0**length):
+                one_byte = field._replace(width=1, byte_order="little", is_float=False, is_signed=False)
+                constant = one_byte._replace(kind="constant")
+                parts = (
+                    one_byte._replace(kind="counter", part=counter),
+                    one_byte._replace(kind=_kind_of_part(other.values(raw)), part=other),
+                )
+                return tuple(
+                    field._replace(first_byte=place)
+                    for place in places
+                    for field in (sorted(parts, key=_low_bit) if place in varying else [constant])
+                )
+    return (field,)
+
+
+def _low_bit(field: Field) -> int:
+    return field.part.low_bit if field.part is not None else 0
+
+
+def _kind_of_part(numbers: Floats) -> FieldKind:
+    values = np.unique(numbers).size
+    return "constant" if values == 1 else "state" if values <= _FEW_VALUES else "signal"
+
+
+def counts_frames(numbers: Floats, size: float) -> bool:
+    """Whether a number (N,) goes up by one from frame to frame, modulo its size; where it does not, frames were lost.
+
+    One that always skips after the same value has another size: a counter of four bits beside others in its byte, or
+    one from 0 to 14.
+    """
+    steps = np.diff(numbers) % size
+    skips = np.unique(numbers[:-1][steps != 1], return_counts=True)[1]
+    restarts = skips.sum() >= _FEW_SKIPS and skips.max() > _MOST_OF_THEM * skips.sum()
+    return steps.size > 0 and float(np.mean(steps == 1)) > _COUNTS and not restarts
+
+
 def _readings(data: NDArray[np.uint8], first: int, width: int) -> Iterator[Field]:
     """All ways to read a number from these bytes."""
     orders: tuple[ByteOrder, ...] = ("little", "big") if width > 1 else ("little",)
@@ -137,12 +202,17 @@ def _cost(raw: NDArray[np.unsignedinteger]) -> float:
 
 
 def _float_cost(real: Floats) -> float:
-    """The same of a floating-point number, in steps of its resolution at its largest value."""
-    step, series, costs = float(np.max(np.abs(real))) * 2.0**-_MANTISSA, real, list[float]()
+    """The same of a floating-point number, in steps of its resolution at its largest value.
+
+    What small numbers have below such a step is described as it is: any bits that vary look like numbers of all sizes.
+    """
+    largest = float(np.max(np.abs(real)))
+    step, series, costs = largest * 2.0**-_MANTISSA, real, list[float]()
     for _ in range(3):
         costs.append(_code_bits(np.rint(series / step)))
         series = np.diff(series)
-    return min(costs)
+    below = np.frexp(largest)[1] - np.frexp(real[real != 0])[1]
+    return min(costs) + float(np.sum(np.minimum(below, _MANTISSA))) / real.size
 
 
 def _code_bits(x: Floats) -> float:
@@ -177,7 +247,7 @@ def _kind(raw: NDArray[np.unsignedinteger], bits: float) -> FieldKind:
     values = np.unique(raw)
     if values.size == 1:
         return "constant"
-    if np.mean(np.diff(raw) == 1) > _COUNTS:
+    if counts_frames(raw.astype(np.float64), 2.0 ** (8 * raw.dtype.itemsize)):
         return "counter"
     if values.size <= _FEW_VALUES:
         return "state"

@@ -8,7 +8,8 @@ import zlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
-GZIP = ".gz"
+GZIP, GZIP_START = ".gz", b"\x1f\x8b"
+_START = 16
 _BLF_HEAD = 16
 """Bytes of the head of an object; where none of them is left the file ends as it should."""
 _PADDING = 3
@@ -27,6 +28,9 @@ class LogBytes:
     def __init__(self, path: Path) -> None:
         self._file: BinaryIO = path.open("rb")
         self._size = max(1, path.stat().st_size)
+        self.start = self._file.read(_START)
+        """The first bytes of the file itself"""
+        self._file.seek(0)
         self._gzip = _Gunzip(self._file) if path.suffix.lower() == GZIP else None
         self.stream: BinaryIO = self._file if self._gzip is None else io.BufferedReader(self._gzip)
 

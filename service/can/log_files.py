@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
@@ -19,7 +20,7 @@ from monitor_core.arrays import Ints
 from service.can.candump import Parsed, parse_lines
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, concatenate_frames
 from service.can.left_out import too_many
-from service.can.log_bytes import GZIP, CompleteReads, LogBytes
+from service.can.log_bytes import GZIP, GZIP_START, CompleteReads, LogBytes
 from service.can.log_lines import LONGEST_LINE, LogLines, line_text
 from service.can.mf4_frames import Mf4Frames
 from service.can.receivers import frame_of
@@ -38,6 +39,19 @@ _FAULTS = (
     *(ValueError, LookupError, TypeError, AttributeError, AssertionError, OverflowError, EOFError),
     *(struct.error, zlib.error, BLFParseError, NotImplementedError),
 )
+
+_STARTS = {
+    b"(": ".log",
+    b"date ": ".asc",
+    b"LOGG": ".blf",
+    b";$FILEVERSION": ".trc",
+    b"MDF ": ".mf4",
+    GZIP_START: GZIP,
+}
+"""How the content of a log begins, by kind"""
+
+# What its reader does not understand is reported once, with its line; it would be printed again for each.
+logging.getLogger("can.io.trc").setLevel(logging.CRITICAL)
 
 
 def log_suffix(path: Path) -> str:
@@ -103,7 +117,7 @@ class CanLog:
         if self._bytes.cut:
             self._leave_out(self._bytes.cut)
         if not self.frames:
-            raise RecordError(f"{self.path}: no CAN frames in it")
+            raise RecordError(f"{self.path}: no CAN frames in it{self._other_kind()}")
 
     def _leave_out(self, what: str) -> None:
         self.left_out.append(what)
@@ -121,7 +135,20 @@ class CanLog:
             raise self._fault(where, "more than 1 in 100 lines cannot be read")
 
     def _fault(self, where: str, why: str) -> RecordError:
-        return RecordError(f"{where}: {why} ({self.frames} frames were read)")
+        return RecordError(f"{where}: {why} ({self.frames} frames were read){self._other_kind()}")
+
+    def _other_kind(self) -> str:
+        """What would be right where nothing was read, since the file has the name of another kind."""
+        if self.frames:
+            return ""
+        suffix = log_suffix(self.path)
+        kind = next((kind for start, kind in _STARTS.items() if self._bytes.start.startswith(start)), suffix)
+        is_packed = self.path.name.lower().endswith(GZIP)
+        if kind == GZIP:
+            return "" if is_packed else f"; its content is compressed: let its name end with {suffix}{GZIP}"
+        if kind != suffix or is_packed:
+            return f"; its content is that of a {kind} file: let its name end so"
+        return ""
 
     # --- candump logs: many lines at once ---------------------------------------------------------------------------
 

@@ -11,10 +11,20 @@ import cantools.database
 from cantools.database.can import Database
 
 from monitor_core.wording import listed
-from service.can.messages import CodingError, DescriptionError, MessageSet, read_unchanged
+from service.can.messages import (
+    CodingError,
+    DescriptionError,
+    Message,
+    MessageSet,
+    key_of_message,
+    read_unchanged,
+    text_in,
+)
 
 KINDS: Mapping[str, str] = MappingProxyType({".dbc": "DBC", ".kcd": "KCD", ".sym": "SYM", ".arxml": "ARXML"})
 """Formats by the suffix of a file"""
+_GROUP, _SOURCE, _ANY_SOURCE = 0x3FFFF00, 0xFF, 0xFE
+"""Of an identifier of J1939: parameter group with destination; source address, and the one that is of nobody"""
 
 
 def read_messages(path: Path) -> MessageSet:
@@ -33,13 +43,19 @@ def read_messages(path: Path) -> MessageSet:
 
 @lru_cache(maxsize=16)
 def _read(path: Path, kind: str, _modified_ns: int, _size: int) -> MessageSet:
-    text = _text(path.read_bytes())
+    text = text_in(path.read_bytes())
     try:
         database = cantools.database.load_string(text, kind.lower(), strict=False)
     except CodingError as error:
         raise DescriptionError(f"{path} is no valid {kind}: {_reason(error, kind)}") from None
     assert isinstance(database, Database)  # the other class belongs to another file format
-    return MessageSet(tuple(database.messages), path.name)
+    masks = {key_of_message(m): _group_mask(m) for m in database.messages if m.protocol == "j1939"}
+    return MessageSet(tuple(database.messages), path.name, masks=masks)
+
+
+def _group_mask(message: Message) -> int:
+    """The bits of an identifier of J1939 that count: its priority does not, nor a source that stands for any."""
+    return _GROUP | (0 if message.frame_id & _SOURCE == _ANY_SOURCE else _SOURCE)
 
 
 def _reason(error: CodingError, kind: str) -> str:
@@ -48,10 +64,3 @@ def _reason(error: CodingError, kind: str) -> str:
     if isinstance(original, TypeError | AttributeError | LookupError):
         return f"an entry is missing or wrong ({original})"
     return str(error).removeprefix(f'{kind}: "').removesuffix('"').replace(">>!<<", "<here>")
-
-
-def _text(data: bytes) -> str:
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:  # most tools write the Western code page
-        return data.decode("cp1252", errors="replace")

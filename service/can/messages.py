@@ -89,6 +89,14 @@ def read_unchanged(read: Callable[..., MessageSet], path: Path, what: str | int)
         raise DescriptionError(f"cannot read {path}: {error.strerror}") from None
 
 
+def text_in(data: bytes) -> str:
+    """The text in a file."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:  # most tools write the Western code page
+        return data.decode("cp1252", errors="replace")
+
+
 def united(parts: Sequence[MessageSet]) -> MessageSet:
     """The messages of several descriptions of one bus."""
     return MessageSet(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import structlog
 
+from service.can.bus import blf_channels
 from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError
@@ -313,7 +314,11 @@ def _extracts(config: Config) -> Extracts | None:
     kept = config.service
     if not kept.recordings_mb:
         return None
-    folder = RecordingFolder(kept.state_dir / "recordings", round(kept.recordings_mb * 1e6))
+    folder = RecordingFolder(
+        kept.state_dir / "recordings",
+        round(kept.recordings_mb * 1e6),
+        blf_channels(config.bus) if kept.recording_format == "blf" else None,
+    )
     return Extracts(folder, kept.recording_before_s, kept.recording_after_s, now_us)
 
 

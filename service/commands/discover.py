@@ -83,7 +83,8 @@ def _logged(record: Path, channel: str | None) -> tuple[str, FrameBlock]:
     """The name of a bus in a log and its frames."""
     if not log_suffix(record):
         raise RecordError(
-            f"{record} is no CAN log ({' '.join(LOG_SUFFIXES)}); a table is for `axiswatch init {record}`"
+            f"{record} is no CAN log ({' '.join(LOG_SUFFIXES)}); a table is for `axiswatch init {record}`, and of"
+            " another log of python-can, such as .db, `can_logconvert` makes a .log"
         )
     blocks: dict[str, list[FrameBlock]] = {}
     log = CanLog(record)
@@ -125,6 +126,9 @@ def _contents(message: UnknownMessage) -> str:
 def _words(field: Field) -> str:
     last = field.first_byte + field.width - 1
     place = f"{field.first_byte}" if field.width == 1 else f"{field.first_byte}-{last}"
+    if field.part is not None:
+        first = field.part.low_bit
+        place = f"{field.first_byte} (bits {first}-{first + field.part.length - 1})"
     if field.kind in ("constant", "random", "state"):
         return f"{place} {field.kind}"
     kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"

@@ -11,7 +11,7 @@ import typer
 
 from monitor_core.arrays import Floats
 from service.can.bus_reader import CanReader
-from service.can.canopen_drives import SUFFIXES
+from service.can.canopen_drives import SUFFIXES, commissioned_node
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.message_files import KINDS, read_messages
 from service.can.messages import DescriptionError
@@ -47,7 +47,8 @@ Nodes = Annotated[
         min=1,
         max=127,
         metavar="N",
-        help="With the EDS of CANopen drives: node id of a drive, once for each. Without it those on the bus.",
+        help="With the EDS of CANopen drives: node id of a drive, once for each. Without it those on the bus, or"
+        " the one in the DCF.",
         show_default=False,
     ),
 ]
@@ -161,9 +162,13 @@ def _from_drives(
     from service.commands.proposed_configuration import drive_lines
     from service.ingest.drive_objects import nodes_in, objects_of
 
-    if nodes is None:
-        if bus is None:
+    if nodes is None and bus is None:
+        own = commissioned_node(eds)
+        if own is None:
             raise typer.BadParameter("say which drives: --node 3 --node 4, or --bus", param_hint="--node")
+        nodes = [own]
+    if nodes is None:
+        assert bus is not None
         heard = heard_on(bus, seconds)
         nodes = nodes_in(eds, heard)
         if not nodes:

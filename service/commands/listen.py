@@ -20,8 +20,8 @@ from service.can.frames import FrameBlock
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Seconds, configuration
 from service.commands.signal_handling import stopped_by_signals
-from service.config import Config, needed
-from service.ingest.bus_samples import Ingest, Values
+from service.config import Config
+from service.ingest.bus_samples import Carried, Ingest, Values
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
 from service.ingest.unit_names import UNITS
 from service.texts import now_us
@@ -44,7 +44,7 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
     read = configuration(config)
     with explained(), ExitStack() as stack:
         stop = stack.enter_context(stopped_by_signals())
-        buses = stack.enter_context(live_buses(read))
+        buses = stack.enter_context(live_buses(read, carried=_on_buses(read)))
         console = Console(highlight=False)
         live = None
         if console.is_terminal:
@@ -62,6 +62,11 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
             elif time.monotonic() >= due:
                 due += _LINES_S
                 print(*lines(latest, now_us(), words, stamps), sep="\n", flush=True)
+
+
+def _on_buses(config: Config) -> Carried:
+    """The auxiliary signals of each axis that are on its bus, whether its monitoring needs them or not yet."""
+    return {axis.id: [source for source in axis.sources if source.message] for axis in config.axes}
 
 
 # --- The buses, as other commands listen to them, too -----------------------------------------------------------------
@@ -82,10 +87,12 @@ class LiveBus(NamedTuple):
 
 
 @contextmanager
-def live_buses(config: Config, everything: bool = False) -> Iterator[list[LiveBus]]:
+def live_buses(
+    config: Config, everything: bool = False, carried: Carried | None = None
+) -> Iterator[list[LiveBus]]:
     """The buses of a configuration, read until the end of the block.
 
-    ``everything``: all frames, not only those that the axes need.
+    ``everything``: all frames, not only those that the axes need.  ``carried``: see Ingest.
 
     Raises:
         BusError: a bus cannot be opened.
@@ -94,7 +101,7 @@ def live_buses(config: Config, everything: bool = False) -> Iterator[list[LiveBu
     opened = list[LiveBus]()
     try:
         for bus in config.bus:
-            ingest = Ingest(config, bus.name)
+            ingest = Ingest(config, bus.name, carried)
             reader = CanReader(bus, None if everything else ingest.filter)
             opened.append(LiveBus(bus.name, reader, ingest))
             reader.open()
@@ -159,9 +166,10 @@ class Latest:
 
     def __init__(self, config: Config) -> None:
         self._seen: dict[tuple[str, str], _Reception | None] = {}
+        signals = _on_buses(config)
         for axis in config.axes:
             counter = ("counter",) if axis.config.time.counter_signal else ()
-            further = (f"signal {source.name}" for source in needed(axis))
+            further = (f"signal {source.name}" for source in signals[axis.id])
             for quantity in ("torque", axis.config.output, *counter, *further):
                 self._seen[axis.id, quantity] = None
 

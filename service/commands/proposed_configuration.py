@@ -68,17 +68,32 @@ def drive_lines(
     yield ""
     yield "[robot.defaults.canopen]"
     yield f"eds = {_quoted(os.path.relpath(eds.resolve(), output.resolve().parent))}"
+    known = "in this file; compare "
     if current:
-        yield "#rated_current_A = 1.0  # object 0x6075 (mA), data sheet of the motor: 0x6078 is in thousandths of it"
+        value, where = (
+            first.rated or 1.0,
+            f"object 0x6075 (mA), {known if first.rated else ''}data sheet of the motor",
+        )
+        yield f"#rated_current_A = {value:.10g}  # {where}: 0x6078 is in thousandths of it"
     else:
-        yield "#rated_torque_Nm = 1.0  # object 0x6076 (mN m), data sheet of the motor: 0x6077 is in thousandths of it"
+        value, where = (
+            first.rated or 1.0,
+            f"object 0x6076 (mN m), {known if first.rated else ''}data sheet of the motor",
+        )
+        yield f"#rated_torque_Nm = {value:.10g}  # {where}: 0x6077 is in thousandths of it"
     if first.motion == VELOCITY:
         yield 'motion = "speed"'
         yield '#speed_unit = "rpm"  # of object 0x606C, or "counts/s": manual of the drive'
     else:
-        yield "#counts_per_turn = 4096  # of the position: object 0x608F, data sheet of the encoder"
+        counts = first.counts_per_turn
+        where = f"object 0x608F, {known if counts else ''}data sheet of the encoder"
+        yield f"#counts_per_turn = {counts or 4096:.10g}  # of the position: {where}"
     yield '#side = "arm"  # where the position is measured behind the gear; then also:'
     yield "#motor_turns = 100  # of the motor for one turn of the arm: data sheet of the gear"
+    if first.others:
+        yield ""
+        yield f"# Also sent, as signals for conditions: {', '.join(first.others)}."
+        yield f'# Of an axis: signal = [{{ name = "NAME", signal = {_quoted(first.others[-1].split()[0])} }}]'
     for place, node_id in enumerate(drives, 1):
         yield ""
         yield "[[robot.axis]]"

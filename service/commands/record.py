@@ -12,7 +12,13 @@ from service.commands.output_files import check_writable
 
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE.log", help="Also copy it to this file.", show_default=False),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Also copy it to this file, .log or .blf as it is.",
+        show_default=False,
+    ),
 ]
 Name = Annotated[
     str | None,

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from monitor_core.wording import did_you_mean, listed
-from service.can.bus import interface_names
+from service.can.bus import blf_channels, interface_names
 from service.can.canopen_drives import node_name, read_drive
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
@@ -47,6 +47,26 @@ def same_names(
     for i, table in enumerate(tables):
         if first.setdefault(table.name, i) != i:
             yield Finding((key, i, "name"), "must differ from the name of", (key, first[table.name]))
+
+
+def channels(config: Config) -> Iterator[Finding]:
+    """No two buses are the same one, whose frames would count twice; what makes a channel another may be an option."""
+    first: dict[tuple[str, str, str], int] = {}
+    for i, bus in enumerate(config.bus):
+        options = "" if bus.interface == "socketcan" else repr(sorted(bus.options.items()))
+        taken = first.setdefault((bus.interface, bus.channel, options), i)
+        if taken != i:
+            yield Finding(("bus", i, "channel"), "is already used by", ("bus", taken, "channel"))
+
+
+def recording_channels(config: Config) -> Iterator[Finding]:
+    """Files with numbers in place of names can tell the buses apart."""
+    if config.service.recording_format == "blf" and config.bus and blf_channels(config.bus) is None:
+        found = listed([bus.channel for bus in config.bus])
+        message = (
+            f'these files number the buses by the ends of their channels, which here are {found}: take "log"'
+        )
+        yield Finding(("service", "recording_format"), message)
 
 
 def bus_references(config: Config) -> Iterator[Finding]:
@@ -253,6 +273,8 @@ def certificate_and_key(config: Config) -> Iterator[Finding]:
 CONFIG_RULES = (
     certificate_and_key,
     names,
+    channels,
+    recording_channels,
     bus_references,
     descriptions,
     sources,

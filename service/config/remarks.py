@@ -9,6 +9,8 @@ from monitor_core.drive import LOAD, AxisModel
 from monitor_core.monitoring import short_memory, unidentifiable_words
 from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed
+from service.can.bus import FD_INTERFACES
+from service.can.frames import CLASSIC_BYTES
 from service.can.messages import find_signal, key_of_message
 from service.config.axis_settings import (
     Detectors,
@@ -37,12 +39,15 @@ def remarks(config: Config) -> Iterator[str]:
     """
     yield from _unsaid(config)
     yield from _by_events(config)
+    yield from _long_frames(config)
+    if unknown := [axis.id for axis in config.axes if not_identified(axis.config)]:
+        yield (
+            f"{listed(unknown)}: not identified yet; `axiswatch commission` or `identify` finds"
+            f" {'its' if len(unknown) == 1 else 'their'} values in a record of the healthy"
+            f" {'axis' if len(unknown) == 1 else 'axes'}, `run` needs them"
+        )
     for axis in config.axes:
         if not_identified(axis.config):
-            yield (
-                f"{axis.id}: not identified yet; `axiswatch commission` or `identify` finds its values in a record"
-                " of the healthy axis, `run` needs them"
-            )
             continue
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)
@@ -125,6 +130,25 @@ def _by_events(config: Config) -> Iterator[str]:
                 f"{axis.id}: {listed(list(dict.fromkeys(late)))} is sent by events, not after a SYNC: torque and motion"
                 " are of different moments, and none come while they do not change; set transmission type 1 (object"
                 " 0x1800.2) with the tool of the drive, and let the master send a SYNC each cycle"
+            )
+
+
+def _long_frames(config: Config) -> Iterator[str]:
+    """Messages of CAN FD on buses that are not opened for it."""
+    for bus in config.bus:
+        if bus.interface in FD_INTERFACES or "fd" in bus.options:
+            continue
+        known = messages_of(config, bus.name)
+        used = [
+            find_signal(known, source.message, source.signal)[0]
+            for axis in config.axes
+            if axis.config.bus == bus.name and not axis.config.records_only
+            for source in (axis.config.torque, axis.config.motion)
+        ]
+        if long := [message.name for message in used if message.length > CLASSIC_BYTES]:
+            yield (
+                f"bus {bus.name}: {listed(list(dict.fromkeys(long)))} needs CAN FD; {bus.interface} gives such frames"
+                " once it is opened for them: options = { fd = true } with the bit rates that python-can asks for"
             )
 
 

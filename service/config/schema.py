@@ -160,6 +160,8 @@ class ServiceConfig(Table):
     state_dir: FilePath = Field(Path("state"), validate_default=True)
     """folder of the alarm journal and the checkpoints, relative to the configuration file; default under systemd: its
     StateDirectory"""
+    block_s: Real = Field(0.1, ge=0.01, le=1.0)
+    """time in which frames are collected before estimates follow them [s]"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
     history_interval_s: Positive = Field(10.0, le=3600)
@@ -178,6 +180,8 @@ class ServiceConfig(Table):
     """raw frames before an alarm that are recorded with it, kept in memory until then [s]"""
     recording_after_s: Positive = Field(30.0, le=3600)
     """raw frames after an alarm that are recorded with it [s]"""
+    recording_format: Literal["log", "blf"] = "log"
+    """files of the raw frames around alarms: "log" of candump, or "blf" of Vector's tools"""
     recordings_mb: Real = Field(500.0, ge=0)
     """all recordings together; the oldest are removed; 0: none is made [MB]"""
 

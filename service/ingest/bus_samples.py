@@ -8,7 +8,7 @@ from typing import NamedTuple
 from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock
 from service.can.decoder import Decoded, Decoder
-from service.can.frames import FrameBlock, FrameKey
+from service.can.frames import ID_BITS, FrameBlock, FrameFilter, FrameKey
 from service.config.bus_messages import messages_of
 from service.config.conditions import needed
 from service.config.schema import Config, NamedAxis, Source
@@ -72,9 +72,10 @@ class Ingest:
         return self.decoder.keys
 
     @property
-    def filter(self) -> tuple[FrameKey, ...] | None:
-        """What a bus need let through; None: everything, since of some messages only a part of the id is known."""
-        return None if set(self.keys) & self.decoder.known.masks.keys() else self.keys
+    def filter(self) -> tuple[FrameFilter, ...]:
+        """What a bus need let through."""
+        masks = self.decoder.known.masks
+        return tuple(FrameFilter(key, masks.get(key, ID_BITS)) for key in self.keys)
 
     @property
     def dropped(self) -> Mapping[str, int]:

@@ -14,6 +14,7 @@ from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.conditions import needed
+from service.ingest.absent_messages import why_none
 from service.ingest.axis_records import axis_record, sha256_of, wanted
 
 
@@ -64,9 +65,10 @@ def read(
         def part(done: float, before: int = number) -> None:
             progress((before + done) / len(texts))
 
-        block = axis_record(want.path, config, axis, needed(axis), part).block
+        block, dropped, _ = axis_record(want.path, config, axis, needed(axis), part)
         if not block.size:
-            raise RecordError(f"{want.path}: no samples of axis {axis.id}")
+            why = why_none(want.path, config, axis, dropped)
+            raise RecordError(f"{want.path}: no samples of axis {axis.id}; {why}")
         block = block._replace(name=want.path.name)
         since = (block.t_us - block.t_us[0]) * 1e-6
         start, end = np.searchsorted(

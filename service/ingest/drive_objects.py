@@ -5,13 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from service.can.canopen_drives import node_name, object_name, read_drive
-from service.can.frames import FrameBlock
+from service.can.canopen_drives import commissioned_node, node_name, object_name, read_drive, value_in
+from service.can.frames import FrameBlock, FrameKey
 from service.can.messages import DescriptionError, Message, find_signal, key_of_message
 from service.config.canopen_axis import CURRENT, POSITION, TORQUE, VELOCITY
 
 _NODE_BITS = 0x7F
 """Of an identifier of the predefined ones"""
+_RATED = {TORQUE: 0x6076, CURRENT: 0x6075}
+"""Objects that torque and current are thousandths of, in thousandths of N m and A"""
+_ENCODER = 0x608F
+"""Subindex 1: increments, 2: in so many turns"""
 
 
 class DriveObjects(NamedTuple):
@@ -21,6 +25,12 @@ class DriveObjects(NamedTuple):
     motion: int
     interval_s: float | None
     """Time between two SYNCs, if the file has it"""
+    rated: float | None = None
+    """Of the torque [N m] or the current [A], if the file has it"""
+    counts_per_turn: float | None = None
+    """Of the position, if the file has it"""
+    others: tuple[str, ...] = ()
+    """What else is sent, in words"""
 
     def __str__(self) -> str:
         torque = "torque" if self.torque == TORQUE else "current"
@@ -36,7 +46,23 @@ def objects_of(eds: Path, node_id: int) -> DriveObjects:
     """
     torque, message = _first(eds, node_id, TORQUE, CURRENT)
     motion, _ = _first(eds, node_id, POSITION, VELOCITY)
-    return DriveObjects(torque, motion, message.cycle_time / 1000 if message.cycle_time else None)
+    interval_s = message.cycle_time / 1000 if message.cycle_time else None
+    rated, counts = (value_in(eds, node_id, *place) for place in ((_RATED[torque],), (_ENCODER, 1)))
+    turns = value_in(eds, node_id, _ENCODER, 2) or 1
+    return DriveObjects(
+        torque,
+        motion,
+        interval_s,
+        rated / 1000 if rated else None,
+        counts / turns if counts else None,
+        _others(eds, node_id, {object_name(torque), object_name(motion)}),
+    )
+
+
+def _others(eds: Path, node_id: int, used: set[str]) -> tuple[str, ...]:
+    group = read_drive(eds, node_id).groups[node_name(node_id)]
+    sent = dict.fromkeys(entry.name for message in group.messages for entry in message.signals)
+    return tuple(f"{name} ({group.names.get(name, 'no name')})" for name in sent if name not in used)
 
 
 def _first(eds: Path, node_id: int, better: int, other: int) -> tuple[int, Message]:
@@ -51,15 +77,17 @@ def _first(eds: Path, node_id: int, better: int, other: int) -> tuple[int, Messa
 
 
 def nodes_in(eds: Path, frames: FrameBlock) -> list[int]:
-    """The nodes whose torque is among these frames.
+    """The nodes whose torque is among these frames; of a DCF that was saved for one node only that.
 
     Raises:
         DescriptionError: as of ``objects_of``.
     """
-    counts = frames.counts()
-    found = []
-    for node_id in sorted({key.can_id & _NODE_BITS for key in counts if not key.extended} - {0}):
-        _, message = _first(eds, node_id, TORQUE, CURRENT)
-        if key_of_message(message) in counts:
-            found.append(node_id)
-    return found
+    counts, own = frames.counts(), commissioned_node(eds)
+    nodes = {key.can_id & _NODE_BITS for key in counts if not key.extended} - {0} if own is None else {own}
+    found: dict[FrameKey, int] = {}
+    for node_id in sorted(nodes):
+        key = key_of_message(_first(eds, node_id, TORQUE, CURRENT)[1])
+        # An identifier that the file gives as a number is the same for all nodes.
+        if key in counts and (key not in found or key.can_id & _NODE_BITS == node_id):
+            found[key] = node_id
+    return sorted(found.values())

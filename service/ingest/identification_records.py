@@ -14,6 +14,7 @@ from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config.schema import Config, NamedAxis
 from service.config.schema import Source as SignalSource
+from service.ingest.absent_messages import why_none
 from service.ingest.axis_records import Wanted, axis_record, sha256_of, wanted
 from service.ingest.records import is_table
 
@@ -71,10 +72,8 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     signals = _signals_in(want.path, axis)
     block, dropped, left_out = axis_record(want.path, config, axis, signals)
     if block.size < 2:
-        lost = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
-        raise RecordError(
-            f"{want.path}: {block.size} samples of axis {axis.id} in it; dropped: {lost or 'nothing'}"
-        )
+        why = why_none(want.path, config, axis, dropped)
+        raise RecordError(f"{want.path}: {block.size} samples of axis {axis.id} in it; {why}")
     full = _record(block, [signal.name for signal in signals], axis, want.path.name)
     record = _in_range(full, want)
     start_s, end_s = (float(t - full.t[0]) for t in record.t[[0, -1]])

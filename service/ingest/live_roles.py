@@ -15,6 +15,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import wrap_of
 from service.can.decoder import Decoder
 from service.can.frames import FrameBlock, FrameKey
+from service.can.inferred_layout import counts_frames
 from service.can.messages import DescriptionError, Message, MessageSet, Signal
 from service.ingest.column_roles import AxisRoles, Named, axes_by_values, changes, role_of
 from service.ingest.signal_roles import (
@@ -41,8 +42,6 @@ _CYCLE = 0.02
 """Relative: a measured interval this close to the cycle in the description is that."""
 _ACCURATE = 0.003
 """Relative: of an interval that is measured in some seconds."""
-_COUNTS_ON = 0.9
-"""Of the frames, in which a sample counter goes up by 1."""
 _TURNS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
 """Factors of angles without a unit that start again after so much"""
 _NEARLY = 1e-3
@@ -230,7 +229,7 @@ def _counted_s(signal: Signal, series: Series | None) -> float | None:
     """Seconds for each count of a sample counter; None: it does not count the frames, or did not come."""
     if series is None:
         return None
-    steps = np.diff(series.values) % 2.0**signal.length
-    if not steps.size or np.mean(steps == 1) < _COUNTS_ON:
+    if not counts_frames(series.values, 2.0**signal.length):
         return None
+    steps = np.diff(series.values) % 2.0**signal.length
     return float((series.t[-1] - series.t[0]) / steps.sum())

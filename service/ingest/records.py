@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from monitor_core.samples import SampleBlock, concatenate
+from service.can.bus import channel_number
 from service.can.frames import FrameBlock
 from service.can.log_bytes import GZIP
 from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
@@ -217,9 +217,6 @@ Record = TableRecord | LogRecord
 # --- Which channel of a log is which bus of the configuration ---------------------------------------------------------
 
 
-_LAST_NUMBER = re.compile(r"\d+$")
-
-
 class _LogChannels:
     """The bus of each channel in a log, at whose beginning these were ``seen``.
 
@@ -230,7 +227,7 @@ class _LogChannels:
 
     def __init__(self, buses: Sequence[BusConfig], seen: Sequence[str]) -> None:
         self._known = {bus.channel: bus.name for bus in buses} | {bus.name: bus.name for bus in buses}
-        numbers = [_number(bus.channel) for bus in buses]
+        numbers = [channel_number(bus.channel) for bus in buses]
         self._numbered = {
             number: bus.name for bus, number in zip(buses, numbers, strict=True) if numbers.count(number) == 1
         }
@@ -242,11 +239,6 @@ class _LogChannels:
         if channel in self._known:
             return self._known[channel]
         return self._numbered.get(int(channel)) if channel.isdecimal() else None
-
-
-def _number(channel: str) -> int | None:
-    found = _LAST_NUMBER.search(channel)
-    return None if found is None else int(found[0])
 
 
 def _no_bus_words(path: Path, buses: Sequence[BusConfig], frames: Mapping[str, int]) -> str:

@@ -74,15 +74,16 @@ class BusAxis(NamedTuple):
 
 
 def axes_in(messages: Sequence[Message]) -> list[BusAxis]:
-    """The axes that these messages carry, in their order."""
+    """The axes that these messages carry, in the order of their numbers."""
     by_axis: dict[str, list[SignalRole]] = {}
     for message in messages:
         for signal in message.signals:
             role = role_in(message, signal)
             if role is not None:
                 by_axis.setdefault(number_in(message.name, signal.name), []).append(role)
-    found = (_axis(number, roles, {m.name: m for m in messages}) for number, roles in by_axis.items())
-    return [axis for axis in found if axis is not None]
+    by_name = {m.name: m for m in messages}
+    numbers = sorted(by_axis, key=lambda number: int(number or 0))  # pages of a message come in any order
+    return [axis for n in numbers if (axis := _axis(n, by_axis[n], by_name)) is not None]
 
 
 def may_be_measured(message: Message, signal: Signal) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from service.can.frames import FrameBlock, FrameKey
-from service.can.inferred_layout import FEWEST_FRAMES, Field, find_multiplexer, infer_layout
+from service.can.inferred_layout import FEWEST_FRAMES, Field, find_multiplexer, infer_layout, split_counter
 from service.can.messages import Bits, Kind, MessageSet, message_of
 from service.ingest.live_roles import roles_on_bus
 from service.ingest.signal_roles import BusAxis
@@ -68,7 +68,7 @@ def _message(frames: FrameBlock) -> UnknownMessage:
         return found
     if (multiplexer := find_multiplexer(data)) is not None:
         return found._replace(multiplexer=multiplexer, pages=np.unique(data[:, multiplexer]).size)
-    fields = infer_layout(data)
+    fields = tuple(part for field in infer_layout(data) for part in split_counter(field, data))
     moving = (f for f in fields if f.kind == "counter" or (f.kind == "signal" and _moves(f.values(data))))
     return found._replace(fields=fields, bits=tuple(map(_bits, moving)))
 
@@ -91,6 +91,8 @@ def _bits(field: Field) -> Bits:
     start_bit = 8 * field.first_byte + (7 if field.byte_order == "big" else 0)
     kind: Kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
     name = f"{what}_{_letters(field.first_byte)}"
+    if field.part is not None:
+        return Bits(name, start_bit + field.part.low_bit, field.part.length, kind, field.byte_order)
     return Bits(name, start_bit, 8 * field.width, kind, field.byte_order)
 
 

@@ -1,7 +1,8 @@
 """Files of the raw frames: everything, on request of ``run --record``, and the minutes around each alarm.
 
 The frames of the last minutes are kept in memory.  An alarm, or a request, begins an extract: once the time after it
-has passed, a thread writes the frames before and after to a candump log.  Replayed, it raises the alarm again.
+has passed, a thread writes the frames before and after to a candump log, or to a .blf file.  Replayed, it raises the
+alarm again.
 """
 
 import os
@@ -9,7 +10,7 @@ import queue
 import re
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import structlog
 
-from service.can.frame_recorder import FrameRecorder
+from service.can.frame_recorder import FrameRecorder, write_blf
 from service.can.frames import FrameBlock
 from service.can.user_errors import RecordError
 from service.pipeline.alarm_recording import AxisAlarm
@@ -28,7 +29,7 @@ _SILENT_US = 5_000_000
 """An extract does not wait longer for later frames, as where the bus has become silent."""
 _RETRY_S = 5.0
 _FORMAT = "%Y%m%dT%H%M%SZ"
-_NAME = re.compile(r"frames-(\d{8}T\d{6}Z)-(\d{8}T\d{6}Z)\.log")
+_NAME = re.compile(r"frames-(\d{8}T\d{6}Z)-(\d{8}T\d{6}Z)\.(?:log|blf)")
 
 Frames = list[tuple[str, FrameBlock]]
 """Blocks of one bus each, in the order of their receipt."""
@@ -89,10 +90,11 @@ class RecordingFolder:
     Args:
         path: it is made when the first file is written.
         most_bytes: the oldest files are removed where all take more.
+        blf_channels: the files are .blf, where buses have these numbers; None: candump logs, with their names.
     """
 
-    def __init__(self, path: Path, most_bytes: int) -> None:
-        self.path, self._most_bytes = path, most_bytes
+    def __init__(self, path: Path, most_bytes: int, blf_channels: Mapping[str, int] | None = None) -> None:
+        self.path, self._most_bytes, self._blf_channels = path, most_bytes, blf_channels
 
     def files(self) -> list[Path]:
         """All extracts, oldest first."""
@@ -125,14 +127,13 @@ class RecordingFolder:
         """
         times = [(int(frames.t_us.min()), int(frames.t_us.max())) for _, frames in blocks]
         first, last = min(t for t, _ in times), max(t for _, t in times)
-        path = self.path / f"frames-{_stamp(first)}-{_stamp(last)}.log"
-        unfinished = self.path / "unfinished.log"
+        kind = "log" if self._blf_channels is None else "blf"
+        path = self.path / f"frames-{_stamp(first)}-{_stamp(last)}.{kind}"
+        unfinished = self.path / f"unfinished.{kind}"
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             unfinished.unlink(missing_ok=True)
-            with FrameRecorder(unfinished) as recorder:
-                for bus, frames in blocks:
-                    recorder.write(bus, frames)
+            self._write_frames(unfinished, blocks)
             os.replace(unfinished, path)
         except OSError as error:
             raise RecordError(f"cannot write {path}: {error.strerror}") from None
@@ -141,6 +142,14 @@ class RecordingFolder:
             raise
         self._remove_oldest()
         return path
+
+    def _write_frames(self, path: Path, blocks: Frames) -> None:
+        if self._blf_channels is not None:
+            write_blf(path, blocks, self._blf_channels)
+            return
+        with FrameRecorder(path) as recorder:
+            for bus, frames in blocks:
+                recorder.write(bus, frames)
 
     def _remove_oldest(self) -> None:
         files = self.files()

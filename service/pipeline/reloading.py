@@ -4,13 +4,12 @@ What takes time, and all that can be wrong, is done before the worker exchanges 
 changed axis goes on as after a restart: from its checkpoint if that fits, with its open alarms from the journal.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import structlog
 
 from monitor_core.modeling import ModelError
-from service.can.frames import FrameKey
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.config import Config, NamedAxis
@@ -71,10 +70,7 @@ class Reloading:
         self._config, self._pipeline, self._worker, self._baselines = config, pipeline, worker, baselines
         self._journal, self._checkpoints, self._checkpointer = journal, checkpoints, checkpointer
         self._now_us = now_us
-        self._filters: Mapping[str, frozenset[FrameKey] | None] = {
-            name: None if ingest.filter is None else frozenset(ingest.filter)
-            for name, ingest in pipeline.ingests.items()
-        }
+        self._filters = {name: frozenset(ingest.filter) for name, ingest in pipeline.ingests.items()}
 
     @property
     def config(self) -> Config:
@@ -118,8 +114,7 @@ class Reloading:
             if changed:
                 AxisMonitors(changed)
             for name, known in self._filters.items():
-                ingest = Ingest(new, name)
-                if known is not None and (ingest.filter is None or not set(ingest.filter) <= known):
+                if not set(Ingest(new, name).filter) <= known:
                     raise ReloadError(
                         f"an axis needs messages of bus {name} that no axis needed at the start, which needs a restart"
                     )

@@ -27,9 +27,6 @@ from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot, out_of_service
 
-TICK_S = 0.1
-"""Time between blocks: long enough for one call of the kernel to pay."""
-
 LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
 """Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
 long as the samples of a block."""
@@ -180,6 +177,7 @@ class Worker:
         self._pipeline, self._buses, self._recording = pipeline, buses, recording
         self._alarms, self._checkpointer, self._compiled = alarms, checkpointer, compiled
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
+        self._block_s = config.service.block_s
         self._time = ProcessingTime()
         pipeline.monitors.defer_multimodel()
         self._history = history
@@ -189,7 +187,7 @@ class Worker:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self.turns = 0
-        """How often its loop has turned: frames may be missing, but it turns ten times a second"""
+        """How often its loop has turned: frames may be missing, but it turns after each ``block_s``"""
         self.error: BaseException | None = None
         """The fault that ended the thread."""
         self._looked_at = False
@@ -264,7 +262,7 @@ class Worker:
                 busy = self._tick()
                 self.turns += 1
                 if not busy:
-                    self._stop.wait(TICK_S)
+                    self._stop.wait(self._block_s)
             self._finish()
         except BaseException as error:
             self.error = error

@@ -49,12 +49,13 @@ def router(extracts: Extracts | None) -> APIRouter:
         responses=described(404, "It does not exist"),
     )  # fmt: skip
     def recording(name: Annotated[str, PathParameter(description="as in the list")]) -> FileResponse:
-        """A candump log, for `axiswatch replay`, can-utils or python-can."""
+        """A candump log, or .blf as configured, for `axiswatch replay`, can-utils, python-can or Vector's tools."""
         file = None if extracts is None else extracts.folder.file(name)
         if file is None:
             known = [] if extracts is None else [file.name for file in extracts.folder.files()]
             raise UnknownResourceError(f"there is no recording {name!r}", known)
-        return FileResponse(file, media_type="text/plain", filename=file.name)
+        kind = "text/plain" if file.suffix == ".log" else "application/octet-stream"
+        return FileResponse(file, media_type=kind, filename=file.name)
 
     return api
 

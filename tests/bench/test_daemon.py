@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from service.can.frames import concatenate_frames
+from service.config import load
+from tests.bench.datagram_daemon import free_port
 from tests.bench.measure import Say, cpu, memory_mb
-from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
+from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, robot, wait_for
+from tests.service.pipeline.robots import blocks
+from tests.soak.test_full_bus import finished, sending, written
 
 pytestmark = pytest.mark.bench
 
@@ -41,6 +48,36 @@ def test_six_axes(tmp_path: Path, say: Say, rate: int, target: str) -> None:
             ("the robot beside it", robot_after.share_since(robot_before), "-"),
         ]
     say(f"the daemon, {AXES} axes at {rate} Hz over {WATCHED_S:.0f} s", ("", "found", "target"), rows)
+
+
+@pytest.mark.parametrize("block_s", [0.1, 0.02])
+def test_latency(tmp_path: Path, seed: int, say: Say, block_s: float) -> None:
+    """From the receipt of a frame to the estimate that has used it, six axes at 1 kHz."""
+    config = demo_config(tmp_path, axes=AXES, service=f"block_s = {block_s}")
+    file, port = tmp_path / "ages.npy", str(free_port())
+    edit(config, (INTERVAL, "sample_interval_s = 0.001"))
+    frames = concatenate_frames(list(blocks(load(config, {}), WATCHED_S, seed)))
+    sent = written(tmp_path / "frames", frames, 1.0)
+    program = (sys.executable, "-m", "tests.bench.latency_daemon", str(file), port)
+    with daemon(config, program=program) as d:
+        wait_for(lambda: not d.get("api/v1/service")["messages"])  # it is compiled
+        with sending(0.0, sent, port) as sender:
+            before = cpu(d.process.pid)
+            _, _, late_s = finished(sender)
+            share = cpu(d.process.pid).share_since(before)
+        wait_for(lambda: d.axis()["counters"]["used"])
+        assert d.stop() == 0
+    ages_ms = np.load(file)[frames.size // 10 :] / 1000
+    median, late = np.percentile(ages_ms, [50, 99.9]).tolist()
+    rows = [
+        ("median", median, 25),
+        ("99.9 %", late, 60),
+        ("largest", float(ages_ms.max()), "-"),
+        ("the sender's latest frame", 1000 * late_s, "-"),
+        ("daemon, of one core", share, "15 %"),
+    ]
+    header = ("", "found ms", "target ms")
+    say(f"from a frame to the estimate, {AXES} axes at 1 kHz, blocks of {block_s} s", header, rows)
 
 
 def test_time_to_the_first_estimate(tmp_path: Path, say: Say, monkeypatch: pytest.MonkeyPatch) -> None:

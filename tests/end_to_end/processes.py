@@ -64,11 +64,13 @@ def run_program(
 
 
 @contextmanager
-def running(*arguments: str | Path, log: Path) -> Iterator[subprocess.Popen[bytes]]:
+def running(
+    *arguments: str | Path, log: Path, program: Sequence[str] = PROGRAM
+) -> Iterator[subprocess.Popen[bytes]]:
     """A command that goes on; killed at the end if it is still there."""
     with log.open("ab") as file:
         process = subprocess.Popen(
-            [*PROGRAM, *map(str, arguments)],
+            [*program, *map(str, arguments)],
             cwd=ROOT,
             stdout=file,
             stderr=subprocess.STDOUT,
@@ -153,7 +155,7 @@ class Daemon:
 
 
 @contextmanager
-def daemon(config: Path, *arguments: str | Path) -> Iterator[Daemon]:
+def daemon(config: Path, *arguments: str | Path, program: Sequence[str] = PROGRAM) -> Iterator[Daemon]:
     """A running daemon; its log is ``daemon.log`` beside the configuration.
 
     Where the test fails, what the daemon shows then is printed.
@@ -161,7 +163,8 @@ def daemon(config: Path, *arguments: str | Path) -> Iterator[Daemon]:
     log = config.parent / "daemon.log"
     log.touch()
     skip = len(log.read_text(encoding="utf-8").splitlines())
-    with running("run", "--config", config, "--port", "0", *arguments, log=log) as process:
+    words = ("run", "--config", config, "--port", "0", *arguments)
+    with running(*words, log=log, program=program) as process:
         d = Daemon(process, log, skip)
         try:
             yield d

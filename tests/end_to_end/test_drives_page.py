@@ -73,8 +73,16 @@ def test_canopen_drives(folder: Path, rows: Path) -> None:
     before, _, after = file.read_text(encoding="utf-8").partition("[robot.defaults.canopen]\n")
     axes = after[after.index("[[robot.axis]]") :]
     file.write_text(before + block("rated_torque_Nm") + "\n" + axes, encoding="utf-8")
+    with file.open("a", encoding="utf-8") as opened:  # of the last axis; nothing follows it yet
+        opened.write('signal = [{ name = "temperature", signal = "0x2030.1" }]\n')
     found = heard(rows, on_a_bus_here(file))
-    for words in ("axis1\ttorque", "axis2\tangle", "node3.0x6077", "node4.0x6064"):
+    for words in (
+        "axis1\ttorque",
+        "axis2\tangle",
+        "node3.0x6077",
+        "node4.0x6064",
+        "axis2\tsignal temperature",
+    ):
         assert words in found
     bus = load(file, {}).bus[0]
     where = f"{bus.interface}:{bus.channel},preserve_timestamps=true"

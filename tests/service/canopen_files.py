@@ -47,6 +47,13 @@ def eds(pdos: Sequence[Pdo] = TWO_PDOS) -> str:
     return text + "".join(_entry(index, name, kind, "0") for index, (name, kind) in OBJECTS.items())
 
 
+def settings(node: int, rated: Mapping[str, int], encoder: tuple[int, int]) -> str:
+    """What a DCF has beyond the EDS: its node, rated torque or current by object, increments in so many turns."""
+    text = f"\n[DeviceComissioning]\nNodeID=0x{node:02X}\nBaudrate=500\n"
+    text += "".join(_entry(index, "rated", UINT32, str(value)) for index, value in rated.items())
+    return text + _record("608F", [("2", UINT8), *((str(number), UINT32) for number in encoder)])
+
+
 def _record(index: str, members: Sequence[tuple[str, int]]) -> str:
     text = f"\n[{index}]\nParameterName=record {index}\nObjectType=0x9\nSubNumber={len(members)}\n"
     return text + "".join(

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from service.can.frames import Frame
+from service.can.decoder import Decoder
+from service.can.frames import Frame, FrameBlock
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
 from service.ingest.bus_samples import Ingest
@@ -161,3 +162,23 @@ def test_a_counter_is_a_whole_number(tmp_path: Path) -> None:
     known = read_messages(write(tmp_path, real.replace("16|16", "16|32")))
     with pytest.raises(DescriptionError, match="Other is a float"):
         find_counter(known, "Good", "Other")
+
+
+def test_parameter_groups_of_j1939_in_a_dbc(tmp_path: Path) -> None:
+    """As the attribute of a message says: of any priority, and from any source where that is 0xFE."""
+    ids = {"Drive": 0x18FF3121, "Any": 0x18FF32FE, "Plain": 0x18FF3321}
+    text = "".join(
+        f'BO_ {can_id | 1 << 31} {name}: 8 X\n SG_ V : 0|16@1- (1,0) [0|0] "" X\n'
+        for name, can_id in ids.items()
+    )
+    text += 'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";\n'
+    text += 'BA_DEF_DEF_ "VFrameFormat" "ExtendedCAN";\n'
+    text += "".join(f'BA_ "VFrameFormat" BO_ {ids[name] | 1 << 31} 3;\n' for name in ("Drive", "Any"))
+    decoder = Decoder(read_messages(write(tmp_path, text)))
+    for name in ids:
+        decoder.want(name, "V")
+    sent = [0x18FF3121, 0x0CFF3121, 0x18FF3122, 0x0CFF3207, 0x18FF32FE, 0x0CFF3321, 0x18FF3321]
+    frames = [Frame(k, can_id, True, bytes([k]) * 8) for k, can_id in enumerate(sent)]
+    found = decoder.decode(FrameBlock.from_frames(frames))
+    places = {decoder.messages[key].name: decoded.places.tolist() for key, decoded in found.items()}
+    assert places == {"Drive": [0, 1], "Any": [3, 4], "Plain": [6]}

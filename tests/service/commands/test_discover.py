@@ -64,6 +64,15 @@ def test_the_bits_of_the_configuration_are_those_that_were_looked_at(seed: int) 
     assert [described.decode_simple(frame.data)[bits.name] for frame in frames.frames()] == numbers
 
 
+def test_a_counter_of_four_bits_times_the_axis(tmp_path: Path, seed: int) -> None:
+    """Beside other bits in its byte; read as a byte it would count sixteen times too many."""
+    frames = concatenate_frames(list(blocks(demo(tmp_path, 1), 8.0, seed)))
+    frames.records["data"][:, 6] = frames.records["data"][:, 6] & 0xF | 0x50
+    frames.records["data"][:, 7] = 0x11
+    (axis,) = discover_axes(frames).axes
+    assert (axis.interval_s, axis.counter) == (0.005, ("x181", "counter_g"))
+
+
 def test_torque_and_angle_in_messages_of_their_own(tmp_path: Path, seed: int) -> None:
     frames = concatenate_frames(list(blocks(separate_messages(tmp_path, 3), 8.0, seed)))
     found = discover_axes(frames).axes

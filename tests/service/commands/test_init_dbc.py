@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -104,7 +105,7 @@ def test_canopen_drives(folder: Path) -> None:
     pdos = (torque._replace(objects=["60780010"]), motion._replace(objects=["606C0020"]))
     eds.write_text(canopen_files.eds(pdos), encoding="utf-8")
     assert "node 7: current 0x6078, velocity 0x606C" in shown("init", eds, "--node", 7)
-    text = Path("axis.toml").read_text(encoding="utf-8").replace("\n#", "\n").replace("\nside", "\n#side")
+    text = re.sub(r"\n#(?!side)(?=\w)", "\n", Path("axis.toml").read_text(encoding="utf-8"))
     Path("axis.toml").write_text(text[text.index("[[bus]]") :], encoding="utf-8")
     assert "no problems" in shown("check", "--config", "axis.toml")
     (axis,) = load(Path("axis.toml"), {}).axes
@@ -116,6 +117,25 @@ def test_canopen_drives(folder: Path) -> None:
     eds.write_text(canopen_files.eds((motion,)), encoding="utf-8")
     words = refused("init", eds, "--node", 7, "--force")
     assert "node7 does not send 0x6077 (torque actual value): no transmit PDO holds it in drive.eds" in words
+
+
+def test_a_dcf_says_which_node_it_is_of_and_what_is_rated(folder: Path) -> None:
+    """With the line ends and letters of the tools that write such files."""
+    position = "counts_per_turn"
+    text = canopen_files.eds() + canopen_files.settings(node=5, rated={"6076": 1270}, encoder=(8192, 2))
+    dcf = folder / "drive.dcf"
+    dcf.write_bytes(text.replace("torque_actual_value", "Drehmoment f\u00fcr Achse").encode("cp1252"))
+    dcf.write_bytes(dcf.read_bytes().replace(b"\n", b"\r\n"))
+    assert "node 5: torque 0x6077, position 0x6064" in shown("init", dcf)
+    proposed = Path("axis.toml").read_text(encoding="utf-8")
+    for words in (
+        "#rated_torque_Nm = 1.27 ",
+        f"#{position} = 4096 ",
+        "node_id = 5",
+        "0x2031 (motor_voltage)",
+    ):
+        assert words in proposed
+    assert f"{position}: missing" in refused("check", "--config", "axis.toml")  # it is not guessed
 
 
 def test_no_axis_in_it(folder: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.can.frame_recorder import FrameRecorder, span_s
+from service.can.frame_recorder import FrameRecorder, span_s, write_blf
 from service.can.frames import Frame, FrameBlock
 from service.can.log_files import LOG_SUFFIXES, CanLog
 from service.can.user_errors import RecordError
@@ -87,6 +87,30 @@ def test_recorded_frames_are_in_the_file_at_once(tmp_path: Path) -> None:
     with FrameRecorder(tmp_path / "a.log") as recorder:
         recorder.write("bus0", FrameBlock.from_frames(sent))
         assert [frame for _, frame in all_frames(CanLog(tmp_path / "a.log"))] == sent
+
+
+def test_a_blf_keeps_each_frame_to_the_microsecond(tmp_path: Path, seed: int) -> None:
+    """Of two buses, the second one with earlier frames; by its reader, times are as in a candump log."""
+    rng, path = random.Random(seed), tmp_path / "a.blf"
+    lengths = [*range(9), 12, 16, 20, 24, 32, 48, 64]
+    first, second = (
+        FrameBlock.from_frames(
+            [
+                Frame(begin_us + rng.randrange(10**9), rng.randrange(0x800), False, rng.randbytes(length))
+                for length in lengths * 20
+            ]
+            + [Frame(begin_us, rng.randrange(1 << 29), True, b"")]
+        )
+        for begin_us in (START_US + 999, START_US - 7_200_000_001)
+    )
+    write_blf(path, [("right", first), ("left", second)], {"left": 0, "right": 4})
+    found = {"0": list[Frame](), "4": list[Frame]()}
+    for block in CanLog(path).blocks():
+        for frame, channel in zip(block.frames.frames(), block.channels, strict=True):
+            found[block.names[channel]].append(frame)
+    assert found == {"0": list(second.frames()), "4": list(first.frames())}
+    with pytest.raises(RecordError, match=r"cannot write .*a\.blf: No such file"):
+        write_blf(tmp_path / "gone" / "a.blf", [("left", first)], {"left": 0})
 
 
 def test_what_cannot_be_recorded(tmp_path: Path) -> None:
@@ -235,6 +259,26 @@ def test_a_log_with_more_damaged_lines_is_refused(tmp_path: Path, suffix: str) -
     )
     assert read == log.frames == 1000
     assert log.dropped["unreadable"] == 11
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(".asc", "a.log"), (".log", "a.blf"), (".blf", "a.asc"), (".log", "a.trc"), (".trc", "a.log.gz")],
+)
+def test_a_log_with_the_name_of_another_kind(
+    tmp_path: Path, kind: str, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with can.Logger(str(tmp_path / f"right{kind}")) as writer:
+        for k in range(20):
+            writer(can.Message(timestamp=1.76e9 + k, arbitration_id=0x123, is_extended_id=False, data=b"ab"))
+    (tmp_path / f"right{kind}").rename(tmp_path / name)
+    assert fault(tmp_path / name).endswith(f"; its content is that of a {kind} file: let its name end so")
+    assert not caplog.records
+
+
+def test_a_compressed_log_without_its_ending(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_bytes(gzip.compress(b"(1760000000.000000) can0 123#00\n"))
+    assert fault(tmp_path / "a.log").endswith("; its content is compressed: let its name end with .log.gz")
 
 
 def test_a_line_without_all_its_bytes_is_no_frame(tmp_path: Path) -> None:

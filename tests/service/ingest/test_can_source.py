@@ -12,13 +12,14 @@ from typing import Any
 import can
 import pytest
 
-from service.can.bus import open_bus, send
+from service.can.bus import can_devices, open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
-from service.can.frames import Frame, FrameBlock, FrameKey
+from service.can.frames import Frame, FrameBlock, FrameFilter, FrameKey
 from service.can.receivers import Receiver, Rejected, frame_of, receiver_of
 from service.can.user_errors import BusError
+from service.config.remarks import remarks
 from service.config.schema import BusConfig
-from tests.service.ingest.plant import axis1, make_config
+from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)
 
@@ -34,7 +35,7 @@ def wait_for(condition: Callable[[], bool], what: Callable[[], object], limit_s:
 @contextmanager
 def reading(config: BusConfig, *wanted: FrameKey) -> Iterator[CanReader]:
     """A reader of that bus, closed at the end."""
-    reader = CanReader(config, wanted or (STANDARD, EXTENDED))
+    reader = CanReader(config, [FrameFilter(key) for key in wanted or (STANDARD, EXTENDED)])
     reader.open()
     reader.start()
     try:
@@ -211,14 +212,14 @@ def test_frames_that_wait_can_be_taken_after_closing(tmp_path: Path) -> None:
     ],
 )
 def test_a_bus_that_cannot_be_opened(tmp_path: Path, bus: dict[str, object], message: str) -> None:
-    reader = CanReader(make_config(tmp_path, axis1(), **bus).bus[0], [STANDARD])
+    reader = CanReader(make_config(tmp_path, axis1(), **bus).bus[0], [FrameFilter(STANDARD)])
     with pytest.raises(BusError, match=message):
         reader.open()
 
 
 def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1(), interface="udp_multicast", channel="10.0.0.1").bus[0]
-    reader = CanReader(config, [STANDARD])
+    reader = CanReader(config, [FrameFilter(STANDARD)])
     reader.start()
     wait_for(lambda: "cannot open udp_multicast" in reader.stats().state, reader.stats)
     assert not reader.stats().up
@@ -244,3 +245,21 @@ def test_the_queue_is_bounded_in_frames() -> None:
     assert list(queue.take(1).frames()) == frames[:3]
     assert list(queue.take(100).frames()) == frames[3:5]
     assert queue.take(100).size == 0
+
+
+def test_messages_of_can_fd_where_the_interface_must_be_told(tmp_path: Path) -> None:
+    def notes(axis: dict[str, object], **bus: object) -> list[str]:
+        return [words for words in remarks(make_config(tmp_path, axis, **bus)) if "CAN FD" in words]
+
+    pcan: dict[str, object] = {"interface": "pcan", "channel": "PCAN_USBBUS1"}
+    (words,) = notes(axis4(), **pcan)
+    assert words.startswith("bus bus0: Wide4 needs CAN FD; pcan gives such frames once it is opened for them")
+    for silent in (notes(axis2(), **pcan), notes(axis4(), **pcan, options={"fd": True}), notes(axis4())):
+        assert silent == []
+
+
+def test_the_devices_of_can(tmp_path: Path) -> None:
+    for name, kind in (("eth0", 1), ("vcan1", 280), ("can0", 280)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(f"{kind}\n", encoding="ascii")
+    assert can_devices(tmp_path) == ["can0", "vcan1"]

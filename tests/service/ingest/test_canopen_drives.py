@@ -23,9 +23,10 @@ from service.config import ConfigErrors, load
 from service.config.commissioned import Found, commissioned
 from service.config.remarks import remarks
 from service.ingest.bus_samples import Ingest
+from service.ingest.drive_objects import nodes_in
 from service.ingest.encode import FrameEncoder
 from tests.conftest import ROOT
-from tests.service.canopen_files import TWO_PDOS, Pdo, eds
+from tests.service.canopen_files import TWO_PDOS, Pdo, eds, settings
 from tests.service.ingest.plant import Sample, fed
 
 CONFIG = """\
@@ -257,7 +258,7 @@ TORQUE, MOTION = TWO_PDOS[:2]
         ),
         ((TORQUE._replace(transmission=253), MOTION), r"on request only \(transmission type 253, object 0x1800\.2\)"),
         ((TORQUE._replace(objects=["60770010", "60640020", "60640020"]),), r"its objects have 80 bits"),
-        ((TORQUE,), r"does not send 0x6064 \(position actual value\): .* it sends 0x6041, 0x6077 \(torque"),
+        ((TORQUE,), r"does not send 0x6064 \(position actual value\): .* it sends 0x6041 \(statusword\), 0x6077"),
     ],
 )  # fmt: skip
 def test_a_drive_that_does_not_send_it(folder: Path, pdos: list[Pdo], words: str) -> None:
@@ -298,6 +299,21 @@ def test_the_shipped_file_is_the_one_that_is_tested() -> None:
 
 
 @pytest.mark.records
+def heard(*ids: int) -> FrameBlock:
+    return FrameBlock.from_frames([Frame(1000 * k, can_id, False, bytes(8)) for k, can_id in enumerate(ids)])
+
+
+def test_the_nodes_of_a_file_on_a_bus(tmp_path: Path) -> None:
+    path, frames = tmp_path / "drive.dcf", heard(0x80, 0x183, 0x185, 0x706)
+    path.write_text(eds(), encoding="utf-8")
+    assert nodes_in(path, frames) == [3, 5]
+    path.write_text(eds().replace("$NODEID+0x180", "0x185"), encoding="utf-8")  # the same for every node
+    assert nodes_in(path, frames) == [5]
+    path.write_text(eds() + settings(3, {}, (1, 1)), encoding="utf-8")  # saved for node 3
+    assert nodes_in(path, frames) == [3]
+    assert nodes_in(path, heard(0x185)) == []
+
+
 def test_a_robot_that_can_be_bought(records_dir: Path, tmp_path: Path) -> None:
     """As configured it sends no torque; as delivered it does, after a SYNC."""
     dcf = records_dir / "can" / "pilz_prbt_0_1.dcf"

@@ -77,7 +77,7 @@ def sending(config: Config, seed: int) -> Iterator[None]:
 
 def test_random_cycles(config: Config, seed: int) -> None:
     chance, pipeline, alarms = random.Random(seed), FramePipeline(config), list[object]()
-    reader = CanReader(config.bus[0], pipeline.ingests["can0"].keys)
+    reader = CanReader(config.bus[0], pipeline.ingests["can0"].filter)
     monitor, axis = pipeline.monitors.by_id["demo.axis1"], pipeline.ingests["can0"].axes["demo.axis1"]
 
     def counted(*what: str) -> int:

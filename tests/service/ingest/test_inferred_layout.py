@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from service.can.frames import concatenate_frames
-from service.can.inferred_layout import Field, find_multiplexer, infer_layout
+from service.can.inferred_layout import (
+    Field,
+    Part,
+    counts_frames,
+    find_multiplexer,
+    infer_layout,
+    split_counter,
+)
 from service.can.log_files import CanLog
 from tests.service.pipeline.robots import blocks, demo
 
@@ -78,6 +85,41 @@ def test_counter_state_constant_and_checksum() -> None:
     assert (found[0], found[3]) == ("counter", "random")
     assert [f.kind for f in infer_layout(data[:, 1:2])] == ["state"]
     assert [f.kind for f in infer_layout(data[:, 2:3])] == ["constant"]
+
+
+def test_bits_that_look_like_a_float_of_all_sizes_are_none() -> None:
+    """A byte that varies, a torque and the lowest byte of an angle: as a float, most seem to be near zero."""
+    rng = np.random.default_rng(3)
+    counter = 0x30 + np.arange(N) % 16
+    data = np.column_stack(
+        [counter.astype(np.uint8), packed(">hi", smooth(rng, 3e3, 20), 2e9 + smooth(rng, 1e7, 20))]
+    )
+    assert places(infer_layout(data)) == [
+        (0, 1, "little", "unsigned"),
+        (1, 2, "big", "signed"),
+        (3, 4, "big", "unsigned"),
+    ]
+
+
+@pytest.mark.parametrize(("shift", "length", "other"), [(0, 4, 3), (4, 4, 9), (6, 2, 17), (0, 7, 1)])
+def test_a_counter_that_shares_its_byte(shift: int, length: int, other: int) -> None:
+    numbers = np.arange(N) % (1 << length)
+    numbers = np.delete(numbers, [100, 101, 450])  # frames that were lost
+    beside = other << (length if shift == 0 else 0)
+    data = (numbers << shift | beside).astype(np.uint8)[:, np.newaxis]
+    (field,) = infer_layout(data)
+    parts = {part.kind: part for part in split_counter(field, data)}
+    assert parts["counter"].part == Part(shift, length)
+    np.testing.assert_array_equal(parts["counter"].values(data), numbers)
+    np.testing.assert_array_equal(parts["constant"].values(data), other)
+
+
+def test_what_counts_the_frames() -> None:
+    lost = np.delete(np.arange(5000.0), slice(7, None, 50))
+    assert counts_frames(lost % 256, 256)
+    assert not counts_frames(lost % 16, 256)  # of four bits
+    assert not counts_frames(lost % 15, 16)  # of AUTOSAR, from 0 to 14
+    assert not counts_frames(np.repeat(lost, 2) % 256, 256)
 
 
 def test_registers_of_an_inverter_are_told_apart() -> None:

@@ -17,7 +17,7 @@ from can.interfaces.socketcan import SocketcanBus
 
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
-from service.can.frames import Frame, FrameKey
+from service.can.frames import Frame, FrameFilter, FrameKey
 from service.can.receivers import Receiver, SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
@@ -62,13 +62,24 @@ def test_error_and_remote_frames_are_counted(tmp_path: Path) -> None:
     assert (stats.frames, stats.dropped["error_frame"], stats.dropped["remote_frame"]) == (1, 1, 1)
 
 
-def test_can_fd_frames_need_the_option(tmp_path: Path) -> None:
-    classic, fd = bus_config(tmp_path), bus_config(tmp_path, options={"fd": True})
+def test_can_fd_frames_come_unless_the_option_forbids_it(tmp_path: Path) -> None:
+    classic, fd = bus_config(tmp_path, options={"fd": False}), bus_config(tmp_path)
     with reading(classic) as classic_reader, reading(fd) as fd_reader, open_bus(fd) as sender:
         send(sender, STANDARD, bytes(range(64)))
         send(sender, STANDARD, b"classic")
         assert [f.data for f in take(fd_reader, 2)] == [bytes(range(64)), b"classic"]
         assert [f.data for f in take(classic_reader, 1)] == [b"classic"]
+
+
+def test_the_kernel_lets_a_parameter_group_through_with_any_priority(tmp_path: Path) -> None:
+    config, group = bus_config(tmp_path), FrameKey(0xFF3121, True)
+    with open_bus(config, [FrameFilter(group, 0x3FFFFFF)]) as bus, open_bus(config) as sender:
+        receiver = receiver_of(bus)
+        for can_id in (0x18FF3121, 0x0CFF3121, 0x18FF3122, 0x19FF3121):
+            send(sender, FrameKey(can_id, True), b"x")
+        send(sender, FrameKey(0x121, False), b"x")
+        found = all_of(receiver, 2) + list(receiver.read(100, Event()).frames.frames())
+    assert [frame.can_id for frame in found] == [0x18FF3121, 0x0CFF3121]
 
 
 def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
@@ -90,7 +101,7 @@ def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
 
 def test_the_reader_tells_what_the_kernel_dropped(tmp_path: Path) -> None:
     config = bus_config(tmp_path)
-    reader, sent = CanReader(config, [STANDARD]), 300
+    reader, sent = CanReader(config, [FrameFilter(STANDARD)]), 300
     reader.open()
     assert isinstance(reader._bus, SocketcanBus)
     reader._bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
@@ -110,7 +121,7 @@ def test_the_reader_tells_what_the_kernel_dropped(tmp_path: Path) -> None:
 
 def test_the_buffer_holds_a_pause_of_the_reader(tmp_path: Path) -> None:
     config = bus_config(tmp_path)
-    with open_bus(config, [STANDARD]) as bus, open_bus(config) as sender:
+    with open_bus(config, [FrameFilter(STANDARD)]) as bus, open_bus(config) as sender:
         receiver = receiver_of(bus)
         for k in range(5000):
             send(sender, STANDARD, k.to_bytes(2, "little"))
@@ -180,7 +191,7 @@ def test_down_and_up_again(tmp_path: Path, device: str) -> None:
 
 def test_frames_received_before_it_went_down_are_kept(tmp_path: Path, device: str) -> None:
     config = bus_config(tmp_path, device)
-    reader = CanReader(config, [STANDARD])
+    reader = CanReader(config, [FrameFilter(STANDARD)])
     reader.open()
     with open_bus(config) as sender:
         for k in range(10):
@@ -218,13 +229,13 @@ def test_started_while_it_is_down(tmp_path: Path, device: str) -> None:
 
 
 def test_an_interface_that_does_not_exist(tmp_path: Path) -> None:
-    reader = CanReader(bus_config(tmp_path, "can9"), [STANDARD])
+    reader = CanReader(bus_config(tmp_path, "can9"), [FrameFilter(STANDARD)])
     with pytest.raises(BusError, match=r"bus bus0: there is no network interface can9: .*ip link add"):
         reader.open()
 
 
 def test_started_before_it_exists(tmp_path: Path) -> None:
-    reader = CanReader(bus_config(tmp_path, "vcan8"), [STANDARD])
+    reader = CanReader(bus_config(tmp_path, "vcan8"), [FrameFilter(STANDARD)])
     reader.start()
     wait_for(lambda: "no network interface vcan8" in reader.stats().state, reader.stats)
     ip("link", "add", "dev", "vcan8", "type", "vcan")

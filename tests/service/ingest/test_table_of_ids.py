@@ -1,12 +1,13 @@
 """A bus that only a table of ids describes; and a torque that is sent as a current."""
 
 import random
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from service.can.frames import Frame, FrameBlock
+from service.can.frames import Frame, FrameBlock, FrameFilter
 from service.can.messages import DescriptionError
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder
@@ -65,6 +66,14 @@ def test_it_gives_the_samples_of_a_database(tmp_path: Path, seed: int) -> None:
         assert sample.motion == plain.motion
 
 
+def passes(filters: Sequence[FrameFilter], frame: Frame) -> bool:
+    """As the kernel filters."""
+    return any(
+        wanted.key.extended == frame.extended and (wanted.key.can_id ^ frame.can_id) & wanted.mask == 0
+        for wanted in filters
+    )
+
+
 def test_parameter_groups_of_j1939(tmp_path: Path) -> None:
     """Of any priority and to any destination; from one source, or from any."""
     bits = {"start_bit": 0, "length": 16, "kind": "signed"}
@@ -75,7 +84,6 @@ def test_parameter_groups_of_j1939(tmp_path: Path) -> None:
     found = plant.axis("a", ("Drive", "Torque"), ("Motion", "Angle"), "angle")
     config = plant.make_config(tmp_path, found, messages=None, message=messages)
     ingest = Ingest(config, "bus0")
-    assert ingest.filter is None
     torques = [0x18FF3121, 0x0CFF3121, 0x18FF3122, 0x19FF3121, 0x18FF3221]
     motions = [0x18EFFF05, 0x0CEF1207, 0x18EE1207, 0x1AEF1207]
     frames = [
@@ -88,6 +96,8 @@ def test_parameter_groups_of_j1939(tmp_path: Path) -> None:
     samples = plant.fed(ingest, frames)["r.a"]
     assert [(s.t_us, s.torque, s.motion) for s in samples] == [(0, 1.0, 2.0), (5000, 1.0, 2.0)]
     assert ingest.dropped["unwanted"] == len(frames) - 4
+    used = {*torques[:2], *motions[:2]}
+    assert all(passes(ingest.filter, frame) == (frame.can_id in used) for frame in frames)
     counts = ingest.decoder.known.counted(FrameBlock.from_frames(frames).counts())
     assert sorted(counts.values()) == [2, 2]
     sent = {frame.key.can_id for frame in FrameEncoder(config, "bus0").encode({"r.a": (1.0, 2.0)}, 0)}

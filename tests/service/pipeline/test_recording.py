@@ -186,21 +186,26 @@ def test_frames_wait_for_space_on_the_disk(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_the_replay_of_a_recording_raises_its_alarm_again(tmp_path: Path, seed: int) -> None:
-    """Friction doubles after 50 s; the recording holds 30 s before the alarm and 5 s after it."""
+    """Friction doubles after 50 s; the recordings hold 30 s before the alarm and 5 s after it, in both formats."""
     config = demo(tmp_path, 1)
     core = FramePipeline(config)
-    recording = Recording(extracts=extracts(tmp_path / "recordings", 30, 5))
+    folders = RecordingFolder(tmp_path / "log", 10**9), RecordingFolder(tmp_path / "blf", 10**9, {"can0": 0})
+    recordings = [Recording(extracts=Extracts(folder, 30, 5, lambda: START_US)) for folder in folders]
     raised = []
     for block in blocks(config, 65, seed, [Fault("demo.axis1", {"fm": 2.0}, 50.0)]):
-        recording.write("can0", block)
         core.take("can0", block)
         changes = core.update()
-        recording.follow(changes)
-        recording.tick()
+        for recording in recordings:
+            recording.write("can0", block)
+            recording.follow(changes)
+            recording.tick()
         raised += [change.alarm for change in changes]
-    recording.close()
-    (file,) = (tmp_path / "recordings").iterdir()
+    for recording in recordings:
+        recording.close()
+    ((file,), (blf,)) = (folder.files() for folder in folders)
+    assert folders[1].holding(raised[0].raised_us) == blf.name == f"{file.stem}.blf"
     found = replayed(demo_config(tmp_path, axes=1), file)["alarms"]
+    assert replayed(tmp_path / "robot.toml", blf)["alarms"] == found  # to the last bit
     assert raised
     assert [alarm["parameter"] for alarm in found] == [raised[-1].parameter]
     again_us = microseconds(datetime.fromisoformat(found[0]["raised"]))

@@ -1,0 +1,111 @@
+"""The daemon with 20 000 frames a second, all of which it needs, by SocketCAN's reader."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.can.frames import FrameBlock
+from tests.bench.datagram_daemon import free_port
+from tests.bench.measure import Say, cpu, memory_mb
+from tests.end_to_end.processes import Daemon, daemon, wait_for
+from tests.soak.test_full_bus import sending, written
+
+pytestmark = pytest.mark.bench
+
+AXES, RATE_HZ, COUNTS, WATCHED_S = 20, 1000, 2048, 20.0
+INERTIA, FRICTION = 0.01, 0.02
+
+HEAD = """\
+[service]
+state_dir = "state"
+[[bus]]
+name = "can0"
+channel = "can0"
+"""
+MESSAGE = """\
+[[bus.message]]
+name = "drive{n}"
+id = {can_id:#x}
+signal = [
+  {{ name = "torque", start_bit = 0, length = 16, kind = "signed", factor = 0.001 }},
+  {{ name = "speed", start_bit = 16, length = 16, kind = "signed", factor = 0.01 }},
+  {{ name = "count", start_bit = 32, length = 11 }},
+]
+"""
+ROBOT = """\
+[[robot]]
+name = "demo"
+[robot.defaults]
+sample_interval_s = 0.001
+time = { counter_signal = "count" }
+estimator = { torque_noise = 0.05, output_noise = 0.01 }
+model = { drive = "one-mass", monitor = ["kT", "fm"], nominal = { J = 0.01, fm = 0.02, fc = 0.0, tau0 = 0.0, kT = 1 } }
+"""
+AXIS = """\
+[[robot.axis]]
+name = "axis{n}"
+torque = {{ message = "drive{n}", signal = "torque" }}
+speed = {{ message = "drive{n}", signal = "speed" }}
+"""
+
+
+def configured(folder: Path) -> Path:
+    parts = [HEAD, *(MESSAGE.format(n=n, can_id=0x100 + n) for n in range(1, AXES + 1))]
+    parts += [ROBOT, *(AXIS.format(n=n) for n in range(1, AXES + 1))]
+    (folder / "robot.toml").write_text("".join(parts), encoding="utf-8")
+    return folder / "robot.toml"
+
+
+def frames() -> FrameBlock:
+    """As many as the count has values, so that they can be repeated: the speeds are periodic."""
+    count, periods = COUNTS, {3: 40.0, 8: 15.0}
+    turns = 2 * np.pi * np.arange(count) / count
+    speed, slope = np.zeros(count), np.zeros(count)
+    for number, amplitude in periods.items():
+        speed += amplitude * np.sin(number * turns)
+        slope += amplitude * np.cos(number * turns) * 2 * np.pi * number * RATE_HZ / count
+    torque = INERTIA * slope + FRICTION * speed
+    data = np.zeros((count, 8), np.uint8)
+    columns = [np.rint(torque / 0.001), np.rint(speed / 0.01), np.arange(count)]
+    for k, column in enumerate(columns):
+        data[:, 2 * k : 2 * k + 2] = column.astype("<i2").view(np.uint8).reshape(-1, 2)
+    ids = np.tile(0x101 + np.arange(AXES), count)
+    t_us = np.repeat(np.arange(count) * 1_000_000 // RATE_HZ, AXES)
+    return FrameBlock.from_columns(t_us, ids, np.full(len(ids), 8), np.repeat(data, AXES, axis=0))
+
+
+def test_twenty_thousand_frames_a_second(tmp_path: Path, say: Say) -> None:
+    config, file = configured(tmp_path), written(tmp_path / "frames", frames(), 1.0)
+    port = str(free_port())
+    with daemon(config, program=(sys.executable, "-m", "tests.bench.datagram_daemon", port)) as d:
+        wait_for(lambda: not d.get("api/v1/service")["messages"])  # it is compiled
+        with sending(3600.0, file, port) as sender:
+            measured(d, sender, say)
+
+
+def measured(d: Daemon, sender: subprocess.Popen[str], say: Say) -> None:
+    wait_for(lambda: d.axis()["counters"]["used"])
+    time.sleep(2)
+    before, sender_before, first = (
+        cpu(d.process.pid),
+        cpu(sender.pid),
+        d.get("api/v1/service")["buses"][0],
+    )
+    time.sleep(WATCHED_S)
+    after, sender_after, last = cpu(d.process.pid), cpu(sender.pid), d.get("api/v1/service")["buses"][0]
+    used = d.axis()["counters"]["used"]
+    rows = [
+        ("daemon, of one core", after.share_since(before), "30 %"),
+        ("daemon, resident MB", memory_mb(d.process.pid), 250),
+        ("frames/s", (last["frames"] - first["frames"]) / (after.at_s - before.at_s), AXES * RATE_HZ),
+        ("dropped", sum(last["dropped"].values()) - sum(first["dropped"].values()), 0),
+        ("samples of an axis in use", used, "-"),
+        ("the sender beside it", sender_after.share_since(sender_before), "-"),
+    ]
+    say(f"the daemon, {AXES} axes at {RATE_HZ} Hz over {WATCHED_S:.0f} s", ("", "found", "target"), rows)
