@@ -108,6 +108,8 @@ def _from_table(record: Path, output: Path) -> None:
         )
     table = open_table(record)
     columns, interval_s = _read(table)
+    if not any(map(len, columns.values())):
+        raise RecordError(f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}")
     found = roles(columns, table.units)
     if not found.axes:
         raise RecordError(
@@ -218,7 +220,7 @@ def _read(table: Table) -> tuple[Mapping[str, Floats], float | None]:
     found = dict[str, Floats]()
     for name in table.names:
         try:
-            found[name] = np.concatenate([rows.columns[name] for rows in table.rows([name])])
+            found[name] = np.concatenate([np.zeros(0), *(rows.columns[name] for rows in table.rows([name]))])
         except RecordError:
             continue  # a column of texts
     longest = max(map(len, found.values()), default=0)

@@ -143,9 +143,11 @@ def test_units_below_the_names(record: Path) -> None:
         (["frames.log"], "is a CAN log"),
         (["missing.csv"], "cannot read missing.csv"),
         (["still.csv"], "no torque and motion of an axis in still.csv; its columns are t, u, y"),
+        (["names.csv"], "names.csv holds no rows of numbers; its columns are t, u, y"),
     ],
 )
 def test_mistakes(record: Path, words: list[str], message: str) -> None:
     Path("still.csv").write_text("t,u,y\n" + "".join(f"{k},0,1\n" for k in range(9)), encoding="utf-8")
+    Path("names.csv").write_text("t,u,y\ns,Nm,rad\n", encoding="utf-8")
     assert record.exists()
     assert message in refused("init", *words)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import scipy.io
 
-from service.ingest.table_files import CsvTable
+from service.ingest.table_files import CsvTable, MatTable
 from service.ingest.table_head import head_of
 
 ROWS = ["0.000,1.5,2.5", "0.005,1.6,2.6", "0.010,1.7,2.7"]
@@ -64,6 +66,13 @@ def test_encodings_of_spreadsheets(tmp_path: Path, encoding: str) -> None:
     columns = [rows.columns for rows in read.rows(read.names)]
     assert [v for block in columns for v in block["Winkel°"].tolist()] == [2.5, 2.6]
     assert len(read.left_out) == 1
+
+
+def test_columns_of_a_matrix(tmp_path: Path) -> None:
+    matrix = np.arange(12.0).reshape(4, 3)
+    scipy.io.savemat(tmp_path / "a.mat", {"log": {"I": matrix}})
+    (rows,) = MatTable(tmp_path / "a.mat").rows(["log.I(:,1)", "log.I(:,3)"])
+    assert [v.tolist() for v in rows.columns.values()] == [matrix[:, 0].tolist(), matrix[:, 2].tolist()]
 
 
 def test_rows_of_texts_and_numbers_are_no_head() -> None:
