@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification import Effect, Obstacle, Watched
+from monitor_core.identification import Effect, Obstacle, Rejection, Watched
+from service.commands.axis_commissioning import not_identified
 from service.commands.commissioning_remedies import memory_change, retry
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
 from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome, as_html, overview
 from service.reports.formats import Provenance
+from service.reports.identification_report import outlook_words
 
 TEXT = """
 [[robot]]
@@ -150,6 +152,20 @@ def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     assert axis.config.model.monitor == ("kT", "fc", "fm")
     other = retry(found, two, configured(two, NAME, tmp_path)[1], ["one-mass"], links=lambda: load)
     assert other is None or not other.schedule
+
+
+def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
+    """No other motion for one of its parameters is asked for: that would not help."""
+    found = report(Watched("kT", 2.0, Obstacle.NOT_SHOWN), rejection="poor", missing=(Effect.FOREIGN,))
+    found.is_poor, found.result.rejection = True, Rejection.POOR
+    words = not_identified(found, "")
+    assert words.startswith("not identified: poor. The records show what the drive lacks: what is missing")
+    assert "record this axis alone" in words
+    assert outlook_words(found) == (
+        "Nothing can be watched with this. Alarms would come from what the drive lacks."
+    )
+    found.is_poor = False
+    assert not_identified(found, "") == "not identified: poor"
 
 
 def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
