@@ -173,10 +173,12 @@ def _factor(column: str, unit: str, quantity: Quantity) -> tuple[float, str]:
     """Of the unit of a column, or of the one in its name, and what is to be put in its place by hand."""
     known = unit_in(unit or column, quantity)
     if known is None or known.factor is None:
-        return 1.0, "" if known is None else f"in {known.words}: {_BY_HAND[quantity]}"
+        by_hand = _LINEAR if known is not None and known.linear else _BY_HAND[quantity]
+        return 1.0, "" if known is None else f"in {known.words}: {by_hand}"
     return known.factor, ""
 
 
+_LINEAR = "add factor, 2 pi / mm that a turn of the motor moves it"
 _BY_HAND: Mapping[Quantity, str] = {
     "torque": "add factor, N m of one",
     "angle": "add factor, radians of the motor for one",
@@ -240,6 +242,9 @@ def _unit_words(role: SignalRole) -> str:
         return f"by its name; it has no unit, so {assumed} are assumed"
     if role.factor is not None:
         return f"in {role.unit}"
+    known = unit_in(role.unit, role.quantity)
+    if known is not None and known.linear:
+        return f"in {known.words}; factor is 2 pi / mm that a turn of the motor moves it"
     rated, counts = "rated torque / 1000 or / 100 [N m]", "2 pi / counts of a turn [rad]"
     return f"in {role.unit}; factor is {rated if role.quantity == 'torque' else counts}"
 

@@ -102,7 +102,8 @@ def role_with(name: str, unit: str) -> str:
     role = role_of(name)
     if role in ("", "torque") and current_in(unit) is not None:
         return "current"
-    return role or next((q for q in UNITS if unit_in(unit, q) is not None), "")
+    known = ((quantity, unit_in(unit, quantity)) for quantity in UNITS)
+    return role or next((q for q, found in known if found is not None and not found.linear), "")
 
 
 def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxyType({})) -> TableRoles:

@@ -18,12 +18,13 @@ class Unit(NamedTuple):
 
     words: str
     factor: float | None
+    linear: bool = False
+    """Of a path, as a linear axis has it: the factor is 2 pi over what a turn of its motor moves it"""
 
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
 _COUNTS = Unit("counts", None)
-_LINEAR = {word: Unit(f"{word} of a linear axis", None) for word in ("mm", "m")}
-"""The factor is 2 pi over what a turn of its motor moves it."""
+_PATH = Unit("mm of a linear axis", None, linear=True)
 _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
     {
         "angle": {
@@ -32,7 +33,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             **dict.fromkeys(("rev", "revs", "turn", "turns"), Unit("revolutions", _TURN)),
             "mrad": Unit("milliradians", 1e-3),
             **dict.fromkeys(("counts", "count", "cnt", "inc", "incs", "increments", "ticks"), _COUNTS),
-            **_LINEAR,
+            "mm": _PATH,
         },
         "speed": {
             **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
@@ -43,7 +44,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             ),
             **dict.fromkeys(("rps", "rev/s"), Unit("revolutions per second", _TURN)),
             **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),
-            **{f"{word}/s": unit for word, unit in _LINEAR.items()},
+            "mm/s": _PATH._replace(words="mm/s of a linear axis"),
         },
         "torque": {
             **dict.fromkeys(("nm", "n m", "n*m", "n.m"), Unit("N m", 1.0)),

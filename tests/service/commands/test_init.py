@@ -133,7 +133,7 @@ def test_units_below_the_names(record: Path) -> None:
     written = Path("axis.toml").read_text(encoding="utf-8")
     assert "a current: add kT_Nm_per_A" in written
     assert "in percent of the rated torque: add factor, N m of one" in written
-    assert "in mm of a linear axis: add factor, radians of the motor for one" in written
+    assert "in mm of a linear axis: add factor, 2 pi / mm that a turn of the motor moves it" in written
 
 
 @pytest.mark.parametrize(
