@@ -43,10 +43,22 @@ def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> fl
 
 
 def holds_weight(problem: Problem) -> bool:
-    """Whether a weight acts on the drive: gravity of its angle, or a constant torque that follows the pose."""
+    """Whether a weight acts on the drive: gravity of its angle, or a constant torque that follows the pose.
+
+    So is a constant torque that Coulomb friction does not hold, as that of a vertical linear axis.
+    """
     gravity = [kind in (COSINE, SINE) for kind in problem.drive.inputs]
     acts = bool(problem.drive.matrix("B", problem.nominal)[:, gravity].any()) if any(gravity) else False
-    return acts or follows_pose(problem)
+    return acts or follows_pose(problem) or _lifts(problem)
+
+
+def _lifts(problem: Problem) -> bool:
+    """Whether a constant torque acts against which the axis does not stand by its friction alone."""
+    kinds = np.array(problem.drive.inputs)
+    if not ((kinds == ONE).any() and (kinds == COULOMB).any()):
+        return False
+    takes = _Rigid(problem).takes(problem.nominal)
+    return abs(float(takes[kinds == ONE].sum())) > abs(float(takes[kinds == COULOMB].sum()))
 
 
 def follows_pose(problem: Problem) -> bool:
@@ -70,7 +82,6 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
         scale /= abs(float(ratio[friction[0]]))
     if (kinds == ONE).any():
         torques["offset"] = float(takes[kinds == ONE].sum())
-    torques["signal"] = 1.0
     posed = list[Record]()
     for record in records:
         pose = np.zeros(len(record))
@@ -80,6 +91,8 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
             turned = ratio[k] * record.y
             pose = pose + takes[k] * (np.cos(turned) if kinds[k] == COSINE else np.sin(turned))
         posed.append(replace(record, signals={SIGNAL: _without_gaps(record.t, pose)}))
+    if any(record.signals[SIGNAL].any() for record in posed):
+        torques["signal"] = 1.0
     return posed, Balance(rigid.inertia, torques), scale
 
 

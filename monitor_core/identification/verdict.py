@@ -232,7 +232,7 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     lacking = [effect for effect in _TERMS if effect not in present]
     more = [(*base, *_TERMS[effect]) for effect in lacking]
     everything = (*base, *(term for effect in lacking for term in _TERMS[effect]))
-    full, own, *others = rigid_fits(records, [everything, base, *more], problem.speed_scale)
+    full, own, *others = rigid_fits(records, [everything, base, *more], problem.speed_scale, moving=True)
     if full is None or own is None:
         return ()
     left = 1 - own.explained
