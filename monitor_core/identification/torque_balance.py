@@ -43,17 +43,14 @@ def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> fl
 
 
 def holds_weight(problem: Problem) -> bool:
-    """Whether a weight acts on the drive: gravity of its angle, or a constant torque that follows the pose.
-
-    So is a constant torque that Coulomb friction does not hold, as that of a vertical linear axis.
-    """
+    """Whether a weight acts on the drive: gravity of its angle, or a constant torque that follows the pose."""
     gravity = [kind in (COSINE, SINE) for kind in problem.drive.inputs]
     acts = bool(problem.drive.matrix("B", problem.nominal)[:, gravity].any()) if any(gravity) else False
-    return acts or follows_pose(problem) or _lifts(problem)
+    return acts or follows_pose(problem)
 
 
-def _lifts(problem: Problem) -> bool:
-    """Whether a constant torque acts against which the axis does not stand by its friction alone."""
+def lifts(problem: Problem) -> bool:
+    """Whether a constant torque acts that Coulomb friction does not hold, as on a vertical linear axis."""
     kinds = np.array(problem.drive.inputs)
     if not ((kinds == ONE).any() and (kinds == COULOMB).any()):
         return False

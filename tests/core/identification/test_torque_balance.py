@@ -11,7 +11,7 @@ from monitor_core.identification import shown_inertia
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import Term, rigid_fits
-from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight
+from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight, lifts
 from tests.core.chains import chain, values
 
 INTERVAL_S, SCALE, SECONDS = 0.005, 0.3, 40.0
@@ -89,7 +89,7 @@ def test_a_constant_torque_that_friction_does_not_hold_is_a_weight() -> None:
     alone = replace(problem, varying={}, slopes={})
     for times, holds in ((0.9, False), (-1.1, True)):
         offset = times * VALUES["fc"]
-        assert holds_weight(replace(alone, nominal={**alone.nominal, "tau0": offset})) is holds
+        assert lifts(replace(alone, nominal={**alone.nominal, "tau0": offset})) is holds
 
 
 def picks(seed: int) -> Record:
