@@ -15,7 +15,7 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification import Record, has_wrong_sign, rigid_fit
-from service.ingest.unit_names import UNITS, current_in, unit_in, unit_of
+from service.ingest.unit_names import Quantity, current_in, unit_in, unit_of
 
 _TABLE = """
 time: t time times timestamp zeit sec secs seconds s ms us
@@ -28,6 +28,7 @@ wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
 """
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
 """What a word in a column's name says that it is; wanted: what the controller asks for, which is no measurement."""
+_QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 _MOST_ROWS = 20_000
 _SLOPE, _SAME = 0.95, 0.99
 """Correlation of a speed with the slope of its angle, and with another speed of the same axis."""
@@ -102,7 +103,7 @@ def role_with(name: str, unit: str) -> str:
     role = role_of(name)
     if role in ("", "torque") and current_in(unit) is not None:
         return "current"
-    known = ((quantity, unit_in(unit, quantity)) for quantity in UNITS)
+    known = ((quantity, unit_in(unit, quantity)) for quantity in _QUANTITIES)
     return role or next((q for q, found in known if found is not None and not found.linear), "")
 
 

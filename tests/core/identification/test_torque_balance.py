@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.identification import shown_inertia
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
@@ -95,19 +96,22 @@ def test_a_constant_torque_that_friction_does_not_hold_is_a_weight() -> None:
 def picks(seed: int) -> Record:
     """To and fro between two places, with rests in which the torque stays as friction holds it."""
     rng = np.random.default_rng(seed)
-    way, pieces = 40.0, list[np.ndarray]()
+    way, pieces = 40.0, list[Floats]()
     for k in range(40):
         s = np.arange(0.0, 1.0, INTERVAL_S / rng.uniform(0.8, 1.6))
         move = way * (10 * s**3 - 15 * s**4 + 6 * s**5)
         pieces += [move if k % 2 == 0 else way - move, np.full(rng.integers(150, 300), way * (k % 2 == 0))]
     angle = np.concatenate(pieces)
-    t = INTERVAL_S * np.arange(len(angle))
-    speed = np.gradient(angle, INTERVAL_S)
+    t: Floats = INTERVAL_S * np.arange(len(angle), dtype=np.float64)
+    speed: Floats = np.gradient(angle, INTERVAL_S)
     moving = abs(speed) > 1e-6
     last = np.maximum.accumulate(np.where(moving, np.arange(len(t)), 0))
     u = 2e-3 * np.gradient(speed, INTERVAL_S) + 5e-3 * speed + 0.5 * np.sign(speed[last])
     return Record(
-        t, u + 0.01 * rng.standard_normal(len(t)), angle + 1e-4 * rng.standard_normal(len(t)), "angle"
+        t,
+        np.asarray(u + 0.01 * rng.standard_normal(len(t)), np.float64),
+        angle + 1e-4 * rng.standard_normal(len(t)),
+        "angle",
     )
 
 
