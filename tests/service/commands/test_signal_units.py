@@ -309,3 +309,12 @@ def test_a_unit_below_the_name_is_taken_as_one_in_it(tmp_path: Path, seed: int) 
     ).corrections
     assert is_change(found, ("angle", "factor"), DEGREES)
     assert "in degrees: deg" in found.reason
+
+
+def test_an_angle_that_only_begins_elsewhere_stands(tmp_path: Path, seed: int) -> None:
+    """Its first sample alone is another one."""
+    looked = looked_at(
+        tmp_path, seed, "one-mass", "angle", y=lambda y: np.where(np.arange(y.size) < 1, 0.5, 0.2)
+    )
+    assert "is 0.2 nearly throughout" in looked.faults[0]
+    assert "the axis did not move, or the signal is stuck" in looked.faults[0]
