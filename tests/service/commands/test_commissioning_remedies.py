@@ -15,7 +15,7 @@ from service.commands.commissioning_remedies import memory_change, retry
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
 from service.config.commissioned import Correction
-from service.reports.commissioning_report import Outcome, as_html, overview
+from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.identification_report import outlook_words
 
@@ -200,3 +200,11 @@ def test_what_all_axes_share_stands_once_and_commands_can_be_told_from_words() -
     ]
     assert page.index("One &lt;day&gt;.") < page.index("<h2>cell.a1</h2>") < page.index("Axis 1.")
     assert "Next: <code>axiswatch run --config &lt;file&gt;</code>." in page
+
+
+def test_a_planned_motion_is_for_the_axes_that_have_one() -> None:
+    moved = Outcome("a1", nominal_file="n", thresholds_file="t", watched=("kT",), motion="m.csv")
+    others = [(), (Outcome("a2", refusal="not identified"),)]
+    first, second = (next_step([moved, *more], Path("a.toml"), False, "again") for more in others)
+    assert "What is missing takes a record of the planned motion: `again`." in first
+    assert "What the records do not show of a1 takes a record of the planned motion: `again`." in second
