@@ -49,6 +49,15 @@ def holds_weight(problem: Problem) -> bool:
     return acts or follows_pose(problem)
 
 
+def lifts(problem: Problem) -> bool:
+    """Whether a constant torque acts that Coulomb friction does not hold, as on a vertical linear axis."""
+    kinds = np.array(problem.drive.inputs)
+    if not ((kinds == ONE).any() and (kinds == COULOMB).any()):
+        return False
+    takes = _Rigid(problem).takes(problem.nominal)
+    return abs(float(takes[kinds == ONE].sum())) > abs(float(takes[kinds == COULOMB].sum()))
+
+
 def follows_pose(problem: Problem) -> bool:
     """Whether a constant torque follows signals, such as the angles of other axes."""
     return bool(_offsets(problem))
@@ -70,7 +79,6 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
         scale /= abs(float(ratio[friction[0]]))
     if (kinds == ONE).any():
         torques["offset"] = float(takes[kinds == ONE].sum())
-    torques["signal"] = 1.0
     posed = list[Record]()
     for record in records:
         pose = np.zeros(len(record))
@@ -80,6 +88,8 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
             turned = ratio[k] * record.y
             pose = pose + takes[k] * (np.cos(turned) if kinds[k] == COSINE else np.sin(turned))
         posed.append(replace(record, signals={SIGNAL: _without_gaps(record.t, pose)}))
+    if any(record.signals[SIGNAL].any() for record in posed):
+        torques["signal"] = 1.0
     return posed, Balance(rigid.inertia, torques), scale
 
 

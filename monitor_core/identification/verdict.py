@@ -30,6 +30,7 @@ from monitor_core.identification.torque_balance import (
     explained_torque,
     follows_pose,
     holds_weight,
+    lifts,
     with_torque_of_pose,
 )
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
@@ -154,7 +155,7 @@ def verdict_of(
         basis = Basis.HALVES if others else Basis.NONE
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
     found = Verdict(explained(traces), explained(validated), basis, ())
-    if found.quality is not Quality.GOOD and holds_weight(estimate.problem):
+    if found.quality is not Quality.GOOD and _bears(estimate.problem, records):
         fitted, other = (Share(explained_torque(tried), 0.0) for tried in (own, others or own))
         if min(fitted, other).per_cent > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)
@@ -164,6 +165,13 @@ def verdict_of(
     if found.measure is Measure.TORQUE:  # which shows slow motions only
         missing = tuple(effect for effect in missing if effect is not Effect.FAST)
     return found._replace(missing=missing)
+
+
+def _bears(problem: Problem, records: Sequence[Record]) -> bool:
+    """Whether a weight acts that the drive has: one that is the same everywhere is a constant torque."""
+    if holds_weight(problem):
+        return True
+    return lifts(problem) and not _PARTS & set(missing_effects(problem, records))
 
 
 def _crosswise(estimate: Estimate, records: Sequence[Record]) -> list[_Tried]:
@@ -232,7 +240,7 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     lacking = [effect for effect in _TERMS if effect not in present]
     more = [(*base, *_TERMS[effect]) for effect in lacking]
     everything = (*base, *(term for effect in lacking for term in _TERMS[effect]))
-    full, own, *others = rigid_fits(records, [everything, base, *more], problem.speed_scale)
+    full, own, *others = rigid_fits(records, [everything, base, *more], problem.speed_scale, moving=True)
     if full is None or own is None:
         return ()
     left = 1 - own.explained

@@ -46,7 +46,12 @@ from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
-from service.reports.identification_report import outlook_words, verdict_line
+from service.reports.identification_report import (
+    IdentificationReport,
+    missing_words,
+    outlook_words,
+    verdict_line,
+)
 
 _MISTAKES = (
     *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError),
@@ -144,7 +149,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         pages=(page,),
     )
     if report.rejection:
-        return replace(outcome, refusal=f"not identified: {report.rejection}{taken}")
+        return replace(outcome, refusal=not_identified(report, taken))
     replace_text(order.folder / values, as_toml(report))
     refusal = "" if watched_in(report) else f"{outcome.outlook.removesuffix('.')}{taken}"
     memory = memory_change(report, axis.config)
@@ -165,6 +170,12 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         replace_text(order.folder / own_config(axis.id), own)
     outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
     return _with_motion(order, own, outcome, motion.request)
+
+
+def not_identified(report: IdentificationReport, taken: str) -> str:
+    """Why an axis has no nominal values, with what its drive lacks; ``taken``: what --yes would do about it."""
+    lacks = missing_words(report.result.verdict) if report.is_poor else ""
+    return f"not identified: {report.rejection}{taken}" + (f". {lacks.removesuffix('.')}" if lacks else "")
 
 
 def _with_motion(order: Order, own: str, outcome: Outcome, request: MotionRequest) -> Outcome:

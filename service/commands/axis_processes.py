@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import SimpleQueue, get_context, parent_process
+from multiprocessing import SimpleQueue, active_children, get_context, parent_process
 from multiprocessing.process import BaseProcess
 from typing import NamedTuple
 
@@ -55,7 +55,10 @@ def outcomes(
                     show(steps.get())
                 yield from (_result(task, axes[task]) for task in done)
         except BaseException:
+            # Where only this process was interrupted, its axes would go on for minutes, and it would wait for them.
             pool.shutdown(wait=False, cancel_futures=True)
+            for child in active_children():
+                child.terminate()
             raise
 
 

@@ -25,6 +25,7 @@ from service.config.bus_messages import messages_of
 from service.config.drive_sources import model_of_axis
 from service.config.schema import SignalConfig
 from service.ingest.identification_records import Loaded
+from service.ingest.table_files import open_table
 
 Signal = Literal["torque", "motion"]
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
@@ -118,11 +119,16 @@ class Checked:
         """Whether the signal counts something."""
         return whole_numbers(self.raw(signal))
 
+    @cached_property
+    def _table_units(self) -> Mapping[str, str]:
+        """Of the columns, by name, where the first table has them."""
+        return open_table(self.sources[0].path).units
+
     def unit_text(self, signal: Signal) -> str:
-        """What names the unit: the column, or the unit in the description of the bus."""
+        """What names the unit: the column, the table below it, or the unit in the description of the bus."""
         source = self.source(signal)
         if self.in_tables:
-            return source.column or ""
+            return self._table_units.get(source.column or "") or source.column or ""
         known = messages_of(self.config, self.axis.config.bus)
         return find_signal(known, source.message, source.signal)[1].unit or ""
 

@@ -25,6 +25,7 @@ from service.config.schema import BusConfig
 
 if TYPE_CHECKING:
     from service.ingest.column_roles import TableRoles
+    from service.ingest.table_files import Table
 
 RecordFile = Annotated[
     Path,
@@ -99,14 +100,18 @@ def _from_table(record: Path, output: Path) -> None:
     from service.commands.proposed_configuration import table_lines
     from service.ingest.column_roles import roles
     from service.ingest.records import is_table
+    from service.ingest.table_files import open_table
 
     if not is_table(record):
         raise typer.BadParameter(
             f"{record} is a CAN log: give the description of its bus in its place (.dbc .kcd .sym .arxml)",
             param_hint="FILE",
         )
-    columns, interval_s = _read(record)
-    found = roles(columns)
+    table = open_table(record)
+    columns, interval_s = _read(table)
+    if not any(map(len, columns.values())):
+        raise RecordError(f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}")
+    found = roles(columns, table.units)
     if not found.axes:
         raise RecordError(
             f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}"
@@ -215,14 +220,12 @@ def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
     return frames
 
 
-def _read(record: Path) -> tuple[Mapping[str, Floats], float | None]:
+def _read(table: Table) -> tuple[Mapping[str, Floats], float | None]:
     """The long columns of numbers, and the sample interval, where a variable of its own is that."""
-    from service.ingest.table_files import open_table
-
-    table, found = open_table(record), dict[str, Floats]()
+    found = dict[str, Floats]()
     for name in table.names:
         try:
-            found[name] = np.concatenate([rows.columns[name] for rows in table.rows([name])])
+            found[name] = np.concatenate([np.zeros(0), *(rows.columns[name] for rows in table.rows([name]))])
         except RecordError:
             continue  # a column of texts
     longest = max(map(len, found.values()), default=0)

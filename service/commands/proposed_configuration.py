@@ -13,7 +13,7 @@ from service.config.schema import BusConfig
 from service.ingest.column_roles import AxisRoles, TableRoles
 from service.ingest.drive_objects import DriveObjects
 from service.ingest.signal_roles import BusAxis, SignalRole
-from service.ingest.unit_names import UNITS, Quantity, unit_in
+from service.ingest.unit_names import UNITS, Quantity, current_in, unit_in, unit_of
 from service.ingest.unknown_messages import UnknownMessage
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
@@ -172,16 +172,36 @@ def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) 
         unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
         yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
     yield _MODEL
-    remark = axis.sureness + ("; a current: add kT_Nm_per_A, the torque constant" if axis.current else "")
+    torque, motion = (unit_of(name, found.units.get(name, "")) for name in (axis.torque, axis.motion))
     sign = -1.0 if axis.turned else 1.0
-    yield f"torque = {_column(axis.torque, 'torque', sign)}  # {remark}"
-    yield f"{axis.output} = {_column(axis.motion, axis.output)}"
+    if axis.current:
+        factor, remark = current_in(torque) or 1.0, "a current: add kT_Nm_per_A, the torque constant"
+    else:
+        factor, remark = _factor(axis.torque, torque, "torque")
+    remark = f"{axis.sureness}; {remark}" if remark else axis.sureness
+    yield f"torque = {_column(axis.torque, sign * factor)}  # {remark}"
+    factor, remark = _factor(axis.motion, motion, axis.output)
+    yield f"{axis.output} = {_column(axis.motion, factor)}" + (f"  # {remark}" if remark else "")
 
 
-def _column(column: str, quantity: Quantity, sign: float = 1.0) -> str:
-    """The column, with the factor of the unit in its name."""
-    unit = unit_in(column, quantity)
-    factor = sign * (1.0 if unit is None or unit.factor is None else unit.factor)
+def _factor(column: str, unit: str, quantity: Quantity) -> tuple[float, str]:
+    """Of the unit of a column, or of the one in its name, and what is to be put in its place by hand."""
+    known = unit_in(unit or column, quantity)
+    if known is None or known.factor is None:
+        by_hand = _LINEAR if known is not None and known.linear else _BY_HAND[quantity]
+        return 1.0, "" if known is None else f"in {known.words}: {by_hand}"
+    return known.factor, ""
+
+
+_LINEAR = "add factor, 2 pi / mm that a turn of the motor moves it"
+_BY_HAND: Mapping[Quantity, str] = {
+    "torque": "add factor, N m of one",
+    "angle": "add factor, radians of the motor for one",
+    "speed": "add factor, rad/s of the motor for one",
+}
+
+
+def _column(column: str, factor: float) -> str:
     words = "" if factor == 1 else f", factor = {factor:.10g}"
     return f"{{ column = {_quoted(column)}{words} }}"
 
@@ -237,6 +257,9 @@ def _unit_words(role: SignalRole) -> str:
         return f"by its name; it has no unit, so {assumed} are assumed"
     if role.factor is not None:
         return f"in {role.unit}"
+    known = unit_in(role.unit, role.quantity)
+    if known is not None and known.linear:
+        return f"in {known.words}; factor is 2 pi / mm that a turn of the motor moves it"
     rated, counts = "rated torque / 1000 or / 100 [N m]", "2 pi / counts of a turn [rad]"
     return f"in {role.unit}; factor is {rated if role.quantity == 'torque' else counts}"
 

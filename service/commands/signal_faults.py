@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification import UNITS, Record, Span, held_for, stuck_spans
 from monitor_core.samples import PHYSICAL_LIMITS
 from service.can.left_out import left_out_words
@@ -14,6 +15,8 @@ from service.ingest.identification_records import Source
 
 _LITTLE = 0.01
 """Of a record: so much of it may be stuck; identification leaves that to its warnings."""
+_FEWEST, _RARE = 100, 0.005
+"""Of so many samples, that part at either end may be outliers, such as the first one."""
 _NAMED = 3
 """Spans of one signal."""
 
@@ -47,10 +50,12 @@ def _beyond(checked: Checked, source: Source, text: str) -> Iterator[str]:
 def _stuck(checked: Checked, record: Record, text: str) -> Iterator[str]:
     for signal in SIGNALS:
         name, values = _name(checked, signal), values_of(record, signal)
-        if values.size and np.ptp(values) == 0:
+        nearly = signal == "motion" and values.size > _FEWEST and _same(values)
+        if values.size and (np.ptp(values) == 0 or nearly):
+            throughout = "nearly throughout" if np.ptp(values) else "throughout"
             yield (
-                f"{name} is {values[0]:.6g} throughout {text}: the axis did not move, or the signal is stuck; record"
-                " the moving axis, and check that this is its signal"
+                f"{name} is {np.median(values):.6g} {throughout} {text}: the axis did not move, or the signal is"
+                " stuck; record the moving axis, and check that this is its signal"
             )
             continue
         spans = stuck_spans(record, signal)
@@ -59,6 +64,12 @@ def _stuck(checked: Checked, record: Record, text: str) -> Iterator[str]:
                 f"{name} is stuck, while the axis moves, {_words(spans)} of {text}: a stuck sensor or a lost"
                 f" connection; record again, or use what is sound of it, {_sound(spans, record, text)}"
             )
+
+
+def _same(values: Floats) -> bool:
+    """Whether nearly all values (N,) are one number."""
+    low, high = np.quantile(values, (_RARE, 1 - _RARE))
+    return bool(low == high)
 
 
 def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:

@@ -233,6 +233,9 @@ def by_speed(checked: Checked) -> Iterator[Correction]:
     """No motor turns as fast as the motion would be in radians."""
     if checked.agrees or checked.in_whole_numbers("motion") or checked.output == "speed":
         return
+    unit = unit_in(checked.unit_text("motion"), checked.output)
+    if unit is not None and unit.linear:
+        return  # of a linear axis: fast in mm/s
     speed = fastest(checked.records)
     if FASTEST < speed < FASTEST * 180 / math.pi:
         reason = (

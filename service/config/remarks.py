@@ -37,6 +37,7 @@ def remarks(config: Config) -> Iterator[str]:
         AxisError: an axis cannot be monitored as configured.
         DescriptionError: the description of a bus cannot be used.
     """
+    yield from _shared_torque(config)
     yield from _unsaid(config)
     yield from _by_events(config)
     yield from _long_frames(config)
@@ -58,6 +59,20 @@ def remarks(config: Config) -> Iterator[str]:
         yield from _small_noise(axis, config)
         yield from _nearly_a_turn(axis)
         yield from _detector(axis, detectors_of(axis, model, settings))
+
+
+def _shared_torque(config: Config) -> Iterator[str]:
+    """One signal that is the torque of several axes: of all but one of them it is that of another axis."""
+    used: dict[tuple[object, ...], list[str]] = {}
+    for axis in config.axes:
+        torque, bus = axis.config.torque, axis.config.bus
+        if torque.column is not None:
+            used.setdefault((f"column {torque.column}",), []).append(axis.id)
+        if torque.signal is not None:
+            used.setdefault((f"signal {torque.signal} of {torque.message}", bus), []).append(axis.id)
+    for (where, *_), axes in used.items():
+        if len(axes) > 1:
+            yield f"{', '.join(axes)}: {where} is the torque of each of them; give each axis its own"
 
 
 def _unsaid(config: Config) -> Iterator[str]:

@@ -8,24 +8,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification import Record, has_wrong_sign, rigid_fit
+from service.ingest.unit_names import Quantity, current_in, unit_in, unit_of
 
 _TABLE = """
 time: t time times timestamp zeit sec secs seconds s ms us
 torque: trq torque torques tau moment drehmoment tq nm mot
 current: i cur curr current currents amp strom iq
-angle: pos position positions angle angles ang phi q qm theta winkel joint deg rad
+angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad
 speed: vel velocity velocities speed omega w qd dq qdot rpm drehzahl
 temperature: temp temperature temperatur
 wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
 """
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
 """What a word in a column's name says that it is; wanted: what the controller asks for, which is no measurement."""
+_QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 _MOST_ROWS = 20_000
 _SLOPE, _SAME = 0.95, 0.99
 """Correlation of a speed with the slope of its angle, and with another speed of the same axis."""
@@ -79,6 +82,8 @@ class TableRoles(NamedTuple):
     interval_s: float | None
     axes: tuple[AxisRoles, ...]
     unused: tuple[str, ...]
+    units: Mapping[str, str] = MappingProxyType({})
+    """Of the columns, by name, where the table has them below its names"""
 
 
 def words_in(name: str) -> list[str]:
@@ -93,18 +98,32 @@ def role_of(name: str) -> str:
     return "wanted" if "wanted" in known else known[-1] if known else ""
 
 
-def roles(columns: Mapping[str, Floats]) -> TableRoles:
-    """The roles of columns (N,) by name; what is not finite, and rows with an absurd value, are passed over."""
+def role_with(name: str, unit: str) -> str:
+    """What a column is by its name and its unit, which may be empty."""
+    role = role_of(name)
+    if role in ("", "torque") and current_in(unit) is not None:
+        return "current"
+    known = ((quantity, unit_in(unit, quantity)) for quantity in _QUANTITIES)
+    return role or next((q for q, found in known if found is not None and not found.linear), "")
+
+
+def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxyType({})) -> TableRoles:
+    """The roles of columns (N,) by name; what is not finite, and rows with an absurd value, are passed over.
+
+    ``units``: of columns, by name, where the table has them below its names.
+    """
+    unit_names = {name: unit_of(name, units.get(name, "")) for name in columns}
     values = _sound({name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2})
-    time, unit_s = _time(values)
+    time, unit_s = _time(values, unit_names)
     interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s if time is not None else None
     moving = {name: v for name, v in values.items() if name != time and changes(v)}
     t = None if time is None else np.asarray(values[time] * unit_s, np.float64)
     places = {name: place for place, name in enumerate(columns)}
-    named = {name: Named(role_of(name), _number(name), places[name]) for name in moving}
+    named = {name: Named(role_with(name, unit_names[name]), _number(name), places[name]) for name in moving}
     axes = tuple(axes_by_values(moving, t, named))
     used = {time, *(axis.torque for axis in axes), *(axis.motion for axis in axes)}
-    return TableRoles(time, unit_s, interval_s, axes, tuple(name for name in columns if name not in used))
+    unused = tuple(name for name in columns if name not in used)
+    return TableRoles(time, unit_s, interval_s, axes, unused, units)
 
 
 def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -141,14 +160,14 @@ def changes(v: Floats) -> bool:
 # --- The time ---------------------------------------------------------------------------------------------------------
 
 
-_UNITS = {"ms": 1e-3, "us": 1e-6}
+_UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 _RISES = 0.99
 """Of the steps of a time: a few rows may be there twice."""
 _LONGEST_S = 0.5
 """A longer interval of a drive's samples is none in seconds."""
 
 
-def _time(values: Mapping[str, Floats]) -> tuple[str | None, float]:
+def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str | None, float]:
     steps_of = {name: np.diff(v[np.isfinite(v)]) for name, v in values.items()}
     rising = [name for name, d in steps_of.items() if d.size and np.mean(d > 0) > _RISES]
     rising.sort(key=lambda name: role_of(name) != "time")
@@ -158,7 +177,7 @@ def _time(values: Mapping[str, Floats]) -> tuple[str | None, float]:
     steps = steps_of[name]
     if role_of(name) != "time" and np.quantile(steps, 0.9) - np.quantile(steps, 0.1) > steps.mean():
         return None, 1.0  # an angle that only grows
-    unit = next((_UNITS[word] for word in words_in(name) if word in _UNITS), 1.0)
+    unit = next((_UNITS[word] for word in (units[name], *words_in(name)) if word in _UNITS), 1.0)
     interval = float(np.median(steps))
     if unit == 1.0 and interval >= _LONGEST_S:
         unit = 1e-3 if interval < 1e3 * _LONGEST_S else 1e-6
@@ -189,7 +208,12 @@ def axes_by_values(
     by_role: dict[str, list[str]] = {}
     for name in values:
         by_role.setdefault(named[name].role, []).append(name)
-    torques = by_role.get("torque") or by_role.get("current") or []
+    # An axis that sends both: the torque needs no constant.
+    known = {named[name].number for name in by_role.get("torque", [])}
+    torques = [
+        *by_role.get("torque", []),
+        *(n for n in by_role.get("current", []) if named[n].number not in known),
+    ]
     angles, unnamed = by_role.get("angle", []), by_role.get("", [])
     # An axis that sends both: the angle gives the better estimates.
     numbers = {named[name].number for name in angles}

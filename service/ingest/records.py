@@ -67,8 +67,9 @@ def is_table(path: Path) -> bool:
         return True
     if not log_suffix(path):
         kinds = " ".join((*TABLE_SUFFIXES, *LOG_SUFFIXES))
+        hint = "; let a table of text end with .csv, and export a spreadsheet as one"
         raise RecordError(
-            f"{path}: no such kind of record; there is {kinds}, and logs with {GZIP} behind that"
+            f"{path}: no such kind of record; there is {kinds}, and logs with {GZIP} behind that{hint}"
         )
     return False
 

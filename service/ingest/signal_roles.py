@@ -114,6 +114,8 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
         quantity = next((q for q in _QUANTITIES if q == named), None)
     if quantity is None or (current and named not in ("current", "torque")):
         return None
+    if unit is not None and unit.linear and named != quantity:
+        return None  # of a tool, or a distance
     agrees = named == quantity or (current and named in ("current", "torque"))
     known = unit is not None or current
     sureness: Sureness = "sure" if agrees and known else "likely" if agrees else "guess"

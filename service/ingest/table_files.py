@@ -6,11 +6,8 @@ A date with a time of day is a number, too: of seconds since 1970, in UTC where 
 from __future__ import annotations
 
 import csv
-import re
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime
-from itertools import islice
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -25,17 +22,13 @@ from monitor_core.arrays import Floats
 from monitor_core.wording import did_you_mean
 from service.can.left_out import too_many
 from service.can.user_errors import RecordError
+from service.ingest.table_head import is_number, read_head, seconds_of
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _ROWS = 8192
 _BLOCK_BYTES = 1 << 20
-_SAMPLE_LINES = 100
-"""Of a CSV file, by which it is seen how numbers and dates are written."""
-_DECIMAL_COMMA, _DECIMAL_POINT = (
-    re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*"),
-    re.compile(r"\s*[-+]?\d*\.\d+.*"),
-)
-_DATE = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
+_MOST_COLUMNS = 100
+"""Of a matrix, to be columns of a table"""
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
@@ -70,7 +63,7 @@ def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:
 
 
 class CsvTable:
-    """A CSV file.  If its first line holds numbers only, it has no names: columns are "0", "1", ...
+    """A CSV file.  Where no names stand above its numbers, columns are "0", "1", ...
 
     Cells are separated by tabs, semicolons or commas; where not by commas, numbers may have a decimal comma.
 
@@ -81,28 +74,20 @@ class CsvTable:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            with path.open(encoding="utf-8-sig", newline="") as file:
-                first = file.readline()
+            self._head = read_head(path)
         except OSError as error:
             raise RecordError(f"cannot read {path}: {error.strerror}") from None
-        except UnicodeDecodeError:
-            raise RecordError(f"{path} is no CSV file: its first line is not UTF-8 text") from None
-        if not first.strip():
-            raise RecordError(f"{path}: the first line must hold names of columns, or numbers; it is empty")
-        self._delimiter = next(d for d in "\t;," if d in first or d == ",")
-        cells = [cell.strip() for cell in self._cells([first])[0]]
-        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-            sample = self._cells(islice(file, _SAMPLE_LINES))
-        self._decimal = _decimal_mark(sample) if self._delimiter != "," else "."
-        self.has_names = not all(_DATE.fullmatch(cell) or self._is_number(cell) for cell in cells)
-        self.names: Sequence[str] = cells if self.has_names else [str(i) for i in range(len(cells))]
+        names = self._head.names
+        self.has_names = names is not None
+        self.names: Sequence[str] = tuple(map(str, range(self._head.width))) if names is None else names
         """The columns there are"""
-        self._dates = _dates(sample, self.names)
+        self.units = self._head.units
+        """Of the columns, by name, where a line below the names has them"""
+        self._decimal = self._head.decimal_mark
+        zones = self._head.date_zones(self.names)
+        self._dates = {name: pa.timestamp("ns", "UTC" if zoned else None) for name, zoned in zones.items()}
         self.left_out: list[str] = []
         """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
-
-    def _cells(self, lines: Iterable[str]) -> list[list[str]]:
-        return list(csv.reader(lines, delimiter=self._delimiter, skipinitialspace=True))
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
         """The rows of these columns, which must exist, in blocks.
@@ -155,13 +140,13 @@ class CsvTable:
     def _lines(self) -> Iterator[tuple[int, list[str], bool]]:
         """Number, cells, and whether the file ends in the line, without a line break; without empty lines and names."""
         with self._path.open("rb") as file:
-            file.seek(-1, 2)
-            cut = file.read(1) not in (b"\n", b"\r")
-        with self._path.open(encoding="utf-8-sig", errors="replace", newline="") as text:
-            reader = csv.reader(text, delimiter=self._delimiter)
+            file.seek(-min(2, self._path.stat().st_size), 2)
+            cut = file.read().rstrip(b"\0")[-1:] not in (b"\n", b"\r")
+        with self._path.open(encoding=self._head.encoding, errors="replace", newline="") as text:
+            reader = csv.reader(text, delimiter=self._head.delimiter)
             before: tuple[int, list[str]] | None = None
             for row in reader:
-                if not row or (self.has_names and reader.line_num == 1):
+                if not row or reader.line_num <= self._head.lines:
                     continue
                 if before is not None:
                     yield *before, False
@@ -173,9 +158,12 @@ class CsvTable:
         return pc.open_csv(
             file,
             pc.ReadOptions(
-                column_names=list(self.names), skip_rows=int(self.has_names), block_size=_BLOCK_BYTES
+                column_names=list(self.names),
+                skip_rows=self._head.lines,
+                block_size=_BLOCK_BYTES,
+                encoding=self._head.encoding.removesuffix("-sig"),
             ),
-            pc.ParseOptions(delimiter=self._delimiter),
+            pc.ParseOptions(delimiter=self._head.delimiter),
             pc.ConvertOptions(
                 column_types={name: self._dates.get(name, pa.float64()) for name in names},
                 include_columns=list(names),
@@ -191,49 +179,22 @@ class CsvTable:
         for name in names:
             cell = row[self.names.index(name)]
             if cell not in _EMPTY and not self._is_number(cell) and not self._is_date(name, cell):
-                comma = ": write decimal points" if _is_number(cell.replace(",", ".")) else ""
+                comma = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
                 kind = "date" if name in self._dates else "number"
                 return f'column "{name}" holds {cell!r}, which is no {kind}{comma}'
         return ""
 
     def _is_number(self, cell: str) -> bool:
-        return _is_number(cell.replace(self._decimal, "."))
+        return is_number(cell.replace(self._decimal, "."))
 
     def _is_date(self, name: str, cell: str) -> bool:
-        return name in self._dates and _seconds(cell) is not None
+        return name in self._dates and seconds_of(cell) is not None
 
     def _number(self, name: str, cell: str) -> float:
         if cell in _EMPTY:
             return float("nan")
-        seconds = _seconds(cell) if name in self._dates else None
+        seconds = seconds_of(cell) if name in self._dates else None
         return float(cell.replace(self._decimal, ".")) if seconds is None else seconds
-
-
-def _decimal_mark(rows: Sequence[Sequence[str]]) -> str:
-    """Of the numbers in these rows."""
-    cells = [cell for row in rows for cell in row]
-    commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
-    return "," if commas and not any(_DECIMAL_POINT.fullmatch(cell) for cell in cells) else "."
-
-
-def _dates(rows: Sequence[Sequence[str]], names: Sequence[str]) -> dict[str, pa.DataType]:
-    """The columns that hold dates in these rows, and as what to read them."""
-    found = dict[str, pa.DataType]()
-    for row in rows:
-        for name, cell in zip(names, row, strict=False):
-            if name not in found and _DATE.fullmatch(cell) and _seconds(cell) is not None:
-                zoned = datetime.fromisoformat(cell.strip()).tzinfo is not None
-                found[name] = pa.timestamp("ns", "UTC" if zoned else None)
-    return found
-
-
-def _seconds(cell: str) -> float | None:
-    """Seconds since 1970; None: the cell holds no date."""
-    try:
-        date = datetime.fromisoformat(cell.strip())
-    except ValueError:
-        return None
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
 def _numbers(column: pa.Array[Any]) -> Floats:
@@ -249,18 +210,10 @@ def _numbers(column: pa.Array[Any]) -> Floats:
     return scale * np.asarray(numbers.to_numpy(zero_copy_only=False), np.float64)
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
 class ParquetTable:
     """A Parquet file."""
 
-    has_names, left_out = True, list[str]()
+    has_names, left_out, units = True, list[str](), dict[str, str]()
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -298,9 +251,12 @@ class ParquetTable:
 
 
 class MatTable:
-    """A MATLAB file up to version 7; a variable of a structure is called structure.variable."""
+    """A MATLAB file up to version 7; a variable of a structure is called structure.variable.
 
-    has_names, left_out = True, list[str]()
+    The second column of a matrix is called matrix(:,2).
+    """
+
+    has_names, left_out, units = True, list[str](), dict[str, str]()
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -346,6 +302,8 @@ def _flat(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
             yield from _flat(value, f"{above}{name}.")
         elif not name.startswith("__"):
             yield above + name, value
+            if isinstance(value, np.ndarray) and value.ndim == 2 and 1 < value.shape[1] <= _MOST_COLUMNS:
+                yield from ((f"{above}{name}(:,{k})", column) for k, column in enumerate(value.T, 1))
 
 
 Table = CsvTable | ParquetTable | MatTable

@@ -18,10 +18,13 @@ class Unit(NamedTuple):
 
     words: str
     factor: float | None
+    linear: bool = False
+    """Of a path, as a linear axis has it: the factor is 2 pi over what a turn of its motor moves it"""
 
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
 _COUNTS = Unit("counts", None)
+_PATH = Unit("mm of a linear axis", None, linear=True)
 _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
     {
         "angle": {
@@ -30,6 +33,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             **dict.fromkeys(("rev", "revs", "turn", "turns"), Unit("revolutions", _TURN)),
             "mrad": Unit("milliradians", 1e-3),
             **dict.fromkeys(("counts", "count", "cnt", "inc", "incs", "increments", "ticks"), _COUNTS),
+            "mm": _PATH,
         },
         "speed": {
             **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
@@ -40,6 +44,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             ),
             **dict.fromkeys(("rps", "rev/s"), Unit("revolutions per second", _TURN)),
             **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),
+            "mm/s": _PATH._replace(words="mm/s of a linear axis"),
         },
         "torque": {
             **dict.fromkeys(("nm", "n m", "n*m", "n.m"), Unit("N m", 1.0)),
@@ -58,3 +63,17 @@ def unit_in(text: str, quantity: Quantity) -> Unit | None:
     words = [text.strip(), *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
     known = _TABLE[quantity]
     return next((known[word.lower()] for word in reversed(words) if word.lower() in known), None)
+
+
+_AMPERES = {"a": 1.0, "arms": 1.0, "amp": 1.0, "amps": 1.0, "ampere": 1.0, "ma": 1e-3}
+
+
+def current_in(text: str) -> float | None:
+    """What a unit is in amperes, where it is one of a current; None: it is none."""
+    return _AMPERES.get(text.strip().lower())
+
+
+def unit_of(name: str, below: str = "") -> str:
+    """The unit of a column: below its name, or in brackets in it; empty: none is there."""
+    bracketed = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
+    return below or (bracketed[1] if bracketed else "")

@@ -113,7 +113,10 @@ def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: 
     moved = ""
     if planned:
         which = "the planned motion" + ("s, one after the other," if len(planned) > 1 else "")
-        moved = f" What is missing takes a record of {which}: `{again}`."
+        still = set(lost) - {outcome.axis_id for outcome in planned}
+        names = ", ".join(outcome.axis_id for outcome in planned)
+        what = f"What the records do not show of {names}" if still else "What is missing"
+        moved = f" {what} takes a record of {which}: `{again}`."
     if not any(outcome.found for outcome in outcomes):
         return f"No axis could be commissioned: the report says why, and which record would help.{moved}"
     run = f"Next: `axiswatch replay RECORD --config {config}` with another record"

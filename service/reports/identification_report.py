@@ -323,6 +323,8 @@ def outlook_words(report: IdentificationReport) -> str:
     poor = " Alarms would come from what the drive lacks." if result.rejection is Rejection.POOR else ""
     within = f"within a memory of {result.memory_s:g} s; smaller ones take longer"
     words = f"Can be watched: {named}, {within}." if watched else "Nothing can be watched with this."
+    if poor and not watched:
+        return words + poor  # another motion for a parameter would not help: the drive comes first
     return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
 
 

@@ -117,6 +117,15 @@ def test_columns_are_enough(directory: Path) -> None:
     assert (axis.config.records_only, axis.config.torque.column) == (True, "torque")
 
 
+def test_one_torque_of_two_axes_is_noted(directory: Path) -> None:
+    robot, axis = TABLES.split("[[robot.axis]]")
+    again = axis.replace('name = "', 'name = "other-')
+    (directory / "axis.toml").write_text("[[robot.axis]]".join([robot, axis, again]), encoding="utf-8")
+    output = " ".join(call("check").output.split())
+    assert "column torque is the torque of each of them; give each axis its own" in output
+    assert "each of them" not in check(CONFIG / "axiswatch.toml").output
+
+
 @pytest.mark.usefixtures("directory")
 @pytest.mark.parametrize("command", ["run", "listen", "simulate", "play r.csv"])
 def test_what_needs_a_bus_says_so(command: str) -> None:

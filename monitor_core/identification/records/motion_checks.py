@@ -91,7 +91,7 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
     # Beside one of another order than the speed, friction would be viscous only: an angle of the arm is slow.
     scales = speed_scales([record])
     scale = known.speed_scale if scales[0] <= known.speed_scale <= scales[-1] else scales[1]
-    weighed, mass = rigid_fits([record], [_POSE, USUAL], scale, shortest_s)
+    weighed, mass = rigid_fits([record], [_POSE, USUAL], scale, shortest_s, moving=True)
     if mass is None:
         return None
     if weighed is not None and 1 - weighed.explained < _WEIGHT * (1 - mass.explained):

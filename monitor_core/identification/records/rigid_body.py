@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.structure import Output
 from monitor_core.identification.records.measured_record import Record, segments
 from monitor_core.identification.records.uniform_grid import mean_torque
@@ -42,6 +42,12 @@ _AS_GOOD, _WELL = 2.0, 0.1
 """A window explains about as much as the best one if it leaves at most so many times more unexplained, or this part."""
 _AS_SURE = 2.0
 """A window determines the inertia about as well as the best one if its deviation is at most so many times as large."""
+_STANDS = 0.05
+"""Of the root mean square of the speed: an axis that is slower stands."""
+_OFTEN = 0.2
+"""Of the time: an axis that stands less is not looked at without its standstill."""
+_MOSTLY = 0.9
+"""Of a window: in the rest of it the axis may stand."""
 _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 
@@ -83,6 +89,7 @@ def rigid_fits(
     models: Sequence[Sequence[Term]],
     speed_scale: float = 1.0,
     shortest_s: float = 0.0,
+    moving: bool = False,
 ) -> list[Rigid | None]:
     """Fits of models with these terms, all with the window that is best for the first; None: that explains nothing.
 
@@ -95,11 +102,16 @@ def rigid_fits(
         models: terms of each, beside the inertia.
         speed_scale: of Coulomb friction, rad/s.
         shortest_s: length of a window at least; motions faster than a third of it are suppressed.
+        moving: without standstill, where there is motion enough: friction may be anything then, and looks like the
+            weight of the places at which the axis stops.
     """
     parts = windowed_parts(records)
+    least = _least_speed(parts) if moving else None
     shortest = max(_SHORTEST, shortest_s / records[0].interval_s)
     ladder = _ladder(shortest, sum(len(part.u) for part in parts))
-    fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0]))]
+    fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0], least))]
+    if not fits and least is not None:  # the axis moves too briefly
+        return rigid_fits(records, models, speed_scale, shortest_s)
     if not fits:
         return [None] * len(models)
     most = max(fit.explained for fit, _ in fits)
@@ -107,7 +119,7 @@ def rigid_fits(
     good = [pair for pair in fits if pair[0].explained >= enough]
     sure = max(fit.sureness for fit, _ in good) / _AS_SURE
     best, window = max((pair for pair in good if pair[0].sureness >= sure), key=lambda pair: pair[1])
-    return [best, *(_fit(parts, window, speed_scale, terms) for terms in models[1:])]
+    return [best, *(_fit(parts, window, speed_scale, terms, least) for terms in models[1:])]
 
 
 class Balance(NamedTuple):
@@ -124,18 +136,23 @@ def unexplained(
 ) -> tuple[float, float] | None:
     """Sum of squares of the windowed torque that a balance does not explain, and that of the torque about its mean.
 
-    The window is the one in which these terms, fitted, explain most.  None: the records are too short.
+    The window is the one in which these terms, fitted, explain most; without standstill, where there is motion enough.
+    None: the records are too short.
     """
     parts, terms = windowed_parts(records), tuple(balance.torques)
     ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
-    fits = [(fit.explained, window) for window in ladder if (fit := _fit(parts, window, speed_scale, terms))]
-    if not fits:
+    for least in dict.fromkeys((_least_speed(parts), None)):
+        fits = [
+            (fit.explained, window)
+            for window in ladder
+            if (fit := _fit(parts, window, speed_scale, terms, least))
+        ]
+        if fits:
+            break
+    else:
         return None
     _, window = max(fits)
-    equations = [
-        windowed_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window
-    ]
-    rows, torque = (np.concatenate(of_parts) for of_parts in zip(*equations, strict=True))
+    rows, torque = _equations(parts, window, speed_scale, terms, least)
     left = torque - rows @ np.array([balance.inertia, *balance.torques.values()])
     return float(left @ left), float(((torque - torque.mean()) ** 2).sum())
 
@@ -171,13 +188,51 @@ def _ladder(shortest: float, count: int) -> list[int]:
     return lengths
 
 
-def _fit(parts: Sequence[Part], window: int, speed_scale: float, terms: Sequence[Term]) -> Rigid | None:
-    equations = [
-        windowed_equations(part, window, speed_scale, terms) for part in parts if len(part.u) > window
-    ]
-    if not equations:
+def _equations(
+    parts: Sequence[Part], window: int, speed_scale: float, terms: Sequence[Term], least: float | None
+) -> tuple[Floats, Floats]:
+    """Of all parts that are long enough: see ``windowed_equations``; ``least``: only where the speed is above."""
+    rows, torque = [np.zeros((0, 1 + len(terms)))], [np.zeros(0)]
+    for part in parts:
+        if len(part.u) > window:
+            columns, right = windowed_equations(part, window, speed_scale, terms)
+            kept = slice(None) if least is None else _moves(part, window, least)
+            rows.append(columns[kept])
+            torque.append(right[kept])
+    return np.concatenate(rows), np.concatenate(torque)
+
+
+def _least_speed(parts: Sequence[Part]) -> float | None:
+    """Speed below which the axis of these parts stands, at the sensor; None: it seldom does."""
+    if not parts:
         return None
-    rows, torque = (np.concatenate(of_parts) for of_parts in zip(*equations, strict=True))
+    speed = abs(np.concatenate([_speed(part, _AROUND) for part in parts]))
+    least = _STANDS * float(np.sqrt(np.mean(speed**2)))
+    return least if np.mean(speed < least) > _OFTEN else None
+
+
+def _speed(part: Part, half: int) -> Floats:
+    """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
+    return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
+
+
+def _moves(part: Part, window: int, least: float) -> Bools:
+    """In which windows (M,) the axis nearly always moves."""
+    g = window_of(window, part.h)[0]
+    moving = (np.abs(_speed(part, max(window // 8, 1))) > least).astype(float)
+    return np.asarray(integrals(part, g, moving) > _MOSTLY * part.h * float(g.sum()), np.bool_)
+
+
+def _fit(
+    parts: Sequence[Part],
+    window: int,
+    speed_scale: float,
+    terms: Sequence[Term],
+    least: float | None = None,
+) -> Rigid | None:
+    rows, torque = _equations(parts, window, speed_scale, terms, least)
+    if len(torque) < _FEWEST_WINDOWS:
+        return None
     scale = np.sqrt((rows**2).sum(axis=0))
     spread = float(((torque - torque.mean()) ** 2).sum())
     if not (scale > 0).all() or spread <= 0 or len(torque) <= rows.shape[1] + 2:

@@ -190,7 +190,8 @@ def _jitter(record: Record) -> Iterator[Finding]:
             "warn",
             f"the intervals of {1e3 * record.interval_s:.3g} ms scatter by {1e3 * scatter:.2g} ms, and a long one is "
             f"followed by a short one (correlation {correlation:.2f}), as with late time stamps of a regular clock; if "
-            "it is that, it costs accuracy: prefer a sample counter",
+            "it is that, it costs accuracy: prefer a sample counter; in a table that lacks no row, leave out the time, "
+            "and rows are taken as evenly spaced",
             scatter,
         )
 

@@ -28,7 +28,7 @@ from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
 from monitor_core.identification.records import lively_parts, speed_scales
-from monitor_core.identification.verdict import Basis, Effect, Quality, missing_effects
+from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
 from tests.real.drives import one_mass
@@ -120,6 +120,16 @@ def test_a_weight_that_the_drive_lacks_is_named(seed: int) -> None:
     print(result.verdict)
     assert result.verdict.quality is Quality.POOR
     assert result.verdict.missing[0] is Effect.POSE
+
+
+def test_a_weight_that_is_the_same_everywhere_is_judged_by_its_torque(seed: int) -> None:
+    """As of a vertical linear axis: a simulation runs away where a payload comes and goes."""
+    rec = record(seed)
+    load = 3.0 * (np.sin(2 * np.pi * rec.t / 7) > 0)
+    result = found([replace(rec, u=rec.u + 20.0 + load)])
+    print(result.verdict)
+    assert result.verdict.measure is Measure.TORQUE
+    assert Effect.POSE not in result.verdict.missing
 
 
 @pytest.mark.parametrize(

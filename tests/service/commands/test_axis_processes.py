@@ -1,6 +1,7 @@
 """The processes in which axes are commissioned."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -48,3 +49,40 @@ def test_they_end_with_the_command_that_is_killed(tmp_path: Path) -> None:
     while is_running(worker):
         assert time.monotonic() < end, "the process goes on after its parent was killed"
         time.sleep(0.02)
+
+
+INTERRUPTED = """
+import sys, time
+from types import SimpleNamespace
+from service.commands import axis_processes
+
+def endless(order, review, step):
+    step("identify", "", 0.0)
+    time.sleep(600)
+
+axis_processes.commission_axis = endless
+
+if __name__ == "__main__":
+    orders = [SimpleNamespace(axis_id=name) for name in ("one", "two")]
+    shown = lambda step: print(step.axis_id, flush=True)
+    try:
+        list(axis_processes.outcomes(orders, {"one": None, "two": None}, shown))
+    except KeyboardInterrupt:
+        sys.exit(7)
+"""
+
+
+def test_an_interrupt_of_the_command_alone_ends_them(tmp_path: Path) -> None:
+    """As `kill -INT` or a supervisor sends it; a terminal sends it to all of them."""
+    script = tmp_path / "program.py"
+    script.write_text(INTERRUPTED, encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": os.getcwd()}
+    command = subprocess.Popen([sys.executable, script], env=environment, stdout=subprocess.PIPE)
+    try:
+        assert command.stdout is not None
+        assert command.stdout.readline().strip() in (b"one", b"two")
+        command.send_signal(signal.SIGINT)
+        assert command.wait(60) == 7
+    finally:
+        command.kill()
+        command.communicate()

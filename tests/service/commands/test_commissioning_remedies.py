@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification import Effect, Obstacle, Watched
+from monitor_core.identification import Effect, Obstacle, Rejection, Watched
+from service.commands.axis_commissioning import not_identified
 from service.commands.commissioning_remedies import memory_change, retry
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
 from service.config.commissioned import Correction
-from service.reports.commissioning_report import Outcome, as_html, overview
+from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
+from service.reports.identification_report import outlook_words
 
 TEXT = """
 [[robot]]
@@ -152,6 +154,20 @@ def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     assert other is None or not other.schedule
 
 
+def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
+    """No other motion for one of its parameters is asked for: that would not help."""
+    found = report(Watched("kT", 2.0, Obstacle.NOT_SHOWN), rejection="poor", missing=(Effect.FOREIGN,))
+    found.is_poor, found.result.rejection = True, Rejection.POOR
+    words = not_identified(found, "")
+    assert words.startswith("not identified: poor. The records show what the drive lacks: what is missing")
+    assert "record this axis alone" in words
+    assert outlook_words(found) == (
+        "Nothing can be watched with this. Alarms would come from what the drive lacks."
+    )
+    found.is_poor = False
+    assert not_identified(found, "") == "not identified: poor"
+
+
 def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
     _, axis = configured(TEXT, NAME, tmp_path)
     (change,) = memory_change(report(KT), axis.config)
@@ -184,3 +200,11 @@ def test_what_all_axes_share_stands_once_and_commands_can_be_told_from_words() -
     ]
     assert page.index("One &lt;day&gt;.") < page.index("<h2>cell.a1</h2>") < page.index("Axis 1.")
     assert "Next: <code>axiswatch run --config &lt;file&gt;</code>." in page
+
+
+def test_a_planned_motion_is_for_the_axes_that_have_one() -> None:
+    moved = Outcome("a1", nominal_file="n", thresholds_file="t", watched=("kT",), motion="m.csv")
+    others = [(), (Outcome("a2", refusal="not identified"),)]
+    first, second = (next_step([moved, *more], Path("a.toml"), False, "again") for more in others)
+    assert "What is missing takes a record of the planned motion: `again`." in first
+    assert "What the records do not show of a1 takes a record of the planned motion: `again`." in second

@@ -116,6 +116,26 @@ def test_units_in_names(record: Path) -> None:
     assert (second.torque.factor, second.motion.factor) == (1, 1)
 
 
+def test_units_below_the_names(record: Path) -> None:
+    """Of an axis its current, of the other its torque; a linear axis; times in milliseconds; remarks above."""
+    lines = record.read_text(encoding="utf-8").splitlines()
+    head = ["# export", "Zeit,A1,Achse1,A2.Torque,A2.ActPos", "[ms],[mA],[deg],[%],[mm]"]
+    rows = [line.split(",") for line in lines[1:]]
+    late = [",".join([f"{1e3 * float(t):.1f}", *cells]) for t, *cells in rows]
+    record.write_text("\n".join([*head, *late]) + "\n", encoding="utf-8")
+    text = shown("init", record)
+    assert "axis1: torque A1, angle Achse1: sure" in text
+    assert "axis2: torque A2.Torque, angle A2.ActPos: sure" in text
+    first, second = (axis.config for axis in load(Path("axis.toml")).axes)
+    assert (first.time.factor, first.torque.factor) == (0.001, 0.001)
+    assert first.motion.factor == pytest.approx(0.0174532925)
+    assert (second.torque.factor, second.motion.factor) == (1, 1)
+    written = Path("axis.toml").read_text(encoding="utf-8")
+    assert "a current: add kT_Nm_per_A" in written
+    assert "in percent of the rated torque: add factor, N m of one" in written
+    assert "in mm of a linear axis: add factor, 2 pi / mm that a turn of the motor moves it" in written
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -123,9 +143,11 @@ def test_units_in_names(record: Path) -> None:
         (["frames.log"], "is a CAN log"),
         (["missing.csv"], "cannot read missing.csv"),
         (["still.csv"], "no torque and motion of an axis in still.csv; its columns are t, u, y"),
+        (["names.csv"], "names.csv holds no rows of numbers; its columns are t, u, y"),
     ],
 )
 def test_mistakes(record: Path, words: list[str], message: str) -> None:
     Path("still.csv").write_text("t,u,y\n" + "".join(f"{k},0,1\n" for k in range(9)), encoding="utf-8")
+    Path("names.csv").write_text("t,u,y\ns,Nm,rad\n", encoding="utf-8")
     assert record.exists()
     assert message in refused("init", *words)

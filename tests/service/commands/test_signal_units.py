@@ -290,3 +290,31 @@ def test_a_real_axis_with_mistakes(tmp_path: Path, records_dir: Path) -> None:
         ("torque", "factor"): -1.0,
         ("speed", "factor"): pytest.approx(DEGREES),
     }
+
+
+def test_a_position_in_mm_is_no_angle_in_degrees(tmp_path: Path, seed: int) -> None:
+    """Its numbers are as large as those of an angle in degrees; only its name tells."""
+    for names, corrected in (("t,u,y", True), ("t,u,y_mm", False)):
+        looked = looked_at(tmp_path, seed, "one-mass", "angle", False, y=lambda y: y / DEGREES, names=names)
+        assert [c.key for c in looked.corrections] == [("angle", "factor")] * corrected
+
+
+def test_a_unit_below_the_name_is_taken_as_one_in_it(tmp_path: Path, seed: int) -> None:
+    m = moves("one-mass", seed)
+    path = tmp_path / "record.csv"
+    columns = np.column_stack([m.t, m.torque, m.angle / DEGREES])
+    np.savetxt(path, columns, "%.12g", ",", header="# export\nt,u,y\ns,Nm,deg", comments="")
+    (found,) = review(
+        ROBOT + axis_text("one-mass", "angle", False), "cell.a1", [str(path)], tmp_path
+    ).corrections
+    assert is_change(found, ("angle", "factor"), DEGREES)
+    assert "in degrees: deg" in found.reason
+
+
+def test_an_angle_that_only_begins_elsewhere_stands(tmp_path: Path, seed: int) -> None:
+    """Its first sample alone is another one."""
+    looked = looked_at(
+        tmp_path, seed, "one-mass", "angle", y=lambda y: np.where(np.arange(y.size) < 1, 0.5, 0.2)
+    )
+    assert "is 0.2 nearly throughout" in looked.faults[0]
+    assert "the axis did not move, or the signal is stuck" in looked.faults[0]
