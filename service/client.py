@@ -340,10 +340,6 @@ def _quoted(axis: str) -> str:
 
 
 def _reason(problem: Any) -> str:
-    """Why a request was refused: problem details, or the errors of a body that is not as described."""
+    """Why a request was refused, from its problem details."""
     detail = problem.get("detail") if isinstance(problem, dict) else None
-    if isinstance(detail, list):
-        return "; ".join(
-            f"{'.'.join(map(str, error['loc'][1:]))}: {error['msg']}".removeprefix(": ") for error in detail
-        )
     return str(detail or problem)

@@ -130,7 +130,7 @@ REFUSED = [
     (("show", "77"), "axiswatch: no alarm 77; the journal holds 1"),
     (("shelve", "1", "--for", "8d"), "axiswatch: an alarm can be shelved for at most 7 days"),
     (("shelve", "1", "--until", "2026-03-01T11:00:00Z"), "only until a time in the future"),
-    (("shelve", "1", "--until", "tomorrow"), "axiswatch: until: Input should be a valid datetime"),
+    (("shelve", "1", "--until", "tomorrow"), "axiswatch: until: must be ISO 8601 with time zone"),
     (("shelve", "1", "--for", "soon"), "write a time, such as 10min"),
     (("shelve", "1"), "give one of --for and --until"),
     (("comment", "1"), "give --comment, --work-order or both"),

@@ -192,7 +192,7 @@ def test_what_is_refused_is_said_in_the_form_and_an_ended_alarm_gets_a_comment(
     page.get_by_role("button", name="Comment").click()
     form = page.get_by_role("dialog", name="Comment: demo.axis1 fm ▲ up")
     form.get_by_role("button", name="Comment").click()
-    expect(form.get_by_role("alert")).to_contain_text("status 422")
+    expect(form.get_by_role("alert")).to_contain_text("give comment, work_order or both")
     form.get_by_label("Work order").fill("WO-18")
     form.get_by_role("button", name="Comment").click()
     expect(page.get_by_role("table", name="What has happened to it")).to_contain_text("work order WO-18")
