@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     import httpx
 
 TIMEOUT_S = 10.0
+MOST_KNOWN = 12
+"""Names of what exists, beside what does not"""
 
 
 class ClientError(Exception):
@@ -41,6 +43,14 @@ class TransitionJson(TypedDict):
     work_order: str | None
 
 
+class CauseJson(TypedDict):
+    """What an alarm may come from (the API's Cause)."""
+
+    parameter: str
+    probability: float
+    alike: list[str]
+
+
 class AlarmJson(TypedDict):
     """An alarm (the API's Alarm, which has more)."""
 
@@ -57,6 +67,14 @@ class AlarmJson(TypedDict):
     first_out: bool
     follows: int | None
     words: str
+    unit: str
+    nominal: float | None
+    size: float | None
+    size_sd: float | None
+    causes: list[CauseJson]
+    onset: str
+    onset_low: str | None
+    onset_high: str | None
     raised: str
     ended: str | None
 
@@ -214,6 +232,10 @@ class Client:
         found: AlarmRecordJson = self._ask("GET", f"alarms/{alarm_id}")
         return found
 
+    def axis(self, axis: str) -> None:
+        """Refused where there is no such axis."""
+        self._ask("GET", f"axes/{_quoted(axis)}")
+
     def statistics(self, since: str | None = None, until: str | None = None) -> StatisticsJson:
         """How much the alarms of a time ask of an operator; the default is that of the API, seven days."""
         given = {"since": since, "until": until}
@@ -341,5 +363,7 @@ def _quoted(axis: str) -> str:
 
 def _reason(problem: Any) -> str:
     """Why a request was refused, from its problem details."""
-    detail = problem.get("detail") if isinstance(problem, dict) else None
-    return str(detail or problem)
+    if not isinstance(problem, dict):
+        return str(problem)
+    detail, known = str(problem.get("detail") or problem), problem.get("known")
+    return f"{detail}; there is {', '.join(known)}" if known and len(known) <= MOST_KNOWN else detail

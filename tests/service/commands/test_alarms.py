@@ -56,7 +56,10 @@ def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
     shown("alarms", "comment", number, "--comment", "gearbox changed", "--work-order", "WO-18")
     lines = shown("alarms", "show", number).splitlines()
     assert "ended 2026-03-01 12:00:00 UTC, work order WO-18" in lines[0]
-    assert lines[2:6] == [
+    assert lines[2:9] == [
+        "  onset: 2026-03-01 11:59:51 UTC (90 %: from 2026-03-01 11:59:50 UTC to 2026-03-01 11:59:51 UTC)",
+        "  size: +0.018 +- 0.003 (95 %) N m s/rad; nominal value 0.06",
+        "  cause: fm, probability 99 %",
         "  2026-03-01 11:59:53 UTC  raise by axiswatch: unacknowledged",
         "  2026-03-01 12:00:00 UTC  acknowledge by local: acknowledged (I look)",
         "  2026-03-01 12:00:00 UTC  shelve by local: shelved until 2026-03-01 14:00:00 UTC (WO-17)",
@@ -120,7 +123,8 @@ def test_status_says_why_it_is_not_ready(stage: Stage, url: str) -> None:
     lines = shown("status", code=4).splitlines()
     assert lines[0].endswith(f"at {url}: not ready")
     assert lines[1:3] == ["  bus can1: down: Network is down", "  demo.axis2: no sample yet"]
-    assert lines[-1] == "active alarms: 1, unacknowledged: 1"
+    assert lines[-3] == "active alarms: 1, unacknowledged: 1"
+    assert lines[-2].startswith("1  demo.axis1 fm up: unacknowledged")
     stage.healthy()
     assert shown("status").splitlines()[0].endswith(f"at {url}: ready")
 
@@ -136,7 +140,14 @@ REFUSED = [
     (("comment", "1"), "give --comment, --work-order or both"),
     (("list", "--state", "loud"), "'loud' is not one of"),
     (("return-to-service", "demo.axis1"), "axiswatch: no person has taken demo.axis1 out of service; "),
-    (("out-of-service", "demo.axis9"), "axiswatch: there is no axis 'demo.axis9'"),
+    (
+        ("out-of-service", "demo.axis9"),
+        "axiswatch: there is no axis 'demo.axis9'; there is demo.axis1, demo.axis2",
+    ),
+    (
+        ("list", "--axis", "demo.axis9"),
+        "axiswatch: there is no axis 'demo.axis9'; there is demo.axis1, demo.axis2",
+    ),
     (("statistics", "--since", "noon"), "axiswatch: since: "),
     (("ack", "0"), "axiswatch: id: Input should be greater than or equal to 1"),
     (("ack", "1", "1"), "axiswatch: not possible: acknowledge; the alarm is acknowledged: "),
