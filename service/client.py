@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import ssl
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
 from urllib.parse import quote
@@ -203,6 +205,11 @@ class Client:
     def __init__(self, url: str, token: str = "") -> None:
         import httpx  # here, so that the help of a command need not wait for it
 
+        token = token.strip()  # a file of it ends with a new line
+        if not re.fullmatch(r"[!-~]*", token):
+            raise ClientError(
+                "the token is none: it has other characters than `axiswatch token new` gives", 400
+            )
         headers = {"authorization": f"Bearer {token}"} if token else {}
         try:
             self._http: httpx.Client = httpx.Client(base_url=url, headers=headers, timeout=TIMEOUT_S)
@@ -343,6 +350,11 @@ class Client:
         try:
             answer = self._http.request(method, f"/api/v1/{path}", params=query, json=body)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
+            if _is_untrusted(error):
+                authority = "SSL_CERT_FILE names the file of the plant's own authority"
+                raise ClientError(
+                    f"{self._url}: its certificate is not trusted here ({error}); {authority}"
+                ) from error
             raise ClientError(f"{self._url} does not answer ({error}); does the daemon run there?") from error
         if answer.is_error:
             raise ClientError(_reason(self._json(answer)), answer.status_code)
@@ -354,6 +366,13 @@ class Client:
         except ValueError as error:
             message = f"{self._url} is no axiswatch: it answers {answer.status_code} without JSON"
             raise ClientError(message) from error
+
+
+def _is_untrusted(error: BaseException | None) -> bool:
+    """Whether the certificate of the daemon is behind it."""
+    while error is not None and not isinstance(error, ssl.SSLCertVerificationError):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _quoted(axis: str) -> str:

@@ -33,7 +33,7 @@ from tests.end_to_end.test_readme import shown, write_log
 from tests.service.command_line import axiswatch
 from tests.service.found_files import nominal_text
 
-INTERVAL_S, RATE_HZ = 1.0, 200
+INTERVAL_S = 1.0
 FAST_CHECKPOINTS = f"checkpoint_interval_s = {INTERVAL_S}\nhistory_interval_s = 0.5"
 
 
@@ -253,7 +253,7 @@ def wait_until_silent(d: Daemon) -> list[dict[str, Any]]:
     return wait_for(settled)
 
 
-def test_kill_9_at_any_moment_loses_no_shown_alarm_and_at_most_an_interval_of_estimation(
+def test_kill_9_at_any_moment_loses_no_shown_alarm_and_nothing_of_a_checkpoint(
     tmp_path: Path, seed: int
 ) -> None:
     assert killed(tmp_path, seed, kills=2, fault_after_s=5, while_starting=False)
@@ -262,13 +262,13 @@ def test_kill_9_at_any_moment_loses_no_shown_alarm_and_at_most_an_interval_of_es
 def killed(
     folder: Path, seed: int, *, kills: int, fault_after_s: int, while_starting: bool
 ) -> dict[int, dict[str, Any]]:
-    """The alarms shown last.  All shown before are still there each time, and of the estimation an interval is lost.
+    """The alarms shown last.  All shown before are still there each time, and of the estimation what a checkpoint has.
 
     Each daemon waits for an alarm and a checkpoint; or it is killed at any moment, and another one while it starts.
     Meanwhile an operator acknowledges alarms and comments on them, and an engineer begins epochs of both axes.
     """
     config, chance = demo_config(folder, service=FAST_CHECKPOINTS), random.Random(seed)
-    shown, first, operator = dict[int, dict[str, Any]](), dict[str, Any](), Operator()
+    shown, kept, operator = dict[int, dict[str, Any]](), list[tuple[int, int]](), Operator()
     engineer = Engineer(config, chance)
     with robot(config, "--fault", "fm=1.6", "--fault-after", str(fault_after_s)):
         for _ in range(kills):
@@ -276,25 +276,38 @@ def killed(
                 with running("run", "--config", config, "--port", "0", log=folder / "start.log"):
                     time.sleep(chance.uniform(0, 1.5))
             with daemon(config) as d:
-                now, last, first = alarms(d), first, d.axis()
+                now, first = alarms(d), d.axis()
                 assert {k: still(shown[k]) for k in shown} == {k: still(now[k]) for k in shown}
                 assert list(overlaps(now.values())) == []
                 operator.check(d)
                 engineer.check(d)
-                if last and last["epoch"]["number"] == first["epoch"]["number"]:
-                    assert first["samples"] >= last["samples"] - 3 * INTERVAL_S * RATE_HZ
+                assert all(first["samples"] >= n for epoch, n in kept if epoch == first["epoch"]["number"])
                 if any(alarm["active"] and alarm["axis"] == first["id"] for alarm in now.values()):
                     assert "alarm" in {p["status"] for p in first["parameters"]}
                 if not while_starting:
                     wait_for(lambda d=d: alarms(d) and d.get("api/v1/service")["checkpoint"])  # type: ignore[misc]
                 with operator.working(d), engineer.working(d):
-                    time.sleep(chance.uniform(0, 2.5))
-                    first, shown = d.axis(), alarms(d)
+                    kept, shown = checkpointed(d, chance.uniform(0, 2.5)), alarms(d)
                     d.process.kill()
                 assert d.process.wait() == -signal.SIGKILL
     assert operator.answered
     assert engineer.answered
     return shown
+
+
+def checkpointed(d: Daemon, seconds: float) -> list[tuple[int, int]]:
+    """Epochs and numbers of samples of the first axis, shown within that time, that the last checkpoint then covers.
+
+    How much that is depends on the machine: after a start the first checkpoint waits for the kernels of all detectors.
+    """
+    shown, end = list[tuple[str, int, int]](), time.monotonic() + seconds
+    while not shown or time.monotonic() < end:
+        body = d.get("api/v1/axes")
+        axis = body["axes"][0]
+        shown.append((body["taken"], axis["epoch"]["number"], axis["samples"]))
+        time.sleep(0.1)
+    saved = d.get("api/v1/service")["checkpoint"]
+    return [(epoch, samples) for taken, epoch, samples in shown if saved is not None and taken < saved]
 
 
 class Person(ABC):

@@ -1,8 +1,10 @@
 """`axiswatch alarms` and `axiswatch status` against a daemon that stands still, over a real socket."""
 
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.journal import Entry, Journal
 from tests.service.command_line import as_json, axiswatch, refused, shown
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
+
+TLS = Path(__file__).parents[2] / "tls"
 
 
 @pytest.fixture
@@ -58,7 +62,7 @@ def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
     assert "ended 2026-03-01 12:00:00 UTC, work order WO-18" in lines[0]
     assert lines[2:9] == [
         "  onset: 2026-03-01 11:59:51 UTC (90 %: from 2026-03-01 11:59:50 UTC to 2026-03-01 11:59:51 UTC)",
-        "  size: +0.018 +- 0.003 (95 %) N m s/rad; nominal value 0.06",
+        "  size: +0.01832 +- 0.0041 (95 %) N m s/rad; nominal value 0.06",
         "  cause: fm, probability 99 %",
         "  2026-03-01 11:59:53 UTC  raise by axiswatch: unacknowledged",
         "  2026-03-01 12:00:00 UTC  acknowledge by local: acknowledged (I look)",
@@ -171,6 +175,31 @@ def test_a_daemon_that_does_not_answer_is_a_message_and_exit_code_4() -> None:
             message = refused(*command, "--url", address, code=4)
             assert message.startswith(f"axiswatch: {address} does not answer (")
     assert "an address is http://HOST:PORT" in refused("status", "--url", "http://[::1", code=2)
+
+
+def test_a_certificate_that_is_not_trusted_is_no_silence() -> None:
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    context.load_cert_chain(TLS / "localhost.crt", TLS / "localhost.key")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def run() -> None:
+            with suppress(OSError), context.wrap_socket(listener.accept()[0], server_side=True):
+                pass
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        message = refused("status", "--url", f"https://127.0.0.1:{listener.getsockname()[1]}", code=4)
+        thread.join(20)
+    assert "its certificate is not trusted here" in message
+    assert "SSL_CERT_FILE" in message
+
+
+def test_a_token_that_no_header_can_hold_is_not_shown(url: str) -> None:
+    for token in ("axw_secret\n axw", "axw_secret\u00e9"):
+        message = refused("status", "--url", url, "--token", token, code=2)
+        assert "the token is none" in message
+        assert "secret" not in message
+    assert "ready" in shown("status", "--token", " axw_of_a_file\n", code=4)
 
 
 @pytest.fixture
