@@ -113,7 +113,7 @@ def run_daemon(
             stack.callback(reader.close)
 
         reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
-        links = _links(config, journal, lambda: worker.snapshot, stack)
+        links = _links(config, journal, lambda: worker.snapshot, stack, extracts)
         systemd = ServiceManager(
             os.environ, lambda: _turns(worker, readers), lambda: status_line(worker.snapshot)
         )
@@ -296,14 +296,21 @@ def _history(config: Config) -> HistoryRecording:
 
 
 def _links(
-    config: Config, journal: Journal, snapshot: Callable[[], Snapshot], stack: ExitStack
+    config: Config,
+    journal: Journal,
+    snapshot: Callable[[], Snapshot],
+    stack: ExitStack,
+    extracts: Extracts | None,
 ) -> "Links | None":
     """The plant links, whose libraries take memory only where there are any."""
     if not config.links.any:
         return None
     from service.links.running import Links
 
-    links = Links(config.links, config.service.state_dir, journal, snapshot)
+    def recording_of(t_us: int) -> str | None:
+        return None if extracts is None else extracts.folder.holding(t_us)
+
+    links = Links(config.links, config.service.state_dir, journal, snapshot, recording_of)
     stack.callback(links.stop)
     return links
 

@@ -1,5 +1,6 @@
 """The command line.  Each command is a module of this folder, imported only when it is used."""
 
+import atexit
 import os
 import sys
 from importlib import import_module
@@ -98,7 +99,16 @@ def main() -> None:
     if sys.argv[1:2] in (["demo"], ["run"]) and {"-h", "--help"}.isdisjoint(sys.argv):
         # A cold start: the compiler need not wait for the libraries of this process.
         EARLY.begin(Shape.FEW_AXES)
-    app()
+    try:
+        app()
+    except SystemExit as end:
+        if sys.argv[1:2] == ["run"] and isinstance(end.code, int):
+            # All is saved and closed: to take the interpreter apart costs seconds of a stop on a busy machine.
+            atexit._run_exitfuncs()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(end.code)
+        raise
 
 
 if __name__ == "__main__":
