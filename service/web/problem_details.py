@@ -73,6 +73,8 @@ def add_to_schema(app: FastAPI) -> None:
         operations = (operation for path in schema["paths"].values() for operation in path.values())
         for unused in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(unused, None)
+        for hook in schema.get("webhooks", {}).values():
+            hook["post"]["responses"].pop("422", None)  # what a receiver answers is its own affair
         for operation in operations:
             if "application/json" in operation["responses"].get("422", {}).get("content", {}):
                 operation["responses"]["422"] = _MISTAKEN

@@ -1,5 +1,6 @@
 """What persons do about alarms over REST, what is refused and why, and alarms that the disk refuses."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -135,7 +136,7 @@ def test_bodies_that_are_not_as_described_are_refused(client: TestClient, number
     answer = client.post(address, content=b"~\x11D\xff\x1c", headers={"content-type": "application/json"})
     assert (answer.status_code, answer.headers["content-type"]) == (400, "application/problem+json")
     schema = client.get("/openapi.json").json()
-    assert "HTTPValidationError" not in schema["components"]["schemas"]
+    assert "HTTPValidationError" not in json.dumps(schema)
     paths = schema["paths"]
     taking = [
         operation for path in paths.values() for operation in path.values() if "requestBody" in operation

@@ -2,10 +2,11 @@
 import { memo } from "preact/compat";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Alarm } from "./ask";
+import { AlarmWords } from "./alarm_words";
 import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
-import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time, Words } from "./marks";
+import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
 import { isHidden, itemsOf, matches, NEEDS, ordered, type Item, type Need } from "./need";
 import { t } from "./texts";
 import { GAP, layoutOf } from "./tile_layout";
@@ -72,7 +73,7 @@ function AlarmLines({ alarms }: { alarms: Alarm[] }) {
         <li key={`${alarm.axis} ${alarm.raised} ${alarm.parameter}`}>
           <AlarmMark alarm={alarm} />
           <a class="axis-name" href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a>
-          <a class="sentence" href={alarmLink(alarm.id)}><Words>{alarm.words}</Words></a>
+          <a class="sentence" href={alarmLink(alarm.id)}><AlarmWords alarm={alarm} /></a>
           <span class="quiet nowrap">{t.since} <Time at={alarm.onset} /></span>
         </li>
       ))}
@@ -138,7 +139,7 @@ const ageText = (age: number | null): string => (age === null ? t.noSample : t.l
 /** A wide tile says since when there is an alarm, or what is being learnt, or how old the last sample is. */
 function Age({ item: { axis, alarms }, age }: { item: Item; age: string }) {
   if (alarms[0]) return <span class="age">{t.since} <Time at={alarms[0].onset} /></span>;
-  return <span class="age"><Words>{epochWords(axis) || age}</Words></span>;
+  return <span class="age"><bdi>{epochWords(axis) || age}</bdi></span>;
 }
 
 interface TileProps {
