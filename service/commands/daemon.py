@@ -13,11 +13,11 @@ import structlog
 from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError
+from service.commands.protection import access_of, certificate_of
 from service.commands.service_manager import ServiceManager, status_line
 from service.commands.signal_handling import stopped_by_signals
 from service.commands.signal_look import SignalLook
 from service.config import Config
-from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
@@ -32,14 +32,12 @@ from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
-from service.store.tokens import TOKENS_FILE, TokenFile
 from service.texts import now_us
-from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
-from service.web.server import Certificate, is_remote, serve
+from service.web.server import serve
 
 if TYPE_CHECKING:
     from service.links.running import Links
@@ -84,8 +82,10 @@ def run_daemon(
         DaemonFailedError: an internal fault.
     """
     stop = stop or threading.Event()
-    certificate = _certificate(config.web)
-    access = _access(config, insecure)
+    certificate = certificate_of(config.web)
+    access = access_of(config, insecure)
+    if access.danger is not None:
+        log.warning("access", message=access.danger)
     with ExitStack() as stack:
         journal = Journal(config.service.state_dir / ALARMS_FILE)
         stack.callback(journal.close)
@@ -164,29 +164,6 @@ def run_daemon(
 def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
     """How often the loops have turned that must turn as long as the daemon monitors."""
     return {"worker": worker.turns} | {f"reader {name}": reader.turns for name, reader in readers.items()}
-
-
-def _certificate(web: WebConfig) -> Certificate | None:
-    if web.certificate is None or web.key is None:
-        return None
-    certificate = Certificate(web.certificate, web.key)
-    certificate.check()
-    return certificate
-
-
-def _access(config: Config, insecure: bool) -> Access:
-    web = config.web
-    access = Access(
-        TokenFile(config.service.state_dir / TOKENS_FILE),
-        [web.host, *web.hosts],
-        remote=is_remote(web.host),
-        tls=web.certificate is not None,
-        insecure=insecure,
-        open_metrics=web.open_metrics,
-    )
-    if access.danger is not None:
-        log.warning("access", message=access.danger)
-    return access
 
 
 def needs_cyclic_clock(config: Config) -> bool:
