@@ -5,7 +5,7 @@ import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord } from "./ask";
 import { moment, percent, zone } from "./format";
 import { useLive } from "./live";
-import { AlarmWords, meaningOf } from "./alarm_words";
+import { AlarmWords, Meaning, meaningOf } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time, Words } from "./marks";
 import { t } from "./texts";
 
@@ -41,7 +41,7 @@ export function AlarmPage({ id }: { id: string }) {
           <h2>{t.found}</h2>
           <dl>
             <dt>{t.state}</dt><dd><State alarm={alarm} /></dd>
-            <dt>{t.columns.parameter}</dt><dd><bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</dd>
+            <dt>{t.columns.parameter}</dt><dd><bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}{meaning && <small><Meaning of={meaning} /></small>}</dd>
             <dt>{t.columns.size}</dt><dd>{sizeText(alarm)}</dd>
             <dt>{t.nominal}</dt><dd>{numberWithUnit(alarm.nominal, alarm.unit)}</dd>
             <dt>{t.columns.onset}</dt><dd><Time at={alarm.onset} /><OnsetRange alarm={alarm} full /></dd>
@@ -117,7 +117,7 @@ function Transitions({ alarm }: { alarm: AlarmRecord }) {
               <td role="cell" data-label={when}><Time at={step.at} /></td>
               <td role="cell" data-label={what}>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</td>
               <td role="cell" data-label={who}><bdi>{step.who}</bdi></td>
-              <td role="cell" data-label={note}><bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi></td>
+              <td role="cell" data-label={step.comment || step.work_order ? note : undefined}><bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi></td>
             </tr>
           ))}
         </tbody>

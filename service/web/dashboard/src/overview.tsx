@@ -1,8 +1,8 @@
 // All axes on one screen, the one that needs most first.
 import { memo } from "preact/compat";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
-import type { Alarm } from "./ask";
-import { AlarmWords } from "./alarm_words";
+import type { Alarm, Axis } from "./ask";
+import { AlarmWords, Meaning } from "./alarm_words";
 import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
@@ -39,7 +39,7 @@ export function Overview() {
   return (
     <>
       <h1 class="unseen">{t.pages.overview}</h1>
-      <AlarmLines alarms={live.active.filter((alarm) => !isHidden(alarm))} />
+      <AlarmLines alarms={live.active.filter((alarm) => !isHidden(alarm))} axes={live.axes} />
       <div class="tools">
         <input ref={field} type="search" placeholder={`${t.search}  /`} aria-label={t.search} value={search}
           onInput={(event) => setSearch(event.currentTarget.value)} />
@@ -65,8 +65,9 @@ export function Overview() {
   );
 }
 
-function AlarmLines({ alarms }: { alarms: Alarm[] }) {
+function AlarmLines({ alarms, axes }: { alarms: Alarm[]; axes: Axis[] }) {
   if (alarms.length === 0) return null;
+  const meanings = new Map(axes.flatMap((axis) => axis.parameters.map((p) => [axis.id + p.name, p.meaning])));
   return (
     <ul class="alarm-lines" aria-label={t.activeAlarms(alarms.length)}>
       {alarms.slice(0, LINES).map((alarm) => (
@@ -74,7 +75,10 @@ function AlarmLines({ alarms }: { alarms: Alarm[] }) {
           <AlarmMark alarm={alarm} />
           <a class="axis-name" href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a>
           <a class="sentence" href={alarmLink(alarm.id)}><AlarmWords alarm={alarm} /></a>
-          <span class="quiet nowrap">{t.since} <Time at={alarm.onset} /></span>
+          <span class="quiet">
+            {meanings.has(alarm.axis + alarm.parameter) && <><Meaning of={meanings.get(alarm.axis + alarm.parameter) ?? ""} />, </>}
+            <span class="nowrap">{t.since} <Time at={alarm.onset} /></span>
+          </span>
         </li>
       ))}
       {alarms.length > LINES && <li><a href="#/alarms">{t.more(alarms.length - LINES)}</a></li>}
