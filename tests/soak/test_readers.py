@@ -12,14 +12,19 @@ import pytest
 
 from service.config import load
 from service.store.history_query import MOST_POINTS
-from service.store.history_store import Bounds, HistoryStore, Point, Series
+from service.store.history_store import Bounds, HistoryStore, Point, Resolution, Series
 from tests.end_to_end.processes import daemon, demo_config, running, wait_for
 from tests.end_to_end.test_readme import write_log
 
 pytestmark = pytest.mark.soak
 
 CLIENTS, SECONDS, RATE_HZ, AXES = 20, 40, 200, 6
-AGES = {"raw": 30 * 86400.0, "minute": 60 * 86400.0, "hour": 730 * 86400.0, "day": 3650 * 86400.0}
+AGES: dict[Resolution, float] = {
+    "raw": 30 * 86400.0,
+    "minute": 60 * 86400.0,
+    "hour": 730 * 86400.0,
+    "day": 3650 * 86400.0,
+}
 
 
 def test_twenty_clients_that_ask_for_histories_cost_no_sample(tmp_path: Path, seed: int) -> None:
