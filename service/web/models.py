@@ -2,7 +2,6 @@
 
 import math
 import re
-import unicodedata
 from typing import Annotated, Literal, Self
 
 from pydantic import (
@@ -18,7 +17,7 @@ from pydantic import (
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, NotTested, Observation, Priority, Status
 from service.store.history_store import Resolution
-from service.texts import iso
+from service.texts import control_character, iso
 
 
 def finite(value: float | None) -> float | None:
@@ -50,8 +49,7 @@ def _written(text: str) -> str:
     Raises:
         ValueError: it is none.
     """
-    wrong = next((c for c in text if unicodedata.category(c) == "Cc" and c not in "\t\n\r"), None)
-    if wrong is not None:
+    if (wrong := control_character(text)) is not None:
         raise ValueError(f"must be a text without control characters; it has U+{ord(wrong):04X}")
     return text
 
