@@ -3,6 +3,7 @@
 import atexit
 import os
 import sys
+from contextlib import suppress
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -105,8 +106,9 @@ def main() -> None:
         if sys.argv[1:2] == ["run"] and isinstance(end.code, int):
             # All is saved and closed: to take the interpreter apart costs seconds of a stop on a busy machine.
             atexit._run_exitfuncs()
-            sys.stdout.flush()
-            sys.stderr.flush()
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError):  # nobody reads it any more
+                    stream.flush()
             os._exit(end.code)
         raise
 
