@@ -92,12 +92,18 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("/history", summary="History of an axis", response_model=models.History)
     async def history(f: Filters, points: Points = 600, resolution: AsStored = None) -> Response:
-        """Estimates, tests and observability over time, oldest first, in columns; it holds what is a minute old."""
+        """Estimates, tests and observability over time, oldest first, in columns; the newest points may be missing."""
         found, store = state.axis(f.axis, f.parameter), _store(state)
         nominals = {p.name: (p.unit, p.nominal) for p in found.status.parameters}
         wanted = {f.parameter: nominals[f.parameter]} if f.parameter is not None else nominals
         question = _question(state, f, points, resolution)
-        body = await readers.run(lambda: history_json(found.id, ask(store, question), wanted))
+
+        def answered() -> bytes:
+            if state.history is not None:
+                state.history.freshen()
+            return history_json(found.id, ask(store, question), wanted)
+
+        body = await readers.run(answered)
         return Response(body, media_type="application/json")
 
     async def file(
