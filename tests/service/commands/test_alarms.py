@@ -60,10 +60,11 @@ def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
     shown("alarms", "comment", number, "--comment", "gearbox changed", "--work-order", "WO-18")
     lines = shown("alarms", "show", number).splitlines()
     assert "ended 2026-03-01 12:00:00 UTC, work order WO-18" in lines[0]
-    assert lines[2:9] == [
+    assert lines[2:10] == [
         "  onset: 2026-03-01 11:59:51 UTC (90 %: from 2026-03-01 11:59:50 UTC to 2026-03-01 11:59:51 UTC)",
         "  size: +0.01832 +- 0.0041 (95 %) N m s/rad; nominal value 0.06",
-        "  cause: fm, probability 99 %",
+        "  cause: fm, probability 97 %",
+        "  cause: kT, probability 3 %",
         "  2026-03-01 11:59:53 UTC  raise by axiswatch: unacknowledged",
         "  2026-03-01 12:00:00 UTC  acknowledge by local: acknowledged (I look)",
         "  2026-03-01 12:00:00 UTC  shelve by local: shelved until 2026-03-01 14:00:00 UTC (WO-17)",
