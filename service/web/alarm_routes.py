@@ -25,6 +25,8 @@ _NO_RANGE = described(400, "since is not before until")
 _LARGEST_ID = 2**63 - 1
 _CURSOR = re.compile(r"(-?[0-9]{1,18})(?:\.([0-9]{1,18}))?")
 _WEEK_US = 7 * 86_400_000_000
+_EARLIEST_US, _LATEST_US = -62_135_596_800_000_000, 253_402_300_799_999_999
+"""Of the years 1 to 9999 in UTC, which a time of the API can be in"""
 
 _ENDLESS_S = 1e9
 """What is longer is as much too long."""
@@ -45,7 +47,10 @@ def in_order(since: Moment, until: Moment) -> tuple[int | None, int | None]:
     Raises:
         HTTPException: it ends before it begins.
     """
-    since_us, until_us = microseconds(since), microseconds(until)
+    since_us, until_us = (
+        None if t_us is None else max(_EARLIEST_US, min(t_us, _LATEST_US))
+        for t_us in (microseconds(since), microseconds(until))
+    )
     if since_us is not None and until_us is not None and since_us >= until_us:
         raise HTTPException(400, "since must be before until")
     return since_us, until_us
@@ -136,7 +141,9 @@ def router(state: AppState) -> APIRouter:
         begin_us, end_us = in_order(since, until)
         end_us = state.now_us() if end_us is None else end_us
         return views.alarm_statistics(
-            state.journal.statistics(end_us - _WEEK_US if begin_us is None else begin_us, end_us)
+            state.journal.statistics(
+                max(_EARLIEST_US, end_us - _WEEK_US) if begin_us is None else begin_us, end_us
+            )
         )
 
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)

@@ -176,6 +176,13 @@ def test_a_range_that_ends_before_it_begins_is_refused(client: TestClient) -> No
         assert client.get(f"/api/v1/alarms{path}?{query}").status_code == 400
 
 
+def test_times_at_the_ends_of_the_calendar_are_times(client: TestClient) -> None:
+    first, last = "0001-01-01T00:00:00%2B23:59", "9999-12-31T23:59:59-23:59"
+    for query in (f"until={first}", f"since={first}", f"since={last}", f"since={first}&until={last}"):
+        assert client.get(f"/api/v1/alarms/statistics?{query}").status_code in (200, 400), query
+        assert client.get(f"/api/v1/alarms?{query}").status_code == 200, query
+
+
 def test_a_form_of_another_site_changes_nothing(client: TestClient, number: int) -> None:
     """A browser sends such bodies to any site without asking it."""
     for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
