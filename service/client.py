@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import ssl
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
 from urllib.parse import quote
@@ -10,6 +12,8 @@ if TYPE_CHECKING:
     import httpx
 
 TIMEOUT_S = 10.0
+MOST_KNOWN = 12
+"""Names of what exists, beside what does not"""
 
 
 class ClientError(Exception):
@@ -41,6 +45,14 @@ class TransitionJson(TypedDict):
     work_order: str | None
 
 
+class CauseJson(TypedDict):
+    """What an alarm may come from (the API's Cause)."""
+
+    parameter: str
+    probability: float
+    alike: list[str]
+
+
 class AlarmJson(TypedDict):
     """An alarm (the API's Alarm, which has more)."""
 
@@ -57,6 +69,14 @@ class AlarmJson(TypedDict):
     first_out: bool
     follows: int | None
     words: str
+    unit: str
+    nominal: float | None
+    size: float | None
+    size_sd: float | None
+    causes: list[CauseJson]
+    onset: str
+    onset_low: str | None
+    onset_high: str | None
     raised: str
     ended: str | None
 
@@ -185,6 +205,11 @@ class Client:
     def __init__(self, url: str, token: str = "") -> None:
         import httpx  # here, so that the help of a command need not wait for it
 
+        token = token.strip()  # a file of it ends with a new line
+        if not re.fullmatch(r"[!-~]*", token):
+            raise ClientError(
+                "the token is none: it has other characters than `axiswatch token new` gives", 400
+            )
         headers = {"authorization": f"Bearer {token}"} if token else {}
         try:
             self._http: httpx.Client = httpx.Client(base_url=url, headers=headers, timeout=TIMEOUT_S)
@@ -213,6 +238,10 @@ class Client:
         """One alarm."""
         found: AlarmRecordJson = self._ask("GET", f"alarms/{alarm_id}")
         return found
+
+    def axis(self, axis: str) -> None:
+        """Refused where there is no such axis."""
+        self._ask("GET", f"axes/{_quoted(axis)}")
 
     def statistics(self, since: str | None = None, until: str | None = None) -> StatisticsJson:
         """How much the alarms of a time ask of an operator; the default is that of the API, seven days."""
@@ -321,6 +350,11 @@ class Client:
         try:
             answer = self._http.request(method, f"/api/v1/{path}", params=query, json=body)
         except (httpx.HTTPError, httpx.InvalidURL) as error:
+            if _is_untrusted(error):
+                authority = "SSL_CERT_FILE names the file of the plant's own authority"
+                raise ClientError(
+                    f"{self._url}: its certificate is not trusted here ({error}); {authority}"
+                ) from error
             raise ClientError(f"{self._url} does not answer ({error}); does the daemon run there?") from error
         if answer.is_error:
             raise ClientError(_reason(self._json(answer)), answer.status_code)
@@ -334,16 +368,21 @@ class Client:
             raise ClientError(message) from error
 
 
+def _is_untrusted(error: BaseException | None) -> bool:
+    """Whether the certificate of the daemon is behind it."""
+    while error is not None and not isinstance(error, ssl.SSLCertVerificationError):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def _quoted(axis: str) -> str:
     """The id of an axis as a part of a path."""
     return quote(axis, safe="")
 
 
 def _reason(problem: Any) -> str:
-    """Why a request was refused: problem details, or the errors of a body that is not as described."""
-    detail = problem.get("detail") if isinstance(problem, dict) else None
-    if isinstance(detail, list):
-        return "; ".join(
-            f"{'.'.join(map(str, error['loc'][1:]))}: {error['msg']}".removeprefix(": ") for error in detail
-        )
-    return str(detail or problem)
+    """Why a request was refused, from its problem details."""
+    if not isinstance(problem, dict):
+        return str(problem)
+    detail, known = str(problem.get("detail") or problem), problem.get("known")
+    return f"{detail}; there is {', '.join(known)}" if known and len(known) <= MOST_KNOWN else detail

@@ -2,6 +2,7 @@
 
 import math
 import time
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 
@@ -25,6 +26,17 @@ from monitor_core.drive import DELAY, LOAD
 from monitor_core.monitoring import AxisStatus, NotTested
 from monitor_core.trend import Trend
 from monitor_core.wording import listed
+
+# --- What persons write -----------------------------------------------------------------------------------------------
+
+
+def control_character(text: str) -> str | None:
+    """The first one in a text, but for tabs and line breaks; it could move the cursor of a terminal.
+
+    None: it has none.
+    """
+    return next((c for c in text if unicodedata.category(c) == "Cc" and c not in "\t\n\r"), None)
+
 
 # --- An alarm in one sentence -----------------------------------------------------------------------------------------
 

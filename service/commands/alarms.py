@@ -1,11 +1,11 @@
 """``axiswatch alarms``: the alarms of a running daemon, and what a person does about them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Literal
 
 import typer
 
-from monitor_core.wording import seconds_in
+from monitor_core.wording import percent, seconds_in
 from service.client import AlarmJson, AlarmRecordJson, AlarmText, AxisServiceJson, Client
 from service.commands.daemon_options import (
     DEFAULT_URL,
@@ -18,6 +18,9 @@ from service.commands.daemon_options import (
     short_time,
 )
 from service.commands.exit_codes import GROUP, explained
+
+Z95 = 1.96
+"""Half of a 95 % interval, in standard deviations"""
 
 AlarmIds = Annotated[list[int], typer.Argument(metavar="ID...", help="Numbers of the alarms.")]
 AlarmStateName = Literal[
@@ -53,16 +56,19 @@ def list_alarms(
     """List alarms, the latest first."""
     with explained(), Client(url, token) as client:
         found = client.alarms(state=state, axis=axis, limit=limit)
+        if axis is not None and not found["alarms"]:
+            client.axis(axis)  # a name with a slip must not read as "no alarm"
     if as_json:
         print_json(found)
         return
     for alarm in found["alarms"]:
-        print(_line(alarm))
+        print(alarm_lines(alarm))
     left = found["total"] - len(found["alarms"])
     if left > 0:
         print(f"{left} more")
     if not found["alarms"]:
-        print("no alarm" if state is None else f"no alarm is {state}")
+        named = "" if axis is None else f" of {axis}"
+        print(f"no alarm{named}" if state is None else f"no alarm{named} is {state}")
 
 
 @alarms.command()
@@ -78,7 +84,9 @@ def show(
     if as_json:
         print_json(found)
         return
-    print(_line(found))
+    print(alarm_lines(found))
+    for fact in _facts(found):
+        print(f"  {fact}")
     if found["recording"] is not None:
         print(f"  frames around it: {found['recording']}")
     for t in found["transitions"]:
@@ -252,10 +260,24 @@ def _each(
             if as_json:
                 print_json(found)
             else:
-                print(_line(found))
+                print(alarm_lines(found))
 
 
-def _line(a: AlarmJson) -> str:
+def _facts(a: AlarmRecordJson) -> Iterator[str]:
+    """Since when, how much, and how sure, as far as it is known."""
+    ends = [("from", a["onset_low"]), ("to", a["onset_high"])]
+    words = " ".join(f"{word} {short_time(end)}" for word, end in ends if end is not None)
+    yield f"onset: {short_time(a['onset'])}" + (f" (90 %: {words})" if words else "")
+    if a["size"] is not None:
+        nominal = "" if a["nominal"] is None else f"; nominal value {a['nominal']:.4g}"
+        sure = "" if a["size_sd"] is None else f" +- {Z95 * a['size_sd']:.2g} (95 %)"
+        yield f"size: {a['size']:+.4g}{sure} {a['unit']}{nominal}"
+    for cause in a["causes"]:
+        alike = f"; {', '.join(cause['alike'])} would look the same" if cause["alike"] else ""
+        yield f"cause: {cause['parameter']}, probability {percent(cause['probability'])}{alike}"
+
+
+def alarm_lines(a: AlarmJson) -> str:
     """An alarm in two lines: what is done about it, and what it says."""
     number = "not yet recorded" if a["id"] is None else f"{a['id']}"
     state = a["state"] + (f" until {short_time(a['shelved_until'])}" if a["shelved_until"] else "")

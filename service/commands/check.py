@@ -1,5 +1,6 @@
 """``axiswatch check``: checks a configuration and shows its content."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from rich.console import Console
@@ -17,6 +18,9 @@ from service.config.drives import not_identified
 from service.config.remarks import remarks
 from service.config.schema import SignalConfig
 
+LOCAL_HOST = "127.0.0.1"
+"""The default, which needs nothing"""
+
 
 def check(config: ConfigPath) -> None:
     """Check a configuration with the messages of its buses; name every problem by file and line."""
@@ -24,13 +28,26 @@ def check(config: ConfigPath) -> None:
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
         notes = tuple(remarks(read))
         axes = _axes(read)
+        hindered = tuple(_obstacles(read))
     console = Console()
     if read.bus:
         console.print(_buses(read))
     console.print(axes)
     for note in notes:
         console.print(Text.assemble(("Note: ", "bold yellow"), note), soft_wrap=True)
+    for obstacle in hindered:
+        words = f"the daemon would not start on this machine: {obstacle}"
+        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
     console.print(Text(f"{config}: no problems", style="green"), soft_wrap=True)
+
+
+def _obstacles(config: Config) -> Iterator[str]:
+    """What the file names, but this machine, or this user, does not have: no mistake of the file."""
+    if config.web.host == LOCAL_HOST and config.web.certificate is None and not config.links.any:
+        return
+    from service.commands.protection import obstacles
+
+    yield from obstacles(config)
 
 
 def _buses(config: Config) -> Table:

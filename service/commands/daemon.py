@@ -14,11 +14,11 @@ from service.can.bus import blf_channels
 from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError
+from service.commands.protection import access_of, certificate_of
 from service.commands.service_manager import ServiceManager, status_line
 from service.commands.signal_handling import stopped_by_signals
 from service.commands.signal_look import SignalLook
 from service.config import Config
-from service.config.schema import WebConfig
 from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
@@ -33,14 +33,12 @@ from service.pipeline.worker import BusIntake, Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
-from service.store.tokens import TOKENS_FILE, TokenFile
 from service.texts import now_us
-from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
-from service.web.server import Certificate, is_remote, serve
+from service.web.server import serve
 
 if TYPE_CHECKING:
     from service.links.running import Links
@@ -85,8 +83,10 @@ def run_daemon(
         DaemonFailedError: an internal fault.
     """
     stop = stop or threading.Event()
-    certificate = _certificate(config.web)
-    access = _access(config, insecure)
+    certificate = certificate_of(config.web)
+    access = access_of(config, insecure)
+    if access.danger is not None:
+        log.warning("access", message=access.danger)
     with ExitStack() as stack:
         journal = Journal(config.service.state_dir / ALARMS_FILE)
         stack.callback(journal.close)
@@ -114,7 +114,7 @@ def run_daemon(
             stack.callback(reader.close)
 
         reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
-        links = _links(config, journal, lambda: worker.snapshot, stack)
+        links = _links(config, journal, lambda: worker.snapshot, stack, extracts)
         systemd = ServiceManager(
             os.environ, lambda: _turns(worker, readers), lambda: status_line(worker.snapshot)
         )
@@ -165,29 +165,6 @@ def run_daemon(
 def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
     """How often the loops have turned that must turn as long as the daemon monitors."""
     return {"worker": worker.turns} | {f"reader {name}": reader.turns for name, reader in readers.items()}
-
-
-def _certificate(web: WebConfig) -> Certificate | None:
-    if web.certificate is None or web.key is None:
-        return None
-    certificate = Certificate(web.certificate, web.key)
-    certificate.check()
-    return certificate
-
-
-def _access(config: Config, insecure: bool) -> Access:
-    web = config.web
-    access = Access(
-        TokenFile(config.service.state_dir / TOKENS_FILE),
-        [web.host, *web.hosts],
-        remote=is_remote(web.host),
-        tls=web.certificate is not None,
-        insecure=insecure,
-        open_metrics=web.open_metrics,
-    )
-    if access.danger is not None:
-        log.warning("access", message=access.danger)
-    return access
 
 
 def needs_cyclic_clock(config: Config) -> bool:
@@ -297,14 +274,21 @@ def _history(config: Config) -> HistoryRecording:
 
 
 def _links(
-    config: Config, journal: Journal, snapshot: Callable[[], Snapshot], stack: ExitStack
+    config: Config,
+    journal: Journal,
+    snapshot: Callable[[], Snapshot],
+    stack: ExitStack,
+    extracts: Extracts | None,
 ) -> "Links | None":
     """The plant links, whose libraries take memory only where there are any."""
     if not config.links.any:
         return None
     from service.links.running import Links
 
-    links = Links(config.links, config.service.state_dir, journal, snapshot)
+    def recording_of(t_us: int) -> str | None:
+        return None if extracts is None else extracts.folder.holding(t_us)
+
+    links = Links(config.links, config.service.state_dir, journal, snapshot, recording_of)
     stack.callback(links.stop)
     return links
 

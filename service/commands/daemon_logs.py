@@ -53,8 +53,9 @@ def configure_logs(
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(logging.INFO)
-    # The daemon itself reports better what these log at INFO.
-    for name in ("can", "uvicorn", "asyncio"):
+    # The daemon itself reports better what these log at INFO; httpx writes whole addresses, and those of webhooks are
+    # secrets.
+    for name in ("can", "uvicorn", "asyncio", "httpx", "httpcore"):
         logging.getLogger(name).setLevel(logging.WARNING)
 
 

@@ -1,7 +1,9 @@
 """The command line.  Each command is a module of this folder, imported only when it is used."""
 
+import atexit
 import os
 import sys
+from contextlib import suppress
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -98,7 +100,17 @@ def main() -> None:
     if sys.argv[1:2] in (["demo"], ["run"]) and {"-h", "--help"}.isdisjoint(sys.argv):
         # A cold start: the compiler need not wait for the libraries of this process.
         EARLY.begin(Shape.FEW_AXES)
-    app()
+    try:
+        app()
+    except SystemExit as end:
+        if sys.argv[1:2] == ["run"] and isinstance(end.code, int):
+            # All is saved and closed: to take the interpreter apart costs seconds of a stop on a busy machine.
+            atexit._run_exitfuncs()
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError):  # nobody reads it any more
+                    stream.flush()
+            os._exit(end.code)
+        raise
 
 
 if __name__ == "__main__":

@@ -64,6 +64,8 @@ class Message(NamedTuple):
     """Unique; the same whenever it is sent again"""
     transition: RecordedTransition
     alarm: RecordedAlarm
+    recording: str | None = None
+    """Name of the file with the raw frames around the alarm; None: there is none (yet)"""
 
 
 class Receiver(Protocol):
@@ -127,6 +129,7 @@ class Delivery:
         clock: time that only grows [s].
         now_us: wall clock, for the age of a transition when it is read.
         chance: from 0 to 1, for the time between tries.
+        recording_of: name of the recording of a time; None: there is none (yet).
     """
 
     def __init__(
@@ -140,7 +143,9 @@ class Delivery:
         clock: Callable[[], float] = monotonic,
         now_us: Callable[[], int] = now_us,
         chance: Callable[[], float] = random.random,
+        recording_of: Callable[[int], str | None] = lambda _t_us: None,
     ) -> None:
+        self._recording_of = recording_of
         self._link, self._limits, self._receiver = link, limits, receiver
         self._journal, self._outbox = journal, outbox
         self._clock, self._now_us, self._backoff = clock, now_us, Backoff(chance)
@@ -216,7 +221,8 @@ class Delivery:
     def _message(self, n: NumberedTransition) -> Message:
         alarm = self._journal.get(n.alarm_id)
         assert alarm is not None  # no alarm is ever removed from the journal
-        return Message(f"{self._journal.identity}-{n.number}", n.transition, alarm)
+        recording = self._recording_of(alarm.since_us)
+        return Message(f"{self._journal.identity}-{n.number}", n.transition, alarm, recording)
 
     def _read(self) -> None:
         """Read what has been recorded since, unless so much waits already."""

@@ -56,7 +56,7 @@ class Broker:
             MqttError: the connection is lost.
         """
         for m in messages:
-            body = views.alarm_message(m.id, m.transition, m.alarm, now_us())
+            body = views.alarm_message(*m, now_us())
             await self.publish(f"{_place(m.alarm.axis)}/alarm", body.model_dump_json(), qos=1)
 
     async def publish(self, topic: str, text: str, qos: int = 0, retain: bool = False) -> None:

@@ -15,6 +15,7 @@ from asyncua.server.internal_server import InternalServer
 
 from monitor_core.monitoring import (
     HIDDEN_STATES,
+    MAX_SHELF_S,
     AlarmEvent,
     AlarmLife,
     AlarmState,
@@ -26,7 +27,7 @@ from service.links.opcua_tree import Tree
 from service.store.alarm_transitions import SERVICE, Note
 from service.store.database import StoreError
 from service.store.journal import Journal, RecordedAlarm
-from service.texts import episode_words, now_us
+from service.texts import control_character, episode_words, now_us
 
 SEVERITIES: dict[Priority, int] = {"low": 200, "medium": 500, "high": 800}
 """From 1 to 1000; OPC 10000-9 has low up to 333, high from 667"""
@@ -39,7 +40,18 @@ _METHODS = {
     ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge): AlarmEvent.ACKNOWLEDGE,
     ua.NodeId(ua.ObjectIds.ConditionType_AddComment): AlarmEvent.COMMENT,
 }
-_NOT_POSSIBLE = {AlarmEvent.ACKNOWLEDGE: ua.StatusCodes.BadConditionBranchAlreadyAcked}
+_SHELVING = {
+    ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_TimedShelve): (AlarmEvent.SHELVE, 1),
+    ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_TimedShelve2): (AlarmEvent.SHELVE, 2),
+    ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_Unshelve): (AlarmEvent.UNSHELVE, 0),
+    ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_Unshelve2): (AlarmEvent.UNSHELVE, 1),
+}
+"""What a method does, and the number of its arguments: the time [ms] of a shelf; a comment, in the second ones"""
+_NOT_POSSIBLE = {
+    AlarmEvent.ACKNOWLEDGE: ua.StatusCodes.BadConditionBranchAlreadyAcked,
+    AlarmEvent.SHELVE: ua.StatusCodes.BadConditionAlreadyShelved,
+    AlarmEvent.UNSHELVE: ua.StatusCodes.BadConditionNotShelved,
+}
 _CONDITION = "alarm/"
 _CONDITION_ID = re.compile(rf"{_CONDITION}([0-9]{{1,18}})")
 
@@ -108,10 +120,15 @@ class Conditions:
 
     async def operate(self, who: str, method: ua.CallMethodRequest) -> ua.CallMethodResult | None:
         """Do what a method asks for; None: it is no method of a condition."""
-        event, number = _METHODS.get(method.MethodId), _alarm_id(method.ObjectId)
+        number, arguments = _alarm_id(method.ObjectId), [v.Value for v in method.InputArguments or []]
+        shelving = _SHELVING.get(method.MethodId)
+        event = _METHODS.get(method.MethodId) if shelving is None else shelving[0]
         if event is None or number is None:
             return None
-        code = self._act(who, event, number, [v.Value for v in method.InputArguments or []])
+        if shelving is None:
+            code = self._act(who, event, number, arguments)
+        else:
+            code = self._shelve(who, event, number, arguments, shelving[1])
         log.info("write request", who=who, what=f"OPC UA {event} alarm {number}", result=code.name)
         return ua.CallMethodResult(StatusCode=code)
 
@@ -126,9 +143,39 @@ class Conditions:
             return _code(ua.StatusCodes.BadNodeIdUnknown)
         if not isinstance(event_id, bytes) or event_id not in self._events[number]:
             return _code(ua.StatusCodes.BadEventIdUnknown)
+        return self._done(number, event, Note(self._now_us(), who, comment))
+
+    def _shelve(
+        self, who: str, event: AlarmEvent, number: int, arguments: list[object], wanted: int
+    ) -> ua.StatusCode:
+        if len(arguments) != wanted:
+            few = len(arguments) < wanted
+            return _code(ua.StatusCodes.BadArgumentsMissing if few else ua.StatusCodes.BadTooManyArguments)
+        if number not in self._events:
+            return _code(ua.StatusCodes.BadNodeIdUnknown)
+        now_us, until_us = self._now_us(), None
+        if event is AlarmEvent.SHELVE:
+            time_ms, *arguments = arguments
+            if not isinstance(time_ms, float) or not 0 < time_ms <= MAX_SHELF_S * 1e3:
+                return _code(ua.StatusCodes.BadShelvingTimeOutOfRange)
+            until_us = now_us + round(time_ms * 1e3)
+        comment = _comment(arguments[0]) if arguments else ""
+        if comment is None or len(comment) > MOST_COMMENT:
+            return _code(ua.StatusCodes.BadInvalidArgument)
+        return self._done(number, event, Note(now_us, who, comment), until_us)
+
+    def _done(self, number: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> ua.StatusCode:
+        """What came of an event in the journal."""
         try:
-            self._journal.act(number, event, Note(self._now_us(), who, comment))
+            self._journal.act(number, event, note, until_us)
         except AlarmTransitionError:
+            alarm = self._journal.get(number)
+            if (
+                event is AlarmEvent.SHELVE
+                and alarm is not None
+                and alarm.life.state is not AlarmState.SHELVED
+            ):
+                return _code(ua.StatusCodes.BadInvalidState)  # as it has returned
             return _code(_NOT_POSSIBLE.get(event, ua.StatusCodes.BadInvalidState))
         except StoreError as error:
             log.error("an OPC UA client cannot act on an alarm", reason=str(error))
@@ -189,7 +236,9 @@ def _comment(argument: object) -> str | None:
     if argument is None:
         return ""
     text = argument.Text if isinstance(argument, ua.LocalizedText) else argument
-    return "" if text is None else text if isinstance(text, str) else None
+    if text is None:
+        return ""
+    return text if isinstance(text, str) and control_character(text) is None else None
 
 
 def _code(number: int) -> ua.StatusCode:

@@ -57,6 +57,7 @@ class Links:
         state_dir: folder of the outbox.
         journal: with what they deliver.
         snapshot: returns the newest one.
+        recording_of: name of the recording of a time; None: there is none (yet).
 
     Raises:
         LinkSecretError: a secret or a certificate cannot be used.
@@ -64,9 +65,14 @@ class Links:
     """
 
     def __init__(
-        self, config: LinksConfig, state_dir: Path, journal: Journal, snapshot: Callable[[], Snapshot]
+        self,
+        config: LinksConfig,
+        state_dir: Path,
+        journal: Journal,
+        snapshot: Callable[[], Snapshot],
+        recording_of: Callable[[int], str | None] = lambda _t_us: None,
     ) -> None:
-        self._journal = journal
+        self._journal, self._recording_of = journal, recording_of
         self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
         try:
             self._done = self._outbox.begin(config.names)
@@ -137,7 +143,8 @@ class Links:
             yield OpcUaLink(config.opcua, tokens, conditions, delivery, snapshot)
 
     def _delivery(self, link: LinkName, limits: AlarmLimits, receiver: Receiver) -> Delivery:
-        return Delivery(link, limits, receiver, self._journal, self._outbox, self._done[link.name])
+        done, found = self._done[link.name], self._recording_of
+        return Delivery(link, limits, receiver, self._journal, self._outbox, done, recording_of=found)
 
 
 async def _run_on(link: Link) -> None:

@@ -61,7 +61,7 @@ class Webhook:
         """
         for message in messages:
             now_us = self._now_us()
-            body = views.alarm_message(message.id, message.transition, message.alarm, now_us)
+            body = views.alarm_message(*message, now_us)
             status, wait_s = await self._post(body.model_dump_json().encode(), now_us // 1_000_000)
             if status in TRY_AGAIN or status >= 500:
                 raise UnavailableError(f"{self._host} answers {_named(status)}", wait_s)

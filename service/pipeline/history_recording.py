@@ -23,6 +23,8 @@ LOOKS = 20
 LONGEST_WAIT_S = 600.0
 """Until points are written."""
 RETRY_S = 10.0
+FRESH_S = 0.5
+"""For which a reader waits for what is written at its wish"""
 MOST_WAITING = 200_000
 """Points that wait while the disk does not take them, about 60 MB: of 18 parameters, one each 10 s, 30 hours."""
 OBSERVABILITY: Mapping[Observation, float] = {
@@ -78,7 +80,8 @@ class HistoryRecording:
         self._lock = threading.Lock()
         self._dropped = Counter({FULL: 0})
         self._next_try = -math.inf
-        self._stop = threading.Event()
+        self._begun = -math.inf
+        self._stop, self._wake, self._done = threading.Event(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="history", daemon=True)
         self.store: HistoryStore | None = None
         """The file, once it is open"""
@@ -132,10 +135,23 @@ class HistoryRecording:
     def stop(self) -> None:
         """Write what waits, if the disk takes it now, and close the file."""
         self._stop.set()
+        self._wake.set()
         if self._thread.is_alive():
             self._thread.join()
         if self.store is not None:
             self.store.close()
+
+    # --- a reader's side ----------------------------------------------------------------------------------
+
+    def freshen(self) -> None:
+        """Have what waits written now, but not more often than there are points; a slow disk is not waited for."""
+        with self._lock:
+            young = self._clock() - self._begun < self.interval_s
+            if young or not self._waiting or not self._thread.is_alive():
+                return
+            done = self._done
+        self._wake.set()
+        done.wait(FRESH_S)
 
     # --- the writer's side --------------------------------------------------------------------------------
 
@@ -144,6 +160,7 @@ class HistoryRecording:
         if self._clock() < self._next_try:
             return
         with self._lock:
+            self._begun = self._clock()
             found = list(self._waiting)
             self._waiting.clear()
         try:
@@ -165,8 +182,13 @@ class HistoryRecording:
         wait_s = min(LONGEST_WAIT_S, POINTS_AT_ONCE * self.interval_s)
         try:
             self.write()  # opens the file: what it holds can be read before there are points
-            while not self._stop.wait(wait_s):
+            while not self._stop.is_set():
+                self._wake.wait(wait_s)
+                self._wake.clear()
                 self.write()
+                with self._lock:
+                    done, self._done = self._done, threading.Event()
+                done.set()
             self._next_try = -math.inf
             self.write()
         except Exception:

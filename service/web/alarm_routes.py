@@ -4,7 +4,6 @@ import re
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query
-from pydantic import AwareDatetime, BeforeValidator
 from starlette.exceptions import HTTPException
 
 from monitor_core.monitoring import AlarmEvent
@@ -21,33 +20,40 @@ _NOT_FOUND = described(404, "It does not exist")
 _NO_JOURNAL = described(503, "The alarm journal cannot be read or written")
 _CONFLICT = described(409, "Not possible in the present state of the alarm, e.g. acknowledged twice")
 _NO_SHELF = described(400, "The end of the shelf is not in the future, or more than seven days in it")
-_NO_CURSOR = described(400, "No page has given this cursor")
+_NO_PAGE = described(400, "No page has given this cursor, or since is not before until")
+_NO_RANGE = described(400, "since is not before until")
 _LARGEST_ID = 2**63 - 1
 _CURSOR = re.compile(r"(-?[0-9]{1,18})(?:\.([0-9]{1,18}))?")
 _WEEK_US = 7 * 86_400_000_000
+_EARLIEST_US, _LATEST_US = -62_135_596_800_000_000, 253_402_300_799_999_999
+"""Of the years 1 to 9999 in UTC, which a time of the API can be in"""
 
-_DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
-
-
-def _date_and_time(text: str) -> str:
-    """A text that begins as a time does; pydantic takes a number for seconds or milliseconds since 1970.
-
-    Raises:
-        ValueError: it does not.
-    """
-    if not _DATE_AND_TIME.match(text):
-        raise ValueError("must be ISO 8601 with time zone: 2026-03-01T12:00:00Z, or +01:00 as %2B01:00")
-    return text
-
+_ENDLESS_S = 1e9
+"""What is longer is as much too long."""
 
 Moment = Annotated[
-    Annotated[AwareDatetime, BeforeValidator(_date_and_time)] | None,
+    models.GivenTime | None,
     Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z; in an address + is %2B"),
 ]
 AlarmId = Annotated[int, Path(alias="id", ge=1, le=_LARGEST_ID)]
 
 
 Caller = Annotated[str, Depends(needs(Scope.OPERATE))]
+
+
+def in_order(since: Moment, until: Moment) -> tuple[int | None, int | None]:
+    """Begin and end of a range of time, in microseconds since 1970.
+
+    Raises:
+        HTTPException: it ends before it begins.
+    """
+    since_us, until_us = (
+        None if t_us is None else max(_EARLIEST_US, min(t_us, _LATEST_US))
+        for t_us in (microseconds(since), microseconds(until))
+    )
+    if since_us is not None and until_us is not None and since_us >= until_us:
+        raise HTTPException(400, "since must be before until")
+    return since_us, until_us
 
 
 class AlarmFilters:
@@ -69,7 +75,7 @@ class AlarmFilters:
         until: Moment = None,
     ) -> None:
         self.axis, self.parameter, self.active, self.state = axis, parameter, active, state
-        self.since_us, self.until_us = microseconds(since), microseconds(until)
+        self.since_us, self.until_us = in_order(since, until)
 
     def match(self, a: RecordedAlarm, now_us: int) -> bool:
         """Whether an alarm that the journal does not have yet is asked for."""
@@ -93,7 +99,7 @@ def router(state: AppState) -> APIRouter:
     """The routes below /api/v1/alarms."""
     api = APIRouter(prefix="/alarms")
 
-    @api.get("", summary="Alarms", responses=_NO_JOURNAL | _NO_CURSOR)
+    @api.get("", summary="Alarms", responses=_NO_JOURNAL | _NO_PAGE)
     def alarms(
         filters: Annotated[AlarmFilters, Depends()],
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 100,
@@ -129,14 +135,15 @@ def router(state: AppState) -> APIRouter:
             following = f"{last[0].raised_us}.{last[0].id}" if last else f"{skipped + len(first)}"
         return models.Alarms(total=total + len(waiting), limit=limit, next=following, alarms=found)
 
-    @api.get("/statistics", summary="Alarm statistics", responses=_NO_JOURNAL)
+    @api.get("/statistics", summary="Alarm statistics", responses=_NO_JOURNAL | _NO_RANGE)
     def statistics(since: Moment = None, until: Moment = None) -> models.AlarmStatistics:
         """Alarms per ten minutes and the most frequent ones, from since (seven days before until) to until (now)."""
-        end_us = microseconds(until)
+        begin_us, end_us = in_order(since, until)
         end_us = state.now_us() if end_us is None else end_us
-        begin_us = microseconds(since)
         return views.alarm_statistics(
-            state.journal.statistics(end_us - _WEEK_US if begin_us is None else begin_us, end_us)
+            state.journal.statistics(
+                max(_EARLIEST_US, end_us - _WEEK_US) if begin_us is None else begin_us, end_us
+            )
         )
 
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
@@ -186,7 +193,7 @@ def _actions(state: AppState) -> APIRouter:
         """Hide an alarm, and the next ones of its axis, parameter and direction, until a time."""
         until_us = microseconds(body.until)
         if body.duration_s is not None:
-            until_us = state.now_us() + round(body.duration_s * 1e6)
+            until_us = state.now_us() + round(min(max(body.duration_s, -_ENDLESS_S), _ENDLESS_S) * 1e6)
         return act(alarm_id, AlarmEvent.SHELVE, who, body, until_us)
 
     @api.post("/unshelve", summary="Unshelve an alarm", responses=_CONFLICT)

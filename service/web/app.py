@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, FastAPI, Header, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
@@ -19,7 +20,7 @@ from service.web import api, metrics, models
 from service.web.access import ForbiddenError, Scope, needs
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
 from service.web.gate import Gate
-from service.web.problem_details import PROTECTED, UnknownResourceError, add_to_schema, answer
+from service.web.problem_details import PROTECTED, UnknownResourceError, add_to_schema, answer, mistakes
 from service.web.report_pages import router as report_router
 from service.web.robot_setup import NoLookError
 
@@ -140,6 +141,10 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(UnknownResourceError)
     async def not_known(_: Request, error: UnknownResourceError) -> JSONResponse:
         return answer(404, error.detail, error.known)
+
+    @app.exception_handler(RequestValidationError)
+    async def not_as_described(_: Request, error: RequestValidationError) -> JSONResponse:
+        return answer(422, mistakes(error.errors()))
 
     @app.exception_handler(ForbiddenError)
     async def not_allowed(_: Request, error: ForbiddenError) -> JSONResponse:

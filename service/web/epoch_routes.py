@@ -14,14 +14,13 @@ from service.store.epochs import EpochEventName, EpochSource, EpochState
 from service.texts import iso
 from service.web.access import Scope, needs
 from service.web.app_state import AppState
-from service.web.models import AlarmNote, Body, Number, TextOrNull, Time
+from service.web.models import AlarmNote, Body, GivenText, Number, TextOrNull, Time
 from service.web.problem_details import UnknownResourceError, described
 
 _NOT_FOUND = described(404, "The axis or the epoch does not exist")
 _NO_STORE = described(503, "The epochs cannot be read or written, or the worker does not answer")
 _CONFLICT = described(409, "Not possible now, e.g. a learning window runs already")
 _UNFIT = described(422, "A body that is not as described, or a window or files that do not fit the axis")
-_UNFIT[422]["content"]["application/json"] = {"schema": {"$ref": "#/components/schemas/HTTPValidationError"}}
 _HOUR_S = 3600.0
 
 Caller = Annotated[str, Depends(needs(Scope.ADMIN))]
@@ -107,8 +106,8 @@ class Baseline(EpochNote):
         allow_inf_nan=False,
         description="window: hours of operation that are learned from",
     )
-    nominal: str | None = Field(None, description="files: the text of nominal.toml")
-    thresholds: str | None = Field(
+    nominal: GivenText | None = Field(None, description="files: the text of nominal.toml")
+    thresholds: GivenText | None = Field(
         None, description="files: the text of thresholds.toml; null: those of the configuration's keys"
     )
     verify_hours: VerifyHours = 8.0

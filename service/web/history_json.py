@@ -96,22 +96,22 @@ def _parameter(course: Course, monitored: Mapping[str, tuple[str, float]]) -> It
         "nominal": nominal if unit == now_unit and np.isfinite(nominal) else None,
     }
     yield f'{json.dumps(head)[:-1]}, "n": {json.dumps(course.rows.n.tolist())}'
+    columns = course.rows.mean, course.rows.low, course.rows.high
+    alike = all(np.array_equal(columns[0], other, equal_nan=True) for other in columns[1:])  # single points
     for q, quantity in enumerate(QUANTITIES):
         own = _UNITS.get(quantity, "{}").format(unit)
         yield f', "{quantity}": {{"unit": {json.dumps(own)}'
-        for part, column in (("mean", course.rows.mean), ("min", course.rows.low), ("max", course.rows.high)):
-            yield f', "{part}": [{numbers(column[:, q])}]'
+        texts = [numbers(column[:, q]) for column in (columns[:1] if alike else columns)]
+        for part, text in zip(("mean", "min", "max"), texts * 3 if alike else texts, strict=True):
+            yield f', "{part}": [{text}]'
         yield "}"
     yield "}"
 
 
 def numbers(column: Floats, digits: int = 7) -> str:
     """Numbers of a JSON list, with as many digits as they are kept with; null where they are not finite."""
-    finite = np.isfinite(column)
-    texts = map(f"{{:.{digits}g}}".format, column.tolist())
-    if finite.all():
-        return ",".join(texts)
-    return ",".join(text if known else "null" for text, known in zip(texts, finite.tolist(), strict=True))
+    written = np.where(np.isfinite(column), column, np.nan).tolist()
+    return (",".join([f"%.{digits}g"] * len(written)) % tuple(written)).replace("nan", "null")
 
 
 def _times(t: Ints) -> list[str]:

@@ -15,9 +15,8 @@ from starlette.exceptions import HTTPException
 
 from service.store.history_query import MOST_POINTS, HistoryAnswer, Question, ask, pages
 from service.store.history_store import HistoryStore, Resolution
-from service.texts import microseconds
 from service.web import models
-from service.web.alarm_routes import Moment
+from service.web.alarm_routes import Moment, in_order
 from service.web.app_state import AppState
 from service.web.history_json import TABLE_COLUMNS, history_json, history_table
 from service.web.problem_details import described
@@ -78,11 +77,9 @@ class HistoryFilters:
 
     def __init__(self, axis: str, parameter: Only = None, since: Moment = None, until: Moment = None) -> None:
         self.axis, self.parameter = axis, parameter
-        since_us, until_us = microseconds(since), microseconds(until)
+        since_us, until_us = in_order(since, until)
         self.since_s = None if since_us is None else since_us // 1_000_000
         self.until_s = None if until_us is None else -(-until_us // 1_000_000)
-        if self.since_s is not None and self.until_s is not None and self.since_s >= self.until_s:
-            raise HTTPException(400, "since must be before until")
 
 
 Filters = Annotated[HistoryFilters, Depends()]
@@ -95,12 +92,18 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("/history", summary="History of an axis", response_model=models.History)
     async def history(f: Filters, points: Points = 600, resolution: AsStored = None) -> Response:
-        """Estimates, tests and observability over time, oldest first, in columns; it holds what is a minute old."""
+        """Estimates, tests and observability over time, oldest first, in columns; the newest points may be missing."""
         found, store = state.axis(f.axis, f.parameter), _store(state)
         nominals = {p.name: (p.unit, p.nominal) for p in found.status.parameters}
         wanted = {f.parameter: nominals[f.parameter]} if f.parameter is not None else nominals
         question = _question(state, f, points, resolution)
-        body = await readers.run(lambda: history_json(found.id, ask(store, question), wanted))
+
+        def answered() -> bytes:
+            if state.history is not None:
+                state.history.freshen()
+            return history_json(found.id, ask(store, question), wanted)
+
+        body = await readers.run(answered)
         return Response(body, media_type="application/json")
 
     async def file(

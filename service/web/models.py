@@ -1,14 +1,23 @@
 """Bodies of the REST answers.  The descriptions state the units; a number that is not finite is null."""
 
 import math
+import re
 from typing import Annotated, Literal, Self
 
-from pydantic import AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_validator,
+)
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, NotTested, Observation, Priority, Status
 from service.store.history_store import Resolution
-from service.texts import iso
+from service.texts import control_character, iso
 
 
 def finite(value: float | None) -> float | None:
@@ -20,6 +29,35 @@ def _iso(value: object) -> object:
     return iso(value) if isinstance(value, int) else value
 
 
+_DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
+
+
+def _date_and_time(given: object) -> object:
+    """A text that begins as a time does; pydantic takes a number for seconds or milliseconds since 1970.
+
+    Raises:
+        ValueError: it does not.
+    """
+    if given is not None and not (isinstance(given, str) and _DATE_AND_TIME.match(given)):
+        raise ValueError("must be ISO 8601 with time zone: 2026-03-01T12:00:00Z, or +01:00 as %2B01:00")
+    return given
+
+
+def _written(text: str) -> str:
+    """A text that moves no cursor of a terminal, where a command prints it.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if (wrong := control_character(text)) is not None:
+        raise ValueError(f"must be a text without control characters; it has U+{ord(wrong):04X}")
+    return text
+
+
+GivenTime = Annotated[AwareDatetime, BeforeValidator(_date_and_time)]
+"""In a request"""
+GivenText = Annotated[str, AfterValidator(_written)]
+"""In a request"""
 Number = Annotated[float | None, BeforeValidator(finite)]
 Time = Annotated[str, BeforeValidator(_iso), Field(json_schema_extra={"format": "date-time"})]
 """Given as text, or in microseconds since 1970"""
@@ -503,8 +541,10 @@ class AlarmMessage(AlarmTransition):
 class AlarmNote(Body):
     """What a person writes about an alarm; both may be left out."""
 
-    comment: str = Field("", max_length=2000)
-    work_order: str = Field("", max_length=100, description="number of a work order in the plant's system")
+    comment: GivenText = Field("", max_length=2000)
+    work_order: GivenText = Field(
+        "", max_length=100, description="number of a work order in the plant's system"
+    )
 
 
 class AlarmComment(AlarmNote):
@@ -520,9 +560,7 @@ class AlarmComment(AlarmNote):
 class AlarmShelf(AlarmNote):
     """Until when an alarm is shelved: one of until and duration_s."""
 
-    until: AwareDatetime | None = Field(
-        None, description="ISO 8601 with time zone; at most seven days from now"
-    )
+    until: GivenTime | None = Field(None, description="ISO 8601 with time zone; at most seven days from now")
     duration_s: float | None = Field(
         None, allow_inf_nan=False, description="from now on [s]; at most seven days"
     )

@@ -1,6 +1,6 @@
 """Failed requests: problem details of RFC 9457, in answers and in the schema."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
 
@@ -29,6 +29,21 @@ def answer(
     return JSONResponse(problem.model_dump(), status_code=status, headers=headers, media_type=MEDIA_TYPE)
 
 
+def mistakes(errors: Sequence[Any]) -> str:
+    """What is not as described, from the errors of a validation.
+
+    Without the values: not each can be written as JSON (NaN, half a character), and there may be secrets among them.
+    """
+    return "; ".join(map(_mistake, errors))
+
+
+def _mistake(error: Mapping[str, Any]) -> str:
+    if error["type"] == "json_invalid":
+        return f"the body is no JSON: {error['ctx']['error']}, at character {error['loc'][-1]}"
+    place = ".".join(map(str, error["loc"][1:])) or str(error["loc"][0])
+    return f"{place}: {error['msg'].removeprefix('Value error, ')}"
+
+
 def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
     """Such an answer in the schema of an address."""
     content = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{Problem.__name__}"}}}
@@ -41,6 +56,9 @@ PROTECTED = described(401, "There are tokens, and none was given, or an unknown 
 """What every address that is not open to all may answer"""
 
 
+_MISTAKEN = described(
+    422, "A parameter or the body is not as described; detail says which, and what would be right"
+)[422]
 _NO_TEXT = described(400, "The body is no UTF-8 text")[400]
 """What FastAPI itself answers, wherever there may be a body"""
 
@@ -53,7 +71,13 @@ def add_to_schema(app: FastAPI) -> None:
         schema = described_alone()
         schema["components"]["schemas"][Problem.__name__] = Problem.model_json_schema()
         operations = (operation for path in schema["paths"].values() for operation in path.values())
+        for unused in ("HTTPValidationError", "ValidationError"):
+            schema["components"]["schemas"].pop(unused, None)
+        for hook in schema.get("webhooks", {}).values():
+            hook["post"]["responses"].pop("422", None)  # what a receiver answers is its own affair
         for operation in operations:
+            if "application/json" in operation["responses"].get("422", {}).get("content", {}):
+                operation["responses"]["422"] = _MISTAKEN
             if "requestBody" in operation:
                 operation["responses"] = {"400": _NO_TEXT} | operation["responses"]
         return schema

@@ -152,10 +152,10 @@ def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
 
 
 def alarm_message(
-    message_id: str, transition: RecordedTransition, a: RecordedAlarm, now_us: int
+    message_id: str, transition: RecordedTransition, a: RecordedAlarm, recording: str | None, now_us: int
 ) -> models.AlarmMessage:
-    """A transition of an alarm for plant links."""
-    return _body(models.AlarmMessage, transition, id=message_id, alarm=alarm(a, now_us))
+    """A transition of an alarm for plant links; the name of the recording of the alarm."""
+    return _body(models.AlarmMessage, transition, id=message_id, alarm=alarm(a, now_us, recording))
 
 
 def alarm_statistics(found: AlarmStatistics) -> models.AlarmStatistics:

@@ -12,6 +12,7 @@ from tests.demo_text import demo_text
 from tests.service.command_line import axiswatch, refused
 from tests.service.config_texts import TABLES
 
+TLS = Path(__file__).resolve().parents[1] / "tls"
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 
@@ -48,6 +49,38 @@ def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
         [f"{file}:9", 'bus[1].interfase = "[red]"'],
     ]
     assert lines[-1] == "2 problems in the configuration"
+
+
+def test_what_this_machine_lacks_is_a_note(tmp_path: Path) -> None:
+    """A file may be checked on another machine than that of the daemon."""
+    file = tmp_path / "robot.toml"
+    (tmp_path / "demo.dbc").write_bytes((CONFIG / "demo.dbc").read_bytes())
+    more = """
+[web]
+host = "0.0.0.0"
+certificate = "daemon.crt"
+key = "daemon.key"
+[[links.webhook]]
+name = "orders"
+url = "https://orders.plant.example"
+secret_file = "orders.secret"
+"""
+    file.write_text(demo_text(1) + more, encoding="utf-8")
+    begin = "Note: the daemon would not start on this machine: "
+    result = check(file)
+    found = [line.removeprefix(begin) for line in result.stdout.splitlines() if line.startswith(begin)]
+    assert found == [
+        f"{tmp_path / 'daemon.crt'}: No such file or directory",
+        f"{tmp_path / 'orders.secret'}: cannot read the secret: No such file or directory",
+    ]
+    for name in ("daemon.crt", "daemon.key"):
+        (tmp_path / name).write_bytes((TLS / name.replace("daemon", "localhost")).read_bytes())
+    (tmp_path / "orders.secret").write_text("0123456789abcdef", encoding="utf-8")
+    result = check(file)
+    assert f"{begin}other machines reach this host of [web], which needs a token" in result.stdout
+    assert axiswatch("token", "new", "anna", "--scope", "read", "--config", file).exit_code == 0
+    result = check(file)
+    assert (result.exit_code, begin in result.stdout) == (0, False)
 
 
 def test_a_missing_file_is_no_traceback(tmp_path: Path) -> None:

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from service.simulation.robot import Fault
 from tests.conftest import ROOT
 from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
+from tests.end_to_end.test_daemon import played_robot
 from tests.service.command_line import axiswatch
 
 pytestmark = pytest.mark.soak
@@ -51,7 +53,7 @@ def dropped(d: Daemon) -> dict[str, int]:
 
 def test_without_tokens(tmp_path: Path, schemathesis: Path, seed: int) -> None:
     config = demo_config(tmp_path)
-    with daemon(config) as d, robot(config, "--fault", "fm=1.6", "--fault-after", "3"):
+    with daemon(config) as d, played_robot(config, 30, seed, Fault("demo.axis1", {"fm": 1.6}, 5.0)):
         wait_for(lambda: d.get("api/v1/alarms")["alarms"])
         asks(schemathesis, d, seed)
         assert dropped(d) == {"queue_full": 0}

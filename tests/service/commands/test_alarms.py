@@ -1,8 +1,10 @@
 """`axiswatch alarms` and `axiswatch status` against a daemon that stands still, over a real socket."""
 
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.journal import Entry, Journal
 from tests.service.command_line import as_json, axiswatch, refused, shown
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
+
+TLS = Path(__file__).parents[2] / "tls"
 
 
 @pytest.fixture
@@ -56,7 +60,11 @@ def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
     shown("alarms", "comment", number, "--comment", "gearbox changed", "--work-order", "WO-18")
     lines = shown("alarms", "show", number).splitlines()
     assert "ended 2026-03-01 12:00:00 UTC, work order WO-18" in lines[0]
-    assert lines[2:6] == [
+    assert lines[2:10] == [
+        "  onset: 2026-03-01 11:59:51 UTC (90 %: from 2026-03-01 11:59:50 UTC to 2026-03-01 11:59:51 UTC)",
+        "  size: +0.01832 +- 0.0041 (95 %) N m s/rad; nominal value 0.06",
+        "  cause: fm, probability 97 %",
+        "  cause: kT, probability 3 %",
         "  2026-03-01 11:59:53 UTC  raise by axiswatch: unacknowledged",
         "  2026-03-01 12:00:00 UTC  acknowledge by local: acknowledged (I look)",
         "  2026-03-01 12:00:00 UTC  shelve by local: shelved until 2026-03-01 14:00:00 UTC (WO-17)",
@@ -120,7 +128,8 @@ def test_status_says_why_it_is_not_ready(stage: Stage, url: str) -> None:
     lines = shown("status", code=4).splitlines()
     assert lines[0].endswith(f"at {url}: not ready")
     assert lines[1:3] == ["  bus can1: down: Network is down", "  demo.axis2: no sample yet"]
-    assert lines[-1] == "active alarms: 1, unacknowledged: 1"
+    assert lines[-3] == "active alarms: 1, unacknowledged: 1"
+    assert lines[-2].startswith("1  demo.axis1 fm up: unacknowledged")
     stage.healthy()
     assert shown("status").splitlines()[0].endswith(f"at {url}: ready")
 
@@ -130,13 +139,20 @@ REFUSED = [
     (("show", "77"), "axiswatch: no alarm 77; the journal holds 1"),
     (("shelve", "1", "--for", "8d"), "axiswatch: an alarm can be shelved for at most 7 days"),
     (("shelve", "1", "--until", "2026-03-01T11:00:00Z"), "only until a time in the future"),
-    (("shelve", "1", "--until", "tomorrow"), "axiswatch: until: Input should be a valid datetime"),
+    (("shelve", "1", "--until", "tomorrow"), "axiswatch: until: must be ISO 8601 with time zone"),
     (("shelve", "1", "--for", "soon"), "write a time, such as 10min"),
     (("shelve", "1"), "give one of --for and --until"),
     (("comment", "1"), "give --comment, --work-order or both"),
     (("list", "--state", "loud"), "'loud' is not one of"),
     (("return-to-service", "demo.axis1"), "axiswatch: no person has taken demo.axis1 out of service; "),
-    (("out-of-service", "demo.axis9"), "axiswatch: there is no axis 'demo.axis9'"),
+    (
+        ("out-of-service", "demo.axis9"),
+        "axiswatch: there is no axis 'demo.axis9'; there is demo.axis1, demo.axis2",
+    ),
+    (
+        ("list", "--axis", "demo.axis9"),
+        "axiswatch: there is no axis 'demo.axis9'; there is demo.axis1, demo.axis2",
+    ),
     (("statistics", "--since", "noon"), "axiswatch: since: "),
     (("ack", "0"), "axiswatch: id: Input should be greater than or equal to 1"),
     (("ack", "1", "1"), "axiswatch: not possible: acknowledge; the alarm is acknowledged: "),
@@ -160,6 +176,31 @@ def test_a_daemon_that_does_not_answer_is_a_message_and_exit_code_4() -> None:
             message = refused(*command, "--url", address, code=4)
             assert message.startswith(f"axiswatch: {address} does not answer (")
     assert "an address is http://HOST:PORT" in refused("status", "--url", "http://[::1", code=2)
+
+
+def test_a_certificate_that_is_not_trusted_is_no_silence() -> None:
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    context.load_cert_chain(TLS / "localhost.crt", TLS / "localhost.key")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def run() -> None:
+            with suppress(OSError), context.wrap_socket(listener.accept()[0], server_side=True):
+                pass
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        message = refused("status", "--url", f"https://127.0.0.1:{listener.getsockname()[1]}", code=4)
+        thread.join(20)
+    assert "its certificate is not trusted here" in message
+    assert "SSL_CERT_FILE" in message
+
+
+def test_a_token_that_no_header_can_hold_is_not_shown(url: str) -> None:
+    for token in ("axw_secret\n axw", "axw_secret\u00e9"):
+        message = refused("status", "--url", url, "--token", token, code=2)
+        assert "the token is none" in message
+        assert "secret" not in message
+    assert "ready" in shown("status", "--token", " axw_of_a_file\n", code=4)
 
 
 @pytest.fixture

@@ -157,8 +157,7 @@ def test_a_request_that_is_not_right_is_answered_with_what_is_documented(standin
             template = re.sub(r"^[^/]+", "{axis}", re.sub(r"/\d/", "/{number}/", path))
             operation = schema["paths"][f"/api/v1/axes/{template}"]["post"]
             assert str(status) in operation["responses"]
-            if status != 422:
-                obeys_schema(answer, operation, schema)
+            obeys_schema(answer, operation, schema)
     assert len(standing.epochs()) == 1
 
 

@@ -60,6 +60,13 @@ def test_a_file_gets_json(stream: TextIO) -> None:
     assert found[2]["exception"][0]["exc_value"] == "first\nsecond"
 
 
+def test_the_addresses_of_webhooks_which_httpx_logs_are_not_there(stream: TextIO) -> None:
+    configure_logs("json", stream, environ={})
+    logging.getLogger("httpx").info("HTTP Request: POST https://orders.plant.example/a-secret")
+    stream.seek(0)
+    assert stream.read() == ""
+
+
 def test_the_journal_gets_each_line_with_its_priority(stream: TextIO) -> None:
     found = lines(stream, "json", journal_of(stream))
     assert [line[:4] for line in found] == ["<6>{", "<4>{", "<2>{"]

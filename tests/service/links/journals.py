@@ -69,6 +69,7 @@ class Post:
     def __init__(self, folder: Path, inbox: Inbox, priorities: Sequence[Priority] = PRIORITIES) -> None:
         self.folder, self.inbox, self.priorities = folder, inbox, priorities
         self.clock_s, self.now_us = 0.0, NOON_US
+        self.recording: str | None = None
         self.open()
 
     def open(self) -> None:
@@ -85,6 +86,7 @@ class Post:
             lambda: self.clock_s,
             lambda: self.now_us,
             lambda: 1.0,
+            lambda t_us: self.recording if t_us == RAISED.raised_us else None,
         )
 
     def close(self) -> None:

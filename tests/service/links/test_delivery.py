@@ -37,6 +37,17 @@ def post(tmp_path: Path) -> Iterator[Post]:
     opened.close()
 
 
+def test_a_message_names_the_recording_as_soon_as_there_is_one(tmp_path: Path) -> None:
+    post = Post(tmp_path, Inbox())
+    number = record(post.journal)
+    post.settle()
+    post.recording = "frames.log"
+    comment(post.journal, number)
+    post.settle()
+    assert [m.recording for m in post.inbox.got] == [None, "frames.log"]
+    post.close()
+
+
 def test_each_transition_is_delivered_once_in_order(post: Post) -> None:
     assert post.settle() == math.inf
     number = record(post.journal)

@@ -50,6 +50,14 @@ PATIENCE_S = 120.0
 CODES = ua.StatusCodes
 ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
 ADD_COMMENT = ua.NodeId(ua.ObjectIds.ConditionType_AddComment)
+SHELVE, SHELVE_WHY, UNSHELVE = (
+    ua.NodeId(number)
+    for number in (
+        ua.ObjectIds.ShelvedStateMachineType_TimedShelve,
+        ua.ObjectIds.ShelvedStateMachineType_TimedShelve2,
+        ua.ObjectIds.ShelvedStateMachineType_Unshelve,
+    )
+)
 
 
 def fresh_snapshot() -> Snapshot:
@@ -307,12 +315,15 @@ async def events_of(client: Any, seen: Seen) -> Any:
 
 async def act(client: Any, event: Any, method: ua.NodeId, text: str, event_id: bytes | None = None) -> str:
     """The name of the status with which a method of the condition of an event answers."""
+    name = ua.Variant(event_id or event.EventId, ua.VariantType.ByteString)
+    return await called(client, event, method, name, ua.Variant(ua.LocalizedText(text)))
+
+
+async def called(client: Any, event: Any, method: ua.NodeId, *arguments: ua.Variant) -> str:
+    """The name of the status with which a method answers."""
     request = ua.CallMethodRequest()
     request.ObjectId, request.MethodId = event.NodeId, method
-    request.InputArguments = [
-        ua.Variant(event_id or event.EventId, ua.VariantType.ByteString),
-        ua.Variant(ua.LocalizedText(text)),
-    ]
+    request.InputArguments = list(arguments)
     (result,) = await client.uaclient.call([request])
     return str(result.StatusCode.name)
 
@@ -349,11 +360,23 @@ def test_an_alarm_is_seen_acknowledged_and_over(plant: Plant) -> None:
             assert await act(client, event, ADD_COMMENT, "gearbox ordered") == "Good"
             await until(lambda: len(seen.events) == 3)
             assert shelf(seen.events[2]) == ("Unshelved", False, True)
-            until_us = now_us() + 3_600_000_000
-            plant.journal.act(number, AlarmEvent.SHELVE, Note(now_us(), "anna"), until_us)
+            hour = ua.Variant(3.6e6, ua.VariantType.Double)
+            wait = ua.Variant(ua.LocalizedText("gearbox comes"))
+            forever = ua.Variant(8 * 86400e3, ua.VariantType.Double)
+            assert await called(reader, event, SHELVE, hour) == "BadUserAccessDenied"
+            assert await called(client, event, SHELVE) == "BadArgumentsMissing"
+            assert await called(client, event, SHELVE, forever) == "BadShelvingTimeOutOfRange"
+            assert await called(client, event, SHELVE, ua.Variant("1 h")) == "BadShelvingTimeOutOfRange"
+            assert await called(client, event, UNSHELVE) == "BadConditionNotShelved"
+            assert (
+                await called(client, event, SHELVE_WHY, hour, ua.Variant(ua.LocalizedText("\x1b")))
+                == "BadInvalidArgument"
+            )
+            assert await called(client, event, SHELVE_WHY, hour, wait) == "Good"
             await until(lambda: len(seen.events) == 4)
             assert shelf(seen.events[3]) == ("Timed Shelved", True, True)
-            plant.journal.act(number, AlarmEvent.UNSHELVE, Note(now_us(), "anna"))
+            assert await called(client, event, SHELVE, hour) == "BadConditionAlreadyShelved"
+            assert await called(client, event, UNSHELVE) == "Good"
             record(plant.journal, replace(alarm, ended_us=alarm.updated_us), "demo.axis1")
             await until(lambda: len(seen.events) == 6)
             event = seen.events[5]
@@ -364,6 +387,7 @@ def test_an_alarm_is_seen_acknowledged_and_over(plant: Plant) -> None:
             (AlarmEvent.ACKNOWLEDGE, "otto", "heard it, too"),
             (AlarmEvent.COMMENT, "otto", "gearbox ordered"),
         ]
+        assert steps[3:5] == [(AlarmEvent.SHELVE, "otto", "gearbox comes"), (AlarmEvent.UNSHELVE, "otto", "")]
 
     asyncio.run(follow())
 

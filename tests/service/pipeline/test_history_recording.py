@@ -13,11 +13,13 @@ import pytest
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, AxisStatus, NotTested, Observation, Status
 from monitor_core.settings import Settings
+from service.pipeline import history_recording
 from service.pipeline.history_recording import FULL, RETRY_S, HistoryRecording
 from service.store import database
 from service.store.database import StoreError
 from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
+from tests.end_to_end.processes import wait_for
 
 AXIS, NOW_S = "cell.axis1", 1_760_000_000
 BOUNDS = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e12)
@@ -262,6 +264,24 @@ def test_a_file_that_cannot_be_opened_is_tried_again(tmp_path: Path) -> None:
         bench.write()
         assert (bench.recording.store is not None) == (k == 2)
     assert bench.times() == [0, 10, 20]
+    bench.recording.stop()
+
+
+def test_what_waits_is_written_when_somebody_wants_to_read_it_once_in_an_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(history_recording, "FRESH_S", 60.0)
+    bench = Bench(tmp_path / "history.sqlite", interval_s=100.0)
+    bench.take(at(0))
+    bench.recording.freshen()  # nobody writes yet
+    bench.recording.start()
+    wait_for(lambda: bench.recording.store is not None and bench.times() == [0], 60)
+    bench.take(at(100))
+    bench.recording.freshen()  # it was written a moment ago
+    assert bench.times() == [0]
+    bench.clock += 100.0
+    bench.recording.freshen()
+    assert bench.times() == [0, 100]
     bench.recording.stop()
 
 

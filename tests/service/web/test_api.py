@@ -175,7 +175,7 @@ def test_bad_filters_are_refused(client: TestClient) -> None:
         "active=perhaps",
     ):
         body = get(client, f"/api/v1/alarms?{query}", status=422)
-        assert body["detail"][0]["loc"] == ["query", query.split("=")[0]]
+        assert body["detail"].startswith(query.split("=")[0] + ": ")
 
 
 def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:

@@ -10,7 +10,7 @@ interface Props {
   title: ComponentChildren;
   /** Where it is sent to, and what beside comment and work order. */
   path: string;
-  body?: (given: FormData) => Record<string, unknown>;
+  body?: (given: FormData) => Record<string, unknown> | Promise<Record<string, unknown>>;
   required?: boolean;
   /** Fields before the comment, and a confirmation behind the work order. */
   children?: ComponentChildren;
@@ -27,7 +27,7 @@ export function ActionForm({ label, title, path, body, required = false, childre
     event.preventDefault();
     const given = new FormData(event.currentTarget as HTMLFormElement);
     try {
-      await ask(path, { comment: given.get("comment"), work_order: given.get("order"), ...body?.(given) });
+      await ask(path, { comment: given.get("comment"), work_order: given.get("order"), ...(await body?.(given)) });
     } catch (error) {
       return setProblem(isSilence(error) ? t.noAnswer : (error as Error).message);
     }

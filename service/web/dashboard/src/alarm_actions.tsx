@@ -3,7 +3,8 @@ import { useState } from "preact/hooks";
 import { ActionForm } from "./action_form";
 import type { Alarm } from "./ask";
 import { refresh } from "./live";
-import { arrow, Words } from "./marks";
+import { AlarmWords } from "./alarm_words";
+import { arrow } from "./marks";
 import { t } from "./texts";
 
 type Action = "acknowledge" | "shelve" | "unshelve" | "comment";
@@ -33,7 +34,7 @@ export function AlarmButtons({ alarm, done }: { alarm: Alarm; done: () => Promis
         <ActionForm label={t.actions[opened]} title={title} path={`/api/v1/alarms/${id}/${opened}`} close={() => open(null)}
           body={(given) => (opened === "shelve" ? { duration_s: Number(given.get("duration")) } : {})}
           done={() => Promise.all([done(), refresh()])}>
-          <p class="quiet"><Words>{alarm.words}</Words></p>
+          <p class="quiet"><AlarmWords alarm={alarm} /></p>
           {opened === "shelve" && (
             <label>{t.hideFor}
               <select name="duration">

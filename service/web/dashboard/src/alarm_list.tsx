@@ -5,7 +5,8 @@ import { AlarmFrequency } from "./alarm_frequency";
 import { ask, download, hasToken, type Alarm, type Body } from "./ask";
 import { moment, percent, span, unit, withMargin } from "./format";
 import { useLive } from "./live";
-import { alarmLink, AlarmMark, arrow, axisLink, Time, Words } from "./marks";
+import { AlarmWords } from "./alarm_words";
+import { alarmLink, AlarmMark, arrow, axisLink, Time } from "./marks";
 import { isHidden } from "./need";
 import { Z95 } from "./series";
 import { t } from "./texts";
@@ -17,6 +18,7 @@ const QUERIES = {
 type Filter = keyof typeof QUERIES;
 const CHOICES = [...(Object.keys(QUERIES) as Filter[]), "frequent"] as const;
 const LIMIT = 100;
+const MOST = 1000; // that the daemon gives at once
 const EVERY = 5; // answers of the daemon
 
 export function AlarmList() {
@@ -39,29 +41,36 @@ export function AlarmList() {
 }
 
 function Found({ filter }: { filter: Filter }) {
-  const [found, refresh] = useAlarms(`${QUERIES[filter]}&limit=${LIMIT}`);
+  const [limit, setLimit] = useState(LIMIT);
+  useEffect(() => setLimit(LIMIT), [filter]);
+  const [found, refresh] = useAlarms(QUERIES[filter], limit);
+  const left = found === null ? 0 : found.total - found.alarms.length;
   return (
     <>
       {found === null ? <p class="quiet">{t.waiting}</p> : <AlarmTable alarms={found.alarms} refresh={refresh} axis />}
-      {found !== null && found.total > found.alarms.length && <p class="quiet">{t.more(found.total - found.alarms.length)}</p>}
+      {left > 0 && (
+        <p class="quiet">
+          {t.more(left)} {limit < MOST && <button type="button" onClick={() => setLimit(Math.min(MOST, 3 * limit))}>{t.showMore}</button>}
+        </p>
+      )}
       {found?.total === 0 && <p class="quiet">{filter === "all" ? t.noAlarm : t.noAlarmHere}</p>}
     </>
   );
 }
 
 /** The alarms of a query, asked for again when the active ones change, and from time to time. */
-export function useAlarms(query: string): [Body<"Alarms"> | null, () => Promise<void>] {
+export function useAlarms(query: string, limit: number): [Body<"Alarms"> | null, () => Promise<void>] {
   const { active, answered } = useLive();
   const [found, set] = useState<Body<"Alarms"> | null>(null);
   const key = JSON.stringify(active.map((alarm) => [alarm.id, alarm.state, alarm.parameter, alarm.updated, alarm.work_order, alarm.first_out]));
   const beat = Math.floor((answered ?? 0) / (EVERY * 1000));
   const refresh = useCallback(async () => {
     try {
-      set(await ask<Body<"Alarms">>(`/api/v1/alarms?${query}`));
+      set(await ask<Body<"Alarms">>(`/api/v1/alarms?${query}&limit=${limit}`));
     } catch {
       // The header says that there is no answer, or that a token is needed.
     }
-  }, [query]);
+  }, [query, limit]);
   useEffect(() => set(null), [query]);
   useEffect(() => void refresh(), [refresh, key, beat]);
   return [found, refresh];
@@ -91,7 +100,7 @@ function Row({ alarm, refresh, axis }: { alarm: Alarm; refresh: () => Promise<vo
       <td role="cell" data-label={t.columns.parameter}>
         <a href={alarmLink(alarm.id)}><b><bdi>{alarm.parameter}</bdi></b> {arrow(alarm.direction)} {t.direction[alarm.direction]}</a>
         <Names alarm={alarm} />
-        <small><Words>{alarm.words}</Words></small>
+        <small><AlarmWords alarm={alarm} /></small>
       </td>
       <td role="cell" data-label={t.columns.size}>{sizeText(alarm)}</td>
       <td role="cell" data-label={t.columns.onset}><Time at={alarm.onset} /><OnsetRange alarm={alarm} /></td>

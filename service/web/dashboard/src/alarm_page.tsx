@@ -5,6 +5,7 @@ import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord } from "./ask";
 import { moment, percent, zone } from "./format";
 import { useLive } from "./live";
+import { AlarmWords, Meaning, meaningOf } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time, Words } from "./marks";
 import { t } from "./texts";
 
@@ -33,14 +34,14 @@ export function AlarmPage({ id }: { id: string }) {
         <h1>{t.alarmTitle(alarm.id ?? 0)}: <a href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a></h1>
         <span class="no-print"><AlarmButtons alarm={alarm} done={refresh} /> <button type="button" onClick={() => print()}>{t.print}</button></span>
       </div>
-      <p class="sentence"><Words>{alarm.words}</Words></p>
+      <p class="sentence"><AlarmWords alarm={alarm} /></p>
       {alarm.reaches.map((reach) => <p key={reach.name} class="sentence"><Words>{reach.words}</Words></p>)}
       <div class="columns">
         <section>
           <h2>{t.found}</h2>
           <dl>
             <dt>{t.state}</dt><dd><State alarm={alarm} /></dd>
-            <dt>{t.columns.parameter}</dt><dd><bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</dd>
+            <dt>{t.columns.parameter}</dt><dd><bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}{meaning && <small><Meaning of={meaning} /></small>}</dd>
             <dt>{t.columns.size}</dt><dd>{sizeText(alarm)}</dd>
             <dt>{t.nominal}</dt><dd>{numberWithUnit(alarm.nominal, alarm.unit)}</dd>
             <dt>{t.columns.onset}</dt><dd><Time at={alarm.onset} /><OnsetRange alarm={alarm} full /></dd>
@@ -57,7 +58,7 @@ export function AlarmPage({ id }: { id: string }) {
           {alarm.causes.length > 0 && <Causes alarm={alarm} />}
           {alarm.inside_calibration !== null && <p>{alarm.inside_calibration ? t.inside : t.outside}</p>}
           <h2>{t.whatToDo}</h2>
-          <ol>{advice(alarm, meaning).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
+          <ol>{advice(alarm, meaningOf(meaning)).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
           {(alarm.recording !== null || report) && <h2 class="no-print">{t.files}</h2>}
           <ul class="no-print">
             {alarm.recording !== null && <li><Frames name={alarm.recording} full /></li>}
@@ -108,15 +109,15 @@ function Transitions({ alarm }: { alarm: AlarmRecord }) {
   const { when, what, who, note } = t.transitions;
   return (
     <div class="panel">
-      <table role="table" aria-label={t.history}>
-        <thead><tr>{[when, what, who, note].map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
-        <tbody>
-          {alarm.transitions.map((step) => (
-            <tr key={step.at + step.event}>
-              <td><Time at={step.at} /></td>
-              <td>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</td>
-              <td><bdi>{step.who}</bdi></td>
-              <td><bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi></td>
+      <table class="stacked" role="table" aria-label={t.history}>
+        <thead role="rowgroup"><tr role="row">{[when, what, who, note].map((name) => <th key={name} role="columnheader" scope="col">{name}</th>)}</tr></thead>
+        <tbody role="rowgroup">
+          {alarm.transitions.map((step, number) => (
+            <tr key={number} role="row">
+              <td role="cell" data-label={when}><Time at={step.at} /></td>
+              <td role="cell" data-label={what}>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</td>
+              <td role="cell" data-label={who}><bdi>{step.who}</bdi></td>
+              <td role="cell" data-label={step.comment || step.work_order ? note : undefined}><bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi></td>
             </tr>
           ))}
         </tbody>

@@ -5,6 +5,7 @@ import type { Alarm, Axis, Parameter } from "./ask";
 import { AxisService } from "./axis_service";
 import { BodePanel } from "./bode_panel";
 import { DriveChain } from "./drive_chain";
+import { Meaning } from "./alarm_words";
 import { changesOf, Epochs, epochWords, useEpochs } from "./epochs";
 import { number, percent, span, withMargin } from "./format";
 import { useHistory } from "./history";
@@ -29,7 +30,7 @@ export function AxisPage({ id }: { id: string }) {
   const history = useHistory(id, range, shown.end === null);
   const [epochs, loadEpochs] = useEpochs(axis);
   const changes = changesOf(epochs);
-  const [alarms, refresh] = useAlarms(`axis=${encodeURIComponent(id)}&limit=100`);
+  const [alarms, refresh] = useAlarms(`axis=${encodeURIComponent(id)}`, 100);
   if (!axis) return <p class="quiet">{live.answered === null ? t.waiting : t.notThere(id)}</p>;
   const change = ([from, to]: Range): void => show({ length: to - from, end: to >= now ? null : to });
   const monitored = axis.parameters.map((p) => p.name);
@@ -124,7 +125,7 @@ function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onR
   return (
     <section class={`panel parameter ${kindOf(p)} prio-${active?.priority ?? "none"}`} aria-label={p.name}>
       <div class="figures">
-        <h2><bdi>{p.name}</bdi> <small><Words>{p.meaning}</Words></small></h2>
+        <h2><bdi>{p.name}</bdi> <small><Meaning of={p.meaning} /></small></h2>
         <Figures p={p} />
       </div>
       <div class="plots">

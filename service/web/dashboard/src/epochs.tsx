@@ -9,7 +9,8 @@ import { t } from "./texts";
 export type Epoch = Body<"Epoch">;
 
 /** "learning: 0.5 h of 2 h of operation", or nothing. */
-export const epochWords = ({ epoch }: Axis): string => (epoch.state === "current" ? "" : epoch.words);
+export const epochWords = ({ epoch }: Axis): string =>
+  epoch.state === "current" ? "" : (t.progress(epoch.state, epoch.done_s, epoch.length_s) ?? epoch.words);
 
 const EVERY_MS = 10_000;
 
@@ -51,7 +52,7 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
         {now.state === "learning"
           ? <button type="button" onClick={() => want({ action: "cancel" })}>{t.epochs.cancel}</button>
           : <button type="button" onClick={() => want({ action: "baseline" })}>{t.epochs.baseline}</button>}
-        {" "}<Words>{epochWords(axis)}</Words>
+        {" "}<bdi>{epochWords(axis)}</bdi>
       </p>
       <div class="panel">
         <table role="table" aria-label={t.epochs.title}>
@@ -83,11 +84,20 @@ function Value({ v }: { v: Epoch["values"][number] }) {
   return <div><bdi>{v.name}</bdi> = {numberWithUnit(v.value, v.unit)}{before}{v.kept !== null && <small><Words>{v.kept}</Words></small>}</div>;
 }
 
+/** The text of a chosen file; null: none was chosen. */
+async function textOf(given: FormData, name: string): Promise<string | null> {
+  const file = given.get(name);
+  return file instanceof File && file.name !== "" ? file.text() : null;
+}
+
 function EpochForm({ axis, wanted, close, refresh }: { axis: Axis; wanted: Wanted; close: () => void; refresh: () => Promise<void> }) {
   const { action } = wanted;
+  const [mode, setMode] = useState<"window" | "files">("window");
+  const files = action === "baseline" && mode === "files";
   const path = action === "baseline" ? "baseline" : action === "cancel" ? "baseline/cancel" : `epochs/${wanted.number}/restore`;
-  const body = (given: FormData): Record<string, unknown> => ({
-    ...(action === "baseline" ? { mode: "window", hours: Number(given.get("hours")) } : {}),
+  const body = async (given: FormData): Promise<Record<string, unknown>> => ({
+    ...(files ? { mode, nominal: await textOf(given, "nominal"), thresholds: await textOf(given, "thresholds") }
+      : action === "baseline" ? { mode, hours: Number(given.get("hours")) } : {}),
     ...(action === "cancel" ? {} : { verify_hours: Number(given.get("verify")) }),
   });
   const hours = (name: string, words: string, value: number) => (
@@ -97,8 +107,18 @@ function EpochForm({ axis, wanted, close, refresh }: { axis: Axis; wanted: Wante
     <ActionForm label={t.epochs[action]} title={<><bdi>{axis.id}</bdi>{action === "restore" && ` (${wanted.number})`}</>}
       path={`/api/v1/axes/${encodeURIComponent(axis.id)}/${path}`} required={action !== "cancel"}
       confirm={action === "cancel" ? undefined : t.epochs.confirm[action]} body={body} close={close} done={refresh}>
-      <p>{t.epochs.meaning[action]}</p>
-      {action === "baseline" && hours("hours", t.epochs.hours, 2)}
+      {action === "baseline" && (
+        <label>{t.epochs.from}
+          <select name="mode" value={mode} onChange={(event) => setMode(event.currentTarget.value as typeof mode)}>
+            <option value="window">{t.epochs.source.window}</option>
+            <option value="files">{t.epochs.source.files}</option>
+          </select>
+        </label>
+      )}
+      <p>{files ? t.epochs.fromFiles : t.epochs.meaning[action]}</p>
+      {action === "baseline" && !files && hours("hours", t.epochs.hours, 2)}
+      {files && <label>nominal.toml<input name="nominal" type="file" accept=".toml" required /></label>}
+      {files && <label>{t.epochs.thresholds}<input name="thresholds" type="file" accept=".toml" /></label>}
       {action !== "cancel" && hours("verify", t.epochs.verify, 8)}
     </ActionForm>
   );

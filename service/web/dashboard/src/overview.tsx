@@ -1,11 +1,12 @@
 // All axes on one screen, the one that needs most first.
 import { memo } from "preact/compat";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
-import type { Alarm } from "./ask";
+import type { Alarm, Axis } from "./ask";
+import { AlarmWords, Meaning } from "./alarm_words";
 import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
-import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time, Words } from "./marks";
+import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
 import { isHidden, itemsOf, matches, NEEDS, ordered, type Item, type Need } from "./need";
 import { t } from "./texts";
 import { GAP, layoutOf } from "./tile_layout";
@@ -38,7 +39,7 @@ export function Overview() {
   return (
     <>
       <h1 class="unseen">{t.pages.overview}</h1>
-      <AlarmLines alarms={live.active.filter((alarm) => !isHidden(alarm))} />
+      <AlarmLines alarms={live.active.filter((alarm) => !isHidden(alarm))} axes={live.axes} />
       <div class="tools">
         <input ref={field} type="search" placeholder={`${t.search}  /`} aria-label={t.search} value={search}
           onInput={(event) => setSearch(event.currentTarget.value)} />
@@ -64,16 +65,20 @@ export function Overview() {
   );
 }
 
-function AlarmLines({ alarms }: { alarms: Alarm[] }) {
+function AlarmLines({ alarms, axes }: { alarms: Alarm[]; axes: Axis[] }) {
   if (alarms.length === 0) return null;
+  const meanings = new Map(axes.flatMap((axis) => axis.parameters.map((p) => [axis.id + p.name, p.meaning])));
   return (
     <ul class="alarm-lines" aria-label={t.activeAlarms(alarms.length)}>
       {alarms.slice(0, LINES).map((alarm) => (
         <li key={`${alarm.axis} ${alarm.raised} ${alarm.parameter}`}>
           <AlarmMark alarm={alarm} />
           <a class="axis-name" href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a>
-          <a class="sentence" href={alarmLink(alarm.id)}><Words>{alarm.words}</Words></a>
-          <span class="quiet nowrap">{t.since} <Time at={alarm.onset} /></span>
+          <a class="sentence" href={alarmLink(alarm.id)}><AlarmWords alarm={alarm} /></a>
+          <span class="quiet">
+            {meanings.has(alarm.axis + alarm.parameter) && <><Meaning of={meanings.get(alarm.axis + alarm.parameter) ?? ""} />, </>}
+            <span class="nowrap">{t.since} <Time at={alarm.onset} /></span>
+          </span>
         </li>
       ))}
       {alarms.length > LINES && <li><a href="#/alarms">{t.more(alarms.length - LINES)}</a></li>}
@@ -138,7 +143,7 @@ const ageText = (age: number | null): string => (age === null ? t.noSample : t.l
 /** A wide tile says since when there is an alarm, or what is being learnt, or how old the last sample is. */
 function Age({ item: { axis, alarms }, age }: { item: Item; age: string }) {
   if (alarms[0]) return <span class="age">{t.since} <Time at={alarms[0].onset} /></span>;
-  return <span class="age"><Words>{epochWords(axis) || age}</Words></span>;
+  return <span class="age"><bdi>{epochWords(axis) || age}</bdi></span>;
 }
 
 interface TileProps {

@@ -3,6 +3,7 @@ import { render } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { AlarmList } from "./alarm_list";
 import { AlarmPage } from "./alarm_page";
+import { alarmSentence } from "./alarm_words";
 import { SoundSwitch } from "./alarm_sound";
 import { hasToken, type Alarm } from "./ask";
 import { AxisPage } from "./axis_page";
@@ -155,7 +156,7 @@ function News({ active, answered }: { active: Alarm[]; answered: boolean }) {
     if (before === null) return;
     const fresh = shown.filter((alarm) => before.get(keyOf(alarm)) !== nameOf(alarm));
     if (fresh.length === 0) return;
-    say(fresh.map((a) => (before.has(keyOf(a)) ? t.alarmNamed : t.newAlarm)(a.axis, a.words)).join("; "));
+    say(fresh.map((a) => (before.has(keyOf(a)) ? t.alarmNamed : t.newAlarm)(a.axis, alarmSentence(a))).join("; "));
   }, [active, answered]);
   return <p id="news" class="unseen" role="status" aria-live="assertive">{words}</p>;
 }

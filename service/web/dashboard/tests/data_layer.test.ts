@@ -1,5 +1,6 @@
 // The data layer of the dashboard: what is plotted, the order of the axes, how numbers and times are written.
 import { beforeEach, describe, expect, test } from "vitest";
+import { alarmSentence, meaningOf } from "../src/alarm_words";
 import type { Alarm, Axis, Body } from "../src/ask";
 import { chainOf, monitoredIn, placeless, type Component, type DriveModel } from "../src/chain";
 import { EventParser } from "../src/events";
@@ -47,6 +48,40 @@ function historyOf(n: number[], estimate: Numbers, others: Record<string, Number
   }];
   return { axis: "a", resolution: "raw", step_s: 10, next: null, time: n.map((_, i) => iso(10 * i)), parameters };
 }
+
+describe("an alarm in a sentence", () => {
+  const fm = alarmOf("a", {
+    stage: "named", size: 0.018, size_sd: 0.001, nominal: 0.06, unit: "N m s/rad", kind: "step", doubt: "", reaches: [], inside_calibration: true,
+    causes: [{ parameter: "fm", probability: 0.99, alike: [] }], words: "as the daemon says it",
+  });
+  const changed = (changes: object): Alarm => ({ ...fm, ...changes }) as unknown as Alarm;
+
+  beforeEach(() => {
+    globalThis.document = { documentElement: {} } as unknown as Document;
+    choose("en");
+  });
+
+  test("is that of the daemon in English", () => {
+    expect(alarmSentence(fm)).toBe("as the daemon says it");
+    expect(meaningOf("viscous friction of the motor")).toBe("viscous friction of the motor");
+  });
+
+  test("is German in German, but for forecasts", () => {
+    choose("de");
+    const unit = "N\u202fm\u202fs/rad";
+    expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %) über dem Nennwert`);
+    expect(alarmSentence(changed({ stage: "changed" }))).toContain("auf den ersten Blick fm");
+    expect(alarmSentence(changed({ size: null, direction: "down" }))).toContain("fm liegt unter dem Nennwert, um wie viel");
+    expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc"] }] })))
+      .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %) über dem Nennwert; gleich sähe aus: fc`);
+    expect(alarmSentence(changed({ parameter: "delay", size: 0.0005, nominal: 0 }))).toContain("kommt 0,5 ms zu spät");
+    expect(alarmSentence(changed({ doubt: "still", inside_calibration: false }))).toMatch(/keine Bewegung.*; außerhalb/);
+    expect(alarmSentence(changed({ reaches: [{}] }))).toBe("as the daemon says it");
+    expect(meaningOf("reciprocal of: inertia of the arm")).toBe("Kehrwert von: Trägheit des Arms");
+    expect(meaningOf("friction of my drive")).toBe("friction of my drive");
+    choose("en");
+  });
+});
 
 describe("columns of a plot", () => {
   test("have the 95 % band, the nominal value of that time, the statistics relative to the threshold", () => {

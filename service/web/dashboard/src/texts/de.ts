@@ -1,5 +1,105 @@
-// German. The sentences of the daemon itself (alarms, reasons, messages) are English in every language.
+// German. Reasons, messages, trends and what is not tested are sentences of the daemon, English in every language.
+import type { Alarm } from "../ask";
 import type { Texts } from "./en";
+
+const comma = (digits: string): string => digits.replace(".", ",");
+
+/** Two digits, all of a whole number. */
+const digits = (x: number): string => (Number.isFinite(x) ? comma(x >= 10 ? x.toFixed(0) : String(Number(x.toPrecision(2)))) : "?");
+
+const ms = (s: number): string => `${digits(1000 * Math.abs(s))} ms`;
+
+const SENSORS: Record<string, (size: number, unit: string) => string> = {
+  "torque sign": () => "das gemessene Moment hat sein Vorzeichen gewechselt",
+  "output sign": () => "die gemessene Bewegung hat ihr Vorzeichen gewechselt",
+  "torque stuck": () => "das gemessene Moment hängt: es bleibt gleich, während ein anderes wirkt",
+  "torque lost": () => "das wirkende Moment ist nicht das gemessene: sein Signal fehlt, oder es ist ein anderes",
+  "output stuck": () => "die gemessene Bewegung hängt: sie wiederholt sich in jeder Ziffer",
+  "torque scale": (size) => `das wirkende Moment ist dem Maßstab nach ${share(size)} als das gemessene`,
+  "output scale": (size) => `die gemessene Bewegung ist dem Maßstab nach ${share(size)} als die wahre`,
+  "torque offset": (size, unit) => `das wirkende Moment ist stets um ${digits(Math.abs(size))} ${unit} ${greater(size)} als das gemessene`,
+  "output offset": (size, unit) => `die gemessene Bewegung ist stets um ${digits(Math.abs(size))} ${unit} ${greater(size)} als die wahre`,
+  "output noise": (size) => `die gemessene Bewegung rauscht um ${digits(Math.abs(100 * size))} % mehr als zuvor`,
+};
+
+const greater = (size: number): string => (size < 0 ? "kleiner" : "größer");
+const share = (size: number): string => `um ${digits(Math.abs(100 * size))} % ${greater(size)}`;
+
+/** Moment und Bewegung gehören nicht mehr zum selben Zeitpunkt. */
+function delayed(size: number, nominal: number): string {
+  const way = nominal ? (size > 0 ? "später als üblich" : "früher als üblich") : size > 0 ? "zu spät" : "zu früh";
+  const acts = nominal ? ms(nominal + size) : "um so viel";
+  return `der Frame des Moments kommt ${ms(size)} ${way}: das Moment wirkt ${acts} ${nominal + size > 0 ? "nach" : "vor"} seinem Messwert`;
+}
+
+function fact(alarm: Alarm, unit: string): string {
+  const nominal = alarm.nominal ?? 0;
+  const size = alarm.size ?? (alarm.direction === "down" ? -Infinity : Infinity);
+  const sensor = SENSORS[alarm.parameter];
+  if (sensor) return sensor(size, unit);
+  if (alarm.parameter === "delay") return delayed(size, nominal);
+  if (alarm.parameter === "load") {
+    const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
+    return `die Achse trägt ${by}${size < 0 ? "weniger" : "mehr"} Gewicht als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
+  }
+  const side = size < 0 ? "unter" : "über";
+  if (!Number.isFinite(size)) return `${alarm.parameter} liegt ${side} dem Nennwert, um wie viel, ist nicht bekannt`;
+  const part = nominal ? ` (${digits(Math.abs((100 * size) / nominal))} %)` : "";
+  return `${alarm.parameter} liegt ${[digits(Math.abs(size)), unit].filter(Boolean).join(" ")}${part} ${side} dem Nennwert`;
+}
+
+const SURE = 0.95;
+
+/** Wie im Dienst (service/texts.py); Vorhersagen bleiben dessen Satz. */
+function sentence(alarm: Alarm, unit: string): string | null {
+  const outside = alarm.inside_calibration === false ? "; außerhalb der Bedingungen der Kalibrierung ausgelöst" : "";
+  if (alarm.reaches.length > 0) return null;
+  if (alarm.stage === "changed") {
+    return `etwas hat sich geändert, auf den ersten Blick ${alarm.parameter}; Ursache und Größe sind noch nicht bekannt${outside}`;
+  }
+  const words = fact(alarm, unit);
+  const doubts: Record<string, string> = {
+    several: `mehr als ein Parameter hat sich geändert, oder keiner; am nächsten liegt ${alarm.parameter}: ${words}`,
+    model: `das Modell gilt nicht mehr, wie bei einem Sensorfehler; am nächsten liegt ${alarm.parameter}: ${words}`,
+    sign: "die Bewegung folgt dem Moment nicht, als hätte eines von beiden das Vorzeichen gewechselt oder hinge",
+    still: "auf das Moment folgt keine Bewegung: Sensor oder Achse hängt, oder der Antrieb ist aus",
+  };
+  if (alarm.doubt) return `${doubts[alarm.doubt] ?? words}${outside}`;
+  const [first] = alarm.causes;
+  const likely = alarm.causes.slice(0, 3);
+  const which = first === undefined || (first.probability ?? 0) >= SURE ? ""
+    : `${likely.map((cause) => cause.parameter).join(" oder ")}, ${likely.map((cause) => (100 * (cause.probability ?? 0)).toFixed(0)).join(":")}; `;
+  const drifts = alarm.kind === "drift" ? `, und driftet nach ${alarm.direction === "up" ? "oben" : "unten"}` : "";
+  const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
+  const same = alike.length > 0 ? `; gleich sähe aus: ${alike.join(" oder ")}` : "";
+  return `${which}${words}${drifts}${same}${outside}`;
+}
+
+const MEANINGS: Record<string, string> = {
+  "viscous friction of the motor": "viskose Reibung des Motors",
+  "Coulomb friction of the motor": "Coulomb-Reibung des Motors",
+  "torque offset": "Momentenversatz",
+  "torque constant, relative to the one the controller uses": "Drehmomentkonstante, bezogen auf die der Steuerung",
+  "gear ratio, arm angle over motor angle": "Getriebeübersetzung, Armwinkel durch Motorwinkel",
+  "inertia of motor, gear and arm, on the motor side": "Trägheit von Motor, Getriebe und Arm, auf der Motorseite",
+  "torque of the weight on the arm at the angle zero, as where the arm lies flat there": "Moment des Gewichts am Arm beim Winkel null",
+  "torque of the weight on the arm a quarter of a turn further": "Moment des Gewichts am Arm eine Vierteldrehung weiter",
+};
+const PART: Record<string, string> = { inertia: "Trägheit", stiffness: "Steifigkeit", damping: "Dämpfung" };
+const OF: Record<string, string> = {
+  motor: "des Motors", arm: "des Arms", "gearbox, arm side": "des Getriebes, Armseite",
+};
+
+function meaning(text: string): string | null {
+  const found = /^(inertia|stiffness|damping) of the (.+)$/.exec(text);
+  const [part, of] = [PART[found?.[1] ?? ""], OF[found?.[2] ?? ""]];
+  return MEANINGS[text] ?? (part && of ? `${part} ${of}` : null);
+}
+
+function operated(s: number): string {
+  const h = s / 3600;
+  return h < 1 ? `${Math.round(s / 60)} min` : `${digits(h)} h`;
+}
 
 export const de: Texts = {
   skip: "Zum Inhalt",
@@ -25,6 +125,12 @@ export const de: Texts = {
   newAlarm: (axis, words) => `Neuer Alarm: ${axis}: ${words}`,
   alarmNamed: (axis, words) => `Alarm: ${axis}: ${words}`,
   more: (n) => `${n} weitere`,
+  showMore: "mehr zeigen",
+  sentence,
+  meaning,
+  reciprocal: (words) => `Kehrwert von: ${words}`,
+  progress: (state, doneS, lengthS) =>
+    lengthS === null ? null : `${state === "learning" ? "lernt" : "wird geprüft"}: ${operated(doneS ?? 0)} von ${operated(lengthS)} Betrieb`,
 
   axes: "Achsen",
   noAxis: "Es ist keine Achse konfiguriert.",
@@ -237,6 +343,9 @@ export const de: Texts = {
       cancel: "Die gültigen Werte bleiben.",
       restore: "Die Nennwerte dieser Epoche werden als neue Epoche wieder gültig.",
     },
+    from: "Werte aus",
+    fromFiles: "Die Werte dieser Dateien, aus einer neuen Inbetriebnahme dieser Achse, gelten sofort. Passen sie nicht zur Achse, werden sie abgelehnt.",
+    thresholds: "thresholds.toml (kann fehlen)",
     confirm: {
       baseline: "Die Achse wurde repariert oder geändert und geprüft: Sie ist in Ordnung.",
       restore: "Diese Werte passen zur jetzigen Mechanik der Achse.",

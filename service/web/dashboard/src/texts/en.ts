@@ -1,4 +1,6 @@
-// English. The sentences of the daemon itself (alarms, reasons, messages) are English in every language.
+// English, as are the sentences of the daemon itself.
+import type { Alarm } from "../ask";
+
 export const en = {
   skip: "Skip to the content",
   pages: { overview: "Overview", alarms: "Alarms", system: "System", api: "API", metrics: "Metrics", report: "Commissioning report" },
@@ -23,6 +25,14 @@ export const en = {
   newAlarm: (axis: string, words: string) => `New alarm: ${axis}: ${words}`,
   alarmNamed: (axis: string, words: string) => `Alarm: ${axis}: ${words}`,
   more: (n: number) => `${n} more`,
+  showMore: "show more",
+  /** An alarm in one sentence; null: as the daemon says it. */
+  sentence: (_alarm: Alarm, _unit: string): string | null => null,
+  /** The meaning of a parameter; null: as the daemon says it. */
+  meaning: (_text: string): string | null => null,
+  reciprocal: (meaning: string) => `reciprocal of: ${meaning}`,
+  /** What is under way in an epoch; null: as the daemon says it. */
+  progress: (_state: string, _doneS: number | null, _lengthS: number | null): string | null => null,
 
   axes: "Axes",
   noAxis: "No axis is configured.",
@@ -237,6 +247,9 @@ export const en = {
       cancel: "The values that are in force stay.",
       restore: "The nominal values of this epoch come into force again, as a new epoch.",
     },
+    from: "Values from",
+    fromFiles: "The values of these files, of a new commissioning of this axis, are in force at once. Where they do not fit the axis they are refused.",
+    thresholds: "thresholds.toml (may be left out)",
     confirm: {
       baseline: "The axis was repaired or changed, and was inspected: it is in order.",
       restore: "These values fit the present mechanics of the axis.",

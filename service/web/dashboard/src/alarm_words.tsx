@@ -1,0 +1,29 @@
+// An alarm in one sentence: in the language of the page, or as the daemon says it, in English.
+import type { Alarm } from "./ask";
+import { unit } from "./format";
+import { Words } from "./marks";
+import { t } from "./texts";
+
+/** The sentence as a text, for what is read out. */
+export const alarmSentence = (alarm: Alarm): string => t.sentence(alarm, unit(alarm.unit)) ?? alarm.words;
+
+export function AlarmWords({ alarm }: { alarm: Alarm }) {
+  const own = t.sentence(alarm, unit(alarm.unit));
+  return own === null ? <Words>{alarm.words}</Words> : <bdi>{own}</bdi>;
+}
+
+/** The meaning of a parameter; those of the drives of the library are in the language of the page. */
+export function meaningOf(text: string): string {
+  const inverse = text.startsWith(INVERSE);
+  const plain = inverse ? text.slice(INVERSE.length) : text;
+  const own = t.meaning(plain);
+  return own === null ? text : inverse ? t.reciprocal(own) : own;
+}
+
+/** It, marked as English where it is. */
+export function Meaning({ of }: { of: string }) {
+  const words = meaningOf(of);
+  return words === of ? <Words>{of}</Words> : <bdi>{words}</bdi>;
+}
+
+const INVERSE = "reciprocal of: ";
