@@ -22,6 +22,7 @@ from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.lively_parts import lively_parts
 from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.standstill import Standstill, find_standstill
 from monitor_core.identification.starting import (
     Growth,
     best_of,
@@ -103,6 +104,7 @@ class IdentificationResult:
         watched: which of the monitored parameters can be watched; empty: none were named.
         memory_s: the memory that this is for [s].
         warm_up: how the axis warms up, where friction follows a heat that nobody measures; None: it does not.
+        standstill: where the axis often stands; the torque there is left out; None: it seldom does.
     """
 
     start: Problem
@@ -118,6 +120,7 @@ class IdentificationResult:
     watched: tuple[Watched, ...]
     memory_s: float
     warm_up: FoundWarmUp | None = None
+    standstill: Standstill | None = None
 
     def model(self, monitored: Sequence[str]) -> AxisModel:
         """The axis with the estimates as its nominal values.
@@ -277,6 +280,10 @@ def identify(
     """
     options = options or IdentificationOptions()
     report: Progress = progress or _silent
+    standstill = find_standstill(records)
+    if standstill is not None:
+        records = standstill.records
+        validation = standstill.held(validation)
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
@@ -322,6 +329,7 @@ def identify(
         outlook(estimate, options.monitored, records, memory_s, options.sizes),
         memory_s,
         warm_up,
+        standstill,
     )
 
 

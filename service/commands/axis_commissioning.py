@@ -30,6 +30,7 @@ from service.commands.commissioning_remedies import (
     motion_for,
     remedy_for,
     retry,
+    standstill_change,
     watched_in,
 )
 from service.commands.identification_task import Request, drawing_of, prepare
@@ -152,13 +153,13 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         return replace(outcome, refusal=not_identified(report, taken))
     replace_text(order.folder / values, as_toml(report))
     refusal = "" if watched_in(report) else f"{outcome.outlook.removesuffix('.')}{taken}"
-    memory = memory_change(report, axis.config)
+    changes = (*memory_change(report, axis.config), *standstill_change(report, axis.config))
     outcome = replace(
         outcome,
         nominal_file=values,
         watched=watched_in(report),
         refusal=refusal,
-        corrections=(*outcome.corrections, *memory),
+        corrections=(*outcome.corrections, *changes),
     )
     motion = motion_for(report, [item.record for item in task.estimation])
     if motion is None:

@@ -151,6 +151,15 @@ def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Corre
     return (Correction(("estimator", "memory_s"), memory_s, reason),)
 
 
+def standstill_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Correction, ...]:
+    """The speed from which an axis is monitored that often stands, if the configuration has none."""
+    found = report.result.standstill
+    if found is None or axis.min_speed is not None:
+        return ()
+    reason = "slower, the axis stands, and its friction holds any torque"
+    return (Correction(("min_speed",), float(f"{found.speed:.2g}"), reason),)
+
+
 class Motion(NamedTuple):
     """What a motion is planned with that would show more of an axis."""
 

@@ -58,6 +58,7 @@ class IdentificationReport:
             *self.result.estimate.words,
             *self._held(),
             *self._friction(),
+            *self._standstill(),
             *self._short_of_warm(),
             *self._beside_the_heat(),
         )
@@ -110,6 +111,16 @@ class IdentificationReport:
         if self.result.options.speed_scales:
             scale = self.result.estimate.problem.speed_scale
             yield f"friction_speed_scale is not given: {scale:.3g} rad/s explains the records best."
+
+    def _standstill(self) -> Iterator[str]:
+        """That the torque of an axis that stands is left out."""
+        found = self.result.standstill
+        if found is not None:
+            yield (
+                f"The axis stands {percent(found.share)} of the time, and friction holds any torque then: the fit"
+                f" leaves that torque out. With min_speed = {found.speed:.2g}, which `commission` sets, the monitor"
+                " does so, too."
+            )
 
     def _short_of_warm(self) -> Iterator[str]:
         """That the records end before the axis is warm."""

@@ -13,7 +13,7 @@ from scipy.linalg import eigvals
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
 from monitor_core.identification.records.measured_record import Finding, Known, Record
-from monitor_core.identification.records.rigid_body import USUAL, Rigid, Term, rigid_fits, speed_scales
+from monitor_core.identification.records.rigid_body import POSE, USUAL, Rigid, rigid_fits, speed_scales
 from monitor_core.identification.records.sample_checks import signals, strange, times
 
 _BACK = 3.0
@@ -30,7 +30,6 @@ _AS_NOMINAL = 5.0
 _NEAR = 3.0
 """To a suspected factor: as far as a guess may be wrong."""
 _NOTHING_KNOWN = Known()
-_POSE: tuple[Term, ...] = (*USUAL, "angle", "angle^2", "angle^3")
 _WEIGHT = 0.5
 """Of the torque that one mass leaves unexplained: where terms of the pose take away so much, a weight acts."""
 
@@ -91,7 +90,7 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
     # Beside one of another order than the speed, friction would be viscous only: an angle of the arm is slow.
     scales = speed_scales([record])
     scale = known.speed_scale if scales[0] <= known.speed_scale <= scales[-1] else scales[1]
-    weighed, mass = rigid_fits([record], [_POSE, USUAL], scale, shortest_s, moving=True)
+    weighed, mass = rigid_fits([record], [POSE, USUAL], scale, shortest_s, moving=True)
     if mass is None:
         return None
     if weighed is not None and 1 - weighed.explained < _WEIGHT * (1 - mass.explained):

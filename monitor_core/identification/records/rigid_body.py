@@ -25,6 +25,8 @@ Term = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "s
 friction that falls with the speed, and that grows faster than it; a signal of the record, named SIGNAL."""
 SIGNAL = "torque of signals"
 USUAL: tuple[Term, ...] = ("viscous", "coulomb", "offset")
+POSE: tuple[Term, ...] = (*USUAL, "angle", "angle^2", "angle^3")
+"""With a weight, whatever its dependence on the pose."""
 
 WINDOWS = 4
 """Equations for each length of the window; closer ones hold nothing new."""
@@ -36,7 +38,7 @@ _STRIBECK = 0.3
 """Speed of Stribeck's friction, as part of the root mean square of the speed."""
 _SCALES = (0.02, 0.05, 0.12, 0.3)
 """Speed scales of Coulomb friction, as parts of the root mean square of the speed."""
-_AROUND = 4
+AROUND = 4
 """Samples on either side for the speed from an angle."""
 _AS_GOOD, _WELL = 2.0, 0.1
 """A window explains about as much as the best one if it leaves at most so many times more unexplained, or this part."""
@@ -106,7 +108,7 @@ def rigid_fits(
             weight of the places at which the axis stops.
     """
     parts = windowed_parts(records)
-    least = _least_speed(parts) if moving else None
+    least = least_speed(parts) if moving else None
     shortest = max(_SHORTEST, shortest_s / records[0].interval_s)
     ladder = _ladder(shortest, sum(len(part.u) for part in parts))
     fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0], least))]
@@ -141,7 +143,7 @@ def unexplained(
     """
     parts, terms = windowed_parts(records), tuple(balance.torques)
     ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
-    for least in dict.fromkeys((_least_speed(parts), None)):
+    for least in dict.fromkeys((least_speed(parts), None)):
         fits = [
             (fit.explained, window)
             for window in ladder
@@ -166,7 +168,7 @@ def speed_scales(records: Sequence[Record]) -> tuple[float, ...]:
 def rms_speed(records: Sequence[Record]) -> float:
     """Root mean square of the motor's speed, rad/s, without its noise: from windows of some samples."""
     means = [
-        _slope(part.y, _AROUND, part.h) if part.quantity == "angle" else part.y
+        _slope(part.y, AROUND, part.h) if part.quantity == "angle" else part.y
         for part in windowed_parts(records)
     ]
     return float(np.sqrt(np.mean(np.concatenate(means) ** 2))) if means else 1.0
@@ -174,8 +176,13 @@ def rms_speed(records: Sequence[Record]) -> float:
 
 def windowed_parts(records: Sequence[Record]) -> list[Part]:
     """The pieces of records between gaps, each on a regular grid."""
-    pieces = [piece for record in records for piece in segments(record, _GAP * record.interval_s)]
-    return [_part(piece) for piece in pieces if np.count_nonzero(piece.measured) > 1]
+    found = [piece for record in records for piece in pieces(record)]
+    return [_part(piece) for piece in found if np.count_nonzero(piece.measured) > 1]
+
+
+def pieces(record: Record) -> list[Record]:
+    """A record between its gaps."""
+    return segments(record, _GAP * record.interval_s)
 
 
 def _ladder(shortest: float, count: int) -> list[int]:
@@ -202,16 +209,16 @@ def _equations(
     return np.concatenate(rows), np.concatenate(torque)
 
 
-def _least_speed(parts: Sequence[Part]) -> float | None:
+def least_speed(parts: Sequence[Part]) -> float | None:
     """Speed below which the axis of these parts stands, at the sensor; None: it seldom does."""
     if not parts:
         return None
-    speed = abs(np.concatenate([_speed(part, _AROUND) for part in parts]))
+    speed = abs(np.concatenate([speed_of(part, AROUND) for part in parts]))
     least = _STANDS * float(np.sqrt(np.mean(speed**2)))
     return least if np.mean(speed < least) > _OFTEN else None
 
 
-def _speed(part: Part, half: int) -> Floats:
+def speed_of(part: Part, half: int) -> Floats:
     """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
     return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
 
@@ -219,7 +226,7 @@ def _speed(part: Part, half: int) -> Floats:
 def _moves(part: Part, window: int, least: float) -> Bools:
     """In which windows (M,) the axis nearly always moves."""
     g = window_of(window, part.h)[0]
-    moving = (np.abs(_speed(part, max(window // 8, 1))) > least).astype(float)
+    moving = (np.abs(speed_of(part, max(window // 8, 1))) > least).astype(float)
     return np.asarray(integrals(part, g, moving) > _MOSTLY * part.h * float(g.sum()), np.bool_)
 
 
@@ -308,6 +315,14 @@ def _torque(term: Term, speed: Floats, angle: Floats, speed_scale: float) -> Flo
         return np.abs(speed) * speed
     powers: Mapping[Term, int] = {"offset": 0, "angle": 1, "angle^2": 2, "angle^3": 3}
     return np.asarray((angle / max(float(np.abs(angle).max()), 1e-300)) ** powers[term])
+
+
+def resting_torque(rigid: Rigid, part: Part) -> Floats:
+    """What keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
+    angle = part.y - part.y[0] if part.quantity == "angle" else np.cumsum(part.y) * part.h
+    terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))
+    still = np.zeros(len(part.y))
+    return sum((rigid.torques[term] * _torque(term, still, angle, 1.0) for term in terms), start=still)
 
 
 def _slope(angle: Floats, half: int, interval_s: float) -> Floats:

@@ -33,6 +33,31 @@ def records(draw: st.DrawFn, least: int = 2) -> Record:
     )
 
 
+def picks(seed: int) -> Record:
+    """To and fro between two places, with rests in which the torque stays as friction holds it.
+
+    One mass of 2e-3 kg m^2 with a viscous friction of 5e-3 N m s/rad and a Coulomb friction of 0.5 N m.
+    """
+    rng = np.random.default_rng(seed)
+    way, pieces = 40.0, list[Floats]()
+    for k in range(40):
+        s = np.arange(0.0, 1.0, H / rng.uniform(0.8, 1.6))
+        move = way * (10 * s**3 - 15 * s**4 + 6 * s**5)
+        pieces += [move if k % 2 == 0 else way - move, np.full(rng.integers(150, 300), way * (k % 2 == 0))]
+    angle = np.concatenate(pieces)
+    t: Floats = H * np.arange(len(angle), dtype=np.float64)
+    speed: Floats = np.gradient(angle, H)
+    moving = abs(speed) > 1e-6
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(t)), 0))
+    u = 2e-3 * np.gradient(speed, H) + 5e-3 * speed + 0.5 * np.sign(speed[last])
+    return Record(
+        t,
+        np.asarray(u + 0.01 * rng.standard_normal(len(t)), np.float64),
+        angle + 1e-4 * rng.standard_normal(len(t)),
+        "angle",
+    )
+
+
 def same(a: Record, b: Record) -> bool:
     """Whether two records are equal to the last bit."""
     arrays = zip((a.t, a.u, a.y, *a.signals.values()), (b.t, b.u, b.y, *b.signals.values()), strict=True)

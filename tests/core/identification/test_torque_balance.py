@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.arrays import Floats
 from monitor_core.identification import shown_inertia
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import Term, rigid_fits
 from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight, lifts
 from tests.core.chains import chain, values
+from tests.core.identification.record_cases import picks
 
 INTERVAL_S, SCALE, SECONDS = 0.005, 0.3, 40.0
 T = np.arange(0.0, SECONDS, INTERVAL_S)
@@ -91,28 +91,6 @@ def test_a_constant_torque_that_friction_does_not_hold_is_a_weight() -> None:
     for times, holds in ((0.9, False), (-1.1, True)):
         offset = times * VALUES["fc"]
         assert lifts(replace(alone, nominal={**alone.nominal, "tau0": offset})) is holds
-
-
-def picks(seed: int) -> Record:
-    """To and fro between two places, with rests in which the torque stays as friction holds it."""
-    rng = np.random.default_rng(seed)
-    way, pieces = 40.0, list[Floats]()
-    for k in range(40):
-        s = np.arange(0.0, 1.0, INTERVAL_S / rng.uniform(0.8, 1.6))
-        move = way * (10 * s**3 - 15 * s**4 + 6 * s**5)
-        pieces += [move if k % 2 == 0 else way - move, np.full(rng.integers(150, 300), way * (k % 2 == 0))]
-    angle = np.concatenate(pieces)
-    t: Floats = INTERVAL_S * np.arange(len(angle), dtype=np.float64)
-    speed: Floats = np.gradient(angle, INTERVAL_S)
-    moving = abs(speed) > 1e-6
-    last = np.maximum.accumulate(np.where(moving, np.arange(len(t)), 0))
-    u = 2e-3 * np.gradient(speed, INTERVAL_S) + 5e-3 * speed + 0.5 * np.sign(speed[last])
-    return Record(
-        t,
-        np.asarray(u + 0.01 * rng.standard_normal(len(t)), np.float64),
-        angle + 1e-4 * rng.standard_normal(len(t)),
-        "angle",
-    )
 
 
 def test_friction_of_an_axis_that_stands_is_no_weight(seed: int) -> None:

@@ -1,0 +1,59 @@
+"""An axis that stops often: what its friction holds at rest is not in the estimates."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.identification import IdentificationOptions, Problem, Quality, identify
+from monitor_core.identification.records.standstill import find_standstill
+from tests.core.chains import chain, values
+from tests.core.identification.record_cases import H, healthy, picks
+
+NAMES = ("J1", "f", "fc", "tau0")
+TRUE = {"J1": 2e-3, "f": 5e-3, "fc": 0.5}
+
+
+def test_the_estimates_are_those_of_the_motion(seed: int) -> None:
+    record = picks(seed)
+    start = {
+        **values(1),
+        "J1": 3e-3,
+        "f": 3e-3,
+        "fc": 0.3,
+        "tau0": 0.0,
+        "kT": 1.0,
+        "fa": 0.0,
+        "gc": 0.0,
+        "gs": 0.0,
+    }
+    problem = Problem(chain(1, "angle"), start, NAMES, speed_scale=0.5)
+    found = identify(problem, [record], options=IdentificationOptions("values"))
+    print(found.estimate.values, found.verdict)
+    assert found.standstill is not None
+    assert found.verdict.quality is Quality.GOOD
+    for name, value in TRUE.items():
+        assert found.estimate.values[name] == pytest.approx(value, rel=0.1), name
+
+
+def test_at_rest_it_is_the_torque_of_the_weight(seed: int) -> None:
+    """At the angle where the axis stands, on both sides of a gap, too; in motion the torque stays."""
+    record = picks(seed)
+    weight = 0.3 + 0.8 * np.cos(record.y / 40.0)
+    record = replace(record, u=record.u + weight)
+    late = np.arange(len(record)) > len(record) // 2
+    record = replace(record, t=record.t + 5.0 * late)
+    found = find_standstill([record])
+    assert found is not None
+    assert 0.3 < found.share < 0.7
+    (held,) = found.records
+    rests = held.u != record.u
+    assert np.mean(rests) == pytest.approx(found.share)
+    assert np.abs(held.u[rests] - weight[rests]).max() < 0.1
+    assert np.abs(record.u[rests] - weight[rests]).mean() > 0.4  # what friction held
+    moving = np.abs(np.gradient(record.y, H)) > 3 * found.speed
+    assert not (rests & moving).any()
+
+
+def test_an_axis_that_seldom_stands_keeps_its_torque(seed: int) -> None:
+    assert find_standstill([healthy(np.random.default_rng(seed), "angle", closed=True)]) is None
