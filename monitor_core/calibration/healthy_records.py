@@ -35,6 +35,8 @@ class Deviations:
     tested: Bools  # (N, p)
     seeding: int
     """Samples before P(0) was found"""
+    gated: int
+    """Samples after that which a gate leaves out, or ``min_speed``"""
     confounded: tuple[str, ...]
     """What could not be distinguished at the end, in words"""
     uncertain: tuple[str, ...] = ()
@@ -64,7 +66,8 @@ def deviations(
 def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[int], None]) -> Deviations:
     model, lam0, st = monitor.model, monitor.settings.lam0, monitor.batch.state
     N, p, step = len(record.t_us), len(model.scale), monitor.settings.span
-    d, s, tested, seeding = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_), 0
+    d, s, tested = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_)
+    seeding = gated = 0
     # In pieces as short as the spans after which parameters are classified as observed.
     for k in range(0, N, step):
         part = record.select(slice(k, k + step))
@@ -76,11 +79,14 @@ def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[i
         s[rows] = np.sqrt(lam0 * trace.P) / model.scale
         learned = np.isfinite(trace.eps)[:, np.newaxis] & (st.observed[:, 0] != UNSEEN)
         tested[rows] = learned & (not seeds)
-        seeding += len(part.t_us) if seeds else 0
+        if seeds:
+            seeding += part.size
+        elif part.gate is not None:
+            gated += int(np.count_nonzero(~part.gate))
         progress(min(k + step, N))
     status = monitor.status()
     uncertain = status.untested().get(NotTested.UNCERTAIN, ()) if st.seed_left[0] else ()
-    return Deviations(record.name, record.t_us, d, s, tested, seeding, status.confounded, uncertain)
+    return Deviations(record.name, record.t_us, d, s, tested, seeding, gated, status.confounded, uncertain)
 
 
 def first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:

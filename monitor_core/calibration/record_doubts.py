@@ -74,7 +74,7 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
     """
     h, memory = settings.interval_s, settings.memory
     tested = np.concatenate([deviations.tested for deviations in found])
-    after = len(tested) - sum(deviations.seeding for deviations in found)
+    after = len(tested) - sum(deviations.seeding + deviations.gated for deviations in found)
     if not tested.any() and (uncertain := found[-1].uncertain):
         raise CalibrationError(
             f"P(0) was not found, because {listed(uncertain)} cannot be determined within a memory of"

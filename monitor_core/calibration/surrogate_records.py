@@ -122,7 +122,10 @@ class CopySource:
 
 
 def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> CopySource | None:
-    """What copies of a record are made from; None where too little was learned in it."""
+    """What copies of a record are made from; None where too little was learned in it.
+
+    What a gate or ``min_speed`` leaves out of the tests is left out of the copies.
+    """
     monitor = AxisMonitor(model, without_tests(settings))
     start = first_tested(monitor, record)
     found = innovations(model, settings, record, (start,))
@@ -131,11 +134,14 @@ def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> Co
     if len(eps) < 2 * settings.memory:
         return None
     column, t_us = monitor.batch.column(0), int(monitor.batch.state.t[0])
+    tested = np.arange(start, record.size)
+    if record.gate is not None:
+        tested = tested[record.gate[start:]]
     weight = None
     if record.weight is not None:  # the last known one at each sample; 0 before there is one
-        weight = forward_fill(record.weight[:, np.newaxis], np.zeros(1))[start:, 0]
+        weight = forward_fill(record.weight[:, np.newaxis], np.zeros(1))[tested, 0]
     return CopySource(
-        record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us, weight
+        record.u[tested], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us, weight
     )
 
 

@@ -123,6 +123,7 @@ class AxisMonitor:
         self.look_alike: Mapping[str, str] = {}
         """What else a change of a parameter may be, for its alarms, by its name"""
         self._models_wait = False
+        self._open_us = NEVER  # time of the last sample that no gate left out
 
     @property
     def open_alarms(self) -> tuple[Alarm, ...]:
@@ -274,6 +275,8 @@ class AxisMonitor:
 
         ``samples``: those of the events, which state whether the axis was in the conditions of its calibration.
         """
+        if samples is not None:
+            self._open_us = max(self._open_us, _last_open(samples))
         if self.alarm_source == "multimodel" and self.multimodel is not None:
             interpret = _marked(self.multimodel.interpret, samples)
             return self._tracker.update(multimodel, _with_alike(interpret, self.look_alike))
@@ -292,7 +295,7 @@ class AxisMonitor:
             counters=dict(zip(COUNTERS, map(int, st.counts[:, a]), strict=True)),
             detectors=tuple(self._detectors()),
             remedy=self._remedy(),
-            memory_s=self.settings.memory * self.settings.interval_s,
+            memory_s=self._memory_s,
         )
 
     def _detectors(self) -> Iterator[DetectorStatus]:
@@ -331,7 +334,7 @@ class AxisMonitor:
             NotTested.NO_SAMPLE: st.t[a] == NEVER,
             NotTested.UNIDENTIFIABLE: self.settings.unidentifiable,
             NotTested.SETTLING: st.t[a] < st.settled[a],
-            NotTested.CONDITIONS: st.mode[a] == GATED,
+            NotTested.CONDITIONS: st.mode[a] == GATED and self._gated_s() > self._memory_s,
             NotTested.WARM_UP: not self.batch.judged[a],
             NotTested.NOT_OBSERVED: unseen and (st.mode[a] == IDLE or not st.seed_left[a]),
             NotTested.UNCERTAIN: (again and unseen) or (not seeding and self._is_uncertain(i)),
@@ -340,6 +343,14 @@ class AxisMonitor:
             NotTested.NO_THRESHOLD: by_models and self.model.monitored[i] not in self._tested_causes,
         }
         return next((reason for reason, holds in reasons.items() if holds), None)
+
+    @property
+    def _memory_s(self) -> float:
+        return self.settings.memory * self.settings.interval_s
+
+    def _gated_s(self) -> float:
+        """For how long gates have left out all samples: a robot that rests between two motions is tested."""
+        return (int(self.batch.state.t[self.lane]) - self._open_us) * 1e-6
 
     def _is_uncertain(self, i: int) -> bool:
         """Whether the CUSUM tests could not find a change of parameter i by its whole size, as commissioned or now."""
@@ -411,7 +422,8 @@ class AxisMonitor:
         floats, ints = self.batch.column(self.lane)
         t = self._tracker
         alarms = {"alarms": (*t.ended, *t.open), "unreported": t.unreported}
-        return {"floats": floats, "ints": ints} | {k: alarms_to_array(a) for k, a in alarms.items()}
+        own = {"floats": floats, "ints": ints, "open_us": np.array([self._open_us], np.int64)}
+        return own | {k: alarms_to_array(a) for k, a in alarms.items()}
 
     def from_arrays(self, arrays: Arrays) -> None:
         """Continue from a saved state; alarms of causes that the axis no longer has are left out.
@@ -423,14 +435,26 @@ class AxisMonitor:
         alarms, unreported = (
             alarms_from_array(arrays[name], self.causes) for name in ("alarms", "unreported")
         )
+        opened = np.asarray(arrays.get("open_us", [NEVER]), np.int64)  # states of before do not have it
+        if opened.shape != (1,):
+            raise ValueError(f"open_us of shape {opened.shape} does not fit")
         self.batch.restore(
             self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
+        self._open_us = int(opened[0])
         self._tracker = AlarmTracker(alarms, unreported, self._reopen_us)
 
 
 _E = TypeVar("_E")
 _Interpret = Callable[[_E, Sequence[Alarm]], Iterable[Alarm]]
+
+
+def _last_open(samples: SampleBlock) -> int:
+    """Time of the last sample that no gate leaves out, and whose conditions are known [us]; NEVER: none."""
+    is_open = np.ones(samples.size, np.bool_) if samples.gate is None else samples.gate
+    if samples.shift is not None:
+        is_open = is_open & np.isfinite(samples.shift).all(axis=1)
+    return int(samples.t_us[is_open][-1]) if is_open.any() else NEVER
 
 
 def _marked(interpret: _Interpret[_E], samples: SampleBlock | None) -> _Interpret[_E]:

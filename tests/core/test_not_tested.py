@@ -50,12 +50,16 @@ def test_through_the_life_of_an_axis_and_the_time_for_which_it_is_tested(seed: i
 
 
 def test_a_closed_gate_and_unknown_conditions(seed: int) -> None:
+    """For longer than a memory: until then a robot rests between two motions."""
     settings = replace(SUPERVISED, P0=P0)
-    rec = lively(seed, 400)
-    for own in ({"gate": np.arange(400) < 300}, {"shift": np.full((400, 3), np.nan)}):
-        monitor = AxisMonitor(MODEL, settings)
-        monitor.update(SampleBlock(*rec, **own))
-        assert reasons(monitor) == 3 * [NotTested.CONDITIONS]
+    N, memory = 600, round(SUPERVISED.memory)
+    rec = lively(seed, N)
+    for closed, reason in ((memory + 2, NotTested.CONDITIONS), (memory - 2, None)):
+        unknown = np.where(np.arange(N) < N - closed, 0.0, np.nan)
+        for own in ({"gate": unknown == 0}, {"shift": np.column_stack(3 * [unknown])}):
+            monitor = AxisMonitor(MODEL, settings)
+            monitor.update(SampleBlock(*rec, **own))
+            assert reasons(monitor) == 3 * [reason]
         saved = AxisMonitor(MODEL, settings)
         saved.from_arrays(monitor.to_arrays())
         assert reasons(saved) == reasons(monitor)

@@ -43,7 +43,7 @@ def forgotten(rng: np.random.Generator, memories: int, colour: float = 0.0) -> F
 def deviations(d: Floats) -> Deviations:
     N = len(d)
     t = np.arange(N, dtype=np.int64) * 5000
-    return Deviations("r", t, d, np.full((N, P), 1.4), np.ones((N, P), np.bool_), 0, ())
+    return Deviations("r", t, d, np.full((N, P), 1.4), np.ones((N, P), np.bool_), 0, 0, ())
 
 
 def copies(k: float) -> Excursions:

@@ -39,7 +39,7 @@ def record(rng: np.random.Generator, memories: int = 100) -> Deviations:
     d = SD * forgotten(rng, memories)
     N = len(d)
     t = np.arange(N, dtype=np.int64) * 5000
-    return Deviations("day.csv", t, d, np.full((N, 2), 1.4 * SD), np.ones((N, 2), np.bool_), 0, ())
+    return Deviations("day.csv", t, d, np.full((N, 2), 1.4 * SD), np.ones((N, 2), np.bool_), 0, 0, ())
 
 
 def changed(healthy: Deviations, at: int, i: int, step: float) -> Deviations:
