@@ -104,6 +104,16 @@ def without_excitation(healthy: Deviations) -> Deviations:
     return replace(healthy, tested=tested, confounded=("fm is not observed",))
 
 
+def test_time_that_a_gate_leaves_out_does_not_count(seed: int) -> None:
+    """A robot that stands between its motions: all is observed while it moves."""
+    healthy = record(np.random.default_rng(seed))
+    tested = np.repeat((np.arange(len(healthy.d)) % 100 < 40)[:, np.newaxis], 2, axis=1)
+    rests = replace(healthy, tested=tested)
+    with pytest.raises(CalibrationError, match="observed in 40 % of the time"):
+        check_records(MODEL, SETTINGS, [rests])
+    check_records(MODEL, SETTINGS, [replace(rests, gated=int(np.count_nonzero(~tested[:, 0])))])
+
+
 @pytest.mark.parametrize(
     ("spoiled", "words"),
     [

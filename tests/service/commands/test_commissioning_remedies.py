@@ -11,10 +11,10 @@ import pytest
 
 from monitor_core.identification import Effect, Obstacle, Rejection, Watched
 from service.commands.axis_commissioning import not_identified
-from service.commands.commissioning_remedies import memory_change, retry
+from service.commands.commissioning_remedies import memory_change, retry, standstill_change
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
-from service.config.commissioned import Correction
+from service.config.commissioned import Correction, corrected
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.identification_report import outlook_words
@@ -175,6 +175,20 @@ def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
     given = TEXT + "estimator = { memory_s = 2.0 }\n"
     _, axis = configured(given, NAME, tmp_path)
     assert memory_change(report(KT), axis.config) == ()
+
+
+def test_an_axis_that_often_stands_is_monitored_from_a_speed_on(tmp_path: Path) -> None:
+    _, axis = configured(TEXT, NAME, tmp_path)
+    stands = report(KT)
+    stands.result.standstill = SimpleNamespace(speed=0.03456, share=0.6)
+    (change,) = standstill_change(stands, axis.config)
+    assert change.change == "min_speed = 0.035"
+    changed = corrected(TEXT, NAME, [change])
+    _, axis = configured(changed, NAME, tmp_path)
+    assert axis.config.min_speed == 0.035
+    assert standstill_change(stands, axis.config) == ()
+    stands.result.standstill = None
+    assert standstill_change(stands, configured(TEXT, NAME, tmp_path)[1].config) == ()
 
 
 def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:
