@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Bools
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     AROUND,
     POSE,
+    Part,
     least_speed,
     pieces,
     resting_torque,
@@ -31,6 +32,13 @@ _EXPLAINED = 0.5
 """Of the torque, at least: otherwise it is not known what keeps the axis at rest."""
 _EDGE = 2 * AROUND
 """Samples at either end of a standstill that stay as they are: the axis may have begun to move."""
+_CREEP, _CREEP_S = 0.1, 1.0
+"""An axis that stands travels less than at this part of the speed for that time, or for as long as it stands: a slow
+motion travels more, and its friction is that of the motion."""
+_RARE = 0.025
+"""Part of the samples, at either side, that noise takes farther."""
+_LEAST = 0.1
+"""Of the samples: an axis that stands less keeps its torque."""
 
 
 class Standstill(NamedTuple):
@@ -62,7 +70,7 @@ def find_standstill(records: Sequence[Record]) -> Standstill | None:
         held.append(found[0])
         replaced += found[1]
     share = replaced / sum(map(len, records))
-    return Standstill(tuple(held), slowest, share) if replaced else None
+    return Standstill(tuple(held), slowest, share) if share > _LEAST else None
 
 
 def _held(record: Record, slowest: float) -> tuple[Record, int] | None:
@@ -73,13 +81,22 @@ def _held(record: Record, slowest: float) -> tuple[Record, int] | None:
     u, count = record.u.copy(), 0
     for piece in pieces(record):
         for part in windowed_parts([piece]):
-            rows = np.flatnonzero(_stands(np.abs(speed_of(part, AROUND)) < slowest))
+            rows = _standing(part, slowest)
             u[np.searchsorted(record.t, piece.t[rows])] = resting_torque(fit, part)[rows]
             count += rows.size
     return replace(record, u=u), count
 
 
-def _stands(slow: Bools) -> Bools:
-    """Samples (N,) around which all are slow."""
-    around = np.convolve(~slow, np.ones(2 * _EDGE + 1), mode="same")
-    return np.asarray(around < 0.5)
+def _standing(part: Part, slowest: float) -> Ints:
+    """Samples at which the axis is slow, as it is around them, and does not travel."""
+    slow = np.abs(speed_of(part, AROUND)) < slowest
+    samples = np.flatnonzero(np.convolve(~slow, np.ones(2 * _EDGE + 1), mode="same") < 0.5)
+    angle = part.y if part.quantity == "angle" else np.cumsum(part.y) * part.h
+    rests = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)
+    stands = [rest for rest in rests if rest.size and _stands(angle[rest], part.h, slowest)]
+    return np.concatenate([np.zeros(0, np.int64), *stands])
+
+
+def _stands(angle: Floats, h: float, slowest: float) -> bool:
+    low, high = np.quantile(angle, (_RARE, 1 - _RARE))
+    return bool(high - low < _CREEP * slowest * min(angle.size * h, _CREEP_S))

@@ -57,3 +57,11 @@ def test_at_rest_it_is_the_torque_of_the_weight(seed: int) -> None:
 
 def test_an_axis_that_seldom_stands_keeps_its_torque(seed: int) -> None:
     assert find_standstill([healthy(np.random.default_rng(seed), "angle", closed=True)]) is None
+
+
+def test_a_slow_motion_is_no_standstill(seed: int) -> None:
+    """At a fiftieth of the speed: friction is that of the motion, and tells Coulomb friction from viscous friction."""
+    record = picks(seed)
+    slow = np.arange(len(record)) % 2000 < 1000
+    creeps = replace(record, y=record.y + 0.4 * np.cumsum(np.where(slow, H, -H)))
+    assert find_standstill([creeps]) is None
