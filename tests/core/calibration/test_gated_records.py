@@ -10,9 +10,9 @@ PLANT = plant_with(0.0, memory=100)
 
 
 def test_what_a_gate_leaves_out_is_counted_and_not_copied(seed: int) -> None:
-    whole = record(PLANT, seed, 6000)
+    ungated = record(PLANT, seed, 6000)
     is_open = np.arange(6000) % 1000 < 600
-    gated = whole._replace(gate=is_open)
+    gated = ungated._replace(gate=is_open)
     (found,) = deviations(PLANT.model, PLANT.settings, [gated])
     late = np.arange(6000) >= found.seeding
     assert 0 < found.seeding < 5000
@@ -20,8 +20,8 @@ def test_what_a_gate_leaves_out_is_counted_and_not_copied(seed: int) -> None:
     assert not found.tested[~is_open].any()
     source = copy_source(PLANT.model, PLANT.settings, gated)
     assert source is not None
-    first = 6000 - len(record_after(whole.u, source.u[0]))
-    np.testing.assert_array_equal(source.u, whole.u[first:][is_open[first:]])
+    first = 6000 - len(record_after(ungated.u, source.u[0]))
+    np.testing.assert_array_equal(source.u, ungated.u[first:][is_open[first:]])
 
 
 def record_after(u: np.ndarray, value: float) -> np.ndarray:
