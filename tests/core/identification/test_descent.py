@@ -19,11 +19,11 @@ def search(
     longest: Floats | None = None,
     clipped: Floats | None = None,
 ) -> End:
-    """Without bounds and limits of the step but those given, until a ten-thousandth of a standard deviation is left."""
+    """Without bounds and limits of the step but those given."""
     endless = np.full(len(start), np.inf)
     bounds = -endless, endless if upper is None else upper
     steps = (endless if limit is None else limit for limit in (longest, clipped))
-    return minimise(evaluate, np.array(start), bounds, next(steps), next(steps), most, settled=1e-8)
+    return minimise(evaluate, np.array(start), bounds, next(steps), next(steps), most)
 
 
 def rosenbrock(xi: Floats) -> Normal:
