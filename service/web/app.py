@@ -19,6 +19,7 @@ from service.store.database import StoreError
 from service.web import api, metrics, models
 from service.web.access import ForbiddenError, Scope, needs
 from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
+from service.web.entity_tags import EntityTags
 from service.web.gate import Gate
 from service.web.problem_details import PROTECTED, UnknownResourceError, add_to_schema, answer, mistakes
 from service.web.report_pages import router as report_router
@@ -41,6 +42,7 @@ def create_app(state: AppState) -> FastAPI:
     if state.reports is not None:
         app.include_router(report_router(state.reports))
     app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))
+    app.add_middleware(EntityTags)
     app.add_middleware(Gate, access=state.access)
     _describe_webhook(app)
     _answer_errors(app)
