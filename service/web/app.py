@@ -77,7 +77,7 @@ def _probes(state: AppState) -> APIRouter:
     )
     async def readyz(response: Response) -> models.Readiness:
         """200 while all buses are up and all axes receive samples, else 503 with the reasons."""
-        reasons = list(reasons_not_ready(state.snapshot(), state.now_us()))
+        reasons = [reason.words for reason in reasons_not_ready(state.snapshot(), state.now_us())]
         response.status_code = 503 if reasons else 200
         return models.Readiness(ready=not reasons, reasons=reasons)
 
