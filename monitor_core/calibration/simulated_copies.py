@@ -78,14 +78,21 @@ class Plants:
         From the states x (W, n) at the first sample and the torques u_before (W,) of the sample before, with torques u
         and innovations eps (N, W); ``weight`` (N, W): torque of the weight, None: 0.
         """
-        y, x = np.empty(u.shape), np.ascontiguousarray(x).copy()
+        y, state = np.empty(u.shape), np.ascontiguousarray(x.T).copy()
         held = np.zeros(u.shape) if weight is None else np.nan_to_num(weight)
+        rub = self._friction
+        rub = rub._replace(half=_side_by_side(rub.half, which), braked=_side_by_side(rub.braked, which))
         simulate_innovations(
-            self._Ad, self._Bd, self._C, which, self._K, self._kind, self._u_scale, self._friction,
-            self._mean, self._late, x, np.array(u_before, float),
+            _side_by_side(self._Ad, which), _side_by_side(self._Bd, which), _side_by_side(self._C, which),
+            self._K, self._kind, self._u_scale, rub, self._mean, self._late[which], state, np.array(u_before, float),
             np.ascontiguousarray(u), np.ascontiguousarray(eps), np.ascontiguousarray(held), y,
         )  # fmt: skip
-        return y, x
+        return y, np.ascontiguousarray(state.T)
+
+
+def _side_by_side(drives: Floats, which: Ints) -> Floats:
+    """Of each axis the numbers of its drive (.., W), from those of the drives (F, ..)."""
+    return np.ascontiguousarray(np.moveaxis(drives[which], 0, -1))
 
 
 def _friction(model: AxisModel, values: Sequence[Mapping[str, float]], h: float) -> PlantFriction:

@@ -3,24 +3,63 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import entry
-from monitor_core.kernel.friction import SMALLEST, mean_torque_share
+from monitor_core.kernel.compile import entry, kernel
+from monitor_core.kernel.friction import SMALLEST, mean_torque_share, tanh
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGHT
+from monitor_core.kernel.work_arrays import floats, table
 
 
 class PlantFriction(NamedTuple):
-    """Friction of the speed at the middle of the interval (friction.py), of F drives.
+    """Friction of the speed at the middle of the interval (friction.py), of W axes.
 
     v = v_0 + half (x, u) + sum of braked_c tanh(u_scale_c v)
     """
 
     state: int  # v_0 is x[state]
     unit: float  # or unit y where this is not 0
-    half: Floats  # (F, n + m), by the state and the inputs but friction
-    braked: Floats  # (F, m)
+    half: Floats  # (n + m, W), by the state and the inputs but friction
+    braked: Floats  # (m, W)
+
+
+@kernel
+def _hold_friction(kind: Ints, u_scale: Floats, friction: PlantFriction, late: Floats, x: Floats, out: Floats,
+         torque: Floats, before: Floats, speed: Floats, first: Floats, v: Floats) -> None:  # fmt: skip
+    """Frictions into their rows of the inputs v (m, W), where the others are; ``speed``, ``first`` (W,) are scratch."""
+    n, W, half, braked = x.shape[0], out.size, friction.half, friction.braked
+    for a in range(W):
+        speed[a] = friction.unit * out[a] if friction.unit > 0.0 else x[friction.state, a]
+    for r in range(n):
+        for a in range(W):
+            speed[a] += half[r, a] * x[r, a]
+    for c in range(kind.size):
+        what, row = kind[c], n + c
+        if what == TORQUE:
+            for a in range(W):
+                share = mean_torque_share(late[a], 1.0)
+                speed[a] += half[row, a] * (share * torque[a] + (1.0 - share) * before[a])
+        elif what != COULOMB:
+            for a in range(W):
+                speed[a] += half[row, a] * v[c, a]
+    for a in range(W):
+        first[a] = 1.0
+    for c in range(kind.size):
+        if kind[c] == COULOMB:
+            scale = u_scale[c]
+            for a in range(W):
+                first[a] -= braked[c, a] * scale
+    for a in range(W):
+        first[a] = speed[a] / max(first[a], SMALLEST)
+    for c in range(kind.size):
+        if kind[c] == COULOMB:
+            scale = u_scale[c]
+            for a in range(W):
+                speed[a] += braked[c, a] * tanh(scale * first[a])
+    for c in range(kind.size):
+        if kind[c] == COULOMB:
+            scale = u_scale[c]
+            for a in range(W):
+                v[c, a] = tanh(scale * speed[a])
 
 
 @entry
@@ -28,7 +67,6 @@ def simulate_innovations(
     Ad: Floats,
     Bd: Floats,
     C: Floats,
-    which: Ints,
     K: Floats,
     kind: Ints,
     u_scale: Floats,
@@ -42,59 +80,60 @@ def simulate_innovations(
     weight: Floats,
     y: Floats,
 ) -> None:
-    """y = C x + eps,  x = x + K eps,  then x = Ad x + Bd u over the interval.
+    """y = C x + eps,  x = x + K eps,  then x = Ad x + Bd u over the interval, of W axes.
 
-    Axis a is number ``which[a]`` of the drives Ad (F, n, n), Bd (F, n, m), C (F, n).  K (n,); ``kind`` (m,) and
-    ``u_scale`` (m,) as in the tables of the monitor.  ``late`` (F,): that share of an interval the torque before still
-    acts.  ``x`` (W, n) and ``u_before`` (W,) are changed; u, eps, weight, y (N, W).
+    Their drives are Ad (n, n, W), Bd (n, m, W), C (n, W).  K (n,); ``kind`` (m,) and ``u_scale`` (m,) as in the tables
+    of the monitor.  ``late`` (W,): that share of an interval the torque before still acts.  ``x`` (n, W) and
+    ``u_before`` (W,) are changed; u, eps, weight, y (N, W).
     """
-    n, m = K.size, kind.size
-    v, w = np.zeros(m), np.zeros(n)
-    for a in range(which.size):
-        f = which[a]
-        for k in range(u.shape[0]):
-            out = 0.0
-            for r in range(n):
-                out += C[f, r] * x[a, r]
-            out += eps[k, a]
-            y[k, a] = out
-            for r in range(n):
-                x[a, r] += K[r] * eps[k, a]
-            if mean_state >= 0:
-                x[a, mean_state] = 0.0
+    n, m, W = K.size, kind.size, late.size
+    v, w, speed, first = table(m, W), table(n, W), floats(W), floats(W)
+    out, torque = floats(W), floats(W)
+    for k in range(u.shape[0]):
+        for a in range(W):
+            out[a], torque[a] = 0.0, u[k, a]
+        for r in range(n):
+            for a in range(W):
+                out[a] += C[r, a] * x[r, a]
+        for a in range(W):
+            out[a] += eps[k, a]
+            y[k, a] = out[a]
+        for r in range(n):
+            gain = K[r]
+            for a in range(W):
+                x[r, a] += gain * eps[k, a]
+        if mean_state >= 0:
+            for a in range(W):
+                x[mean_state, a] = 0.0
+        for c in range(m):
+            what, scale = kind[c], u_scale[c]
+            if what == TORQUE:
+                for a in range(W):
+                    v[c, a] = (1.0 - late[a]) * torque[a] + late[a] * u_before[a]
+            elif what == ONE:
+                for a in range(W):
+                    v[c, a] = 1.0
+            elif what == COSINE:
+                for a in range(W):
+                    v[c, a] = math.cos(scale * out[a])
+            elif what == SINE:
+                for a in range(W):
+                    v[c, a] = math.sin(scale * out[a])
+            elif what == WEIGHT:
+                for a in range(W):
+                    v[c, a] = weight[k, a]
+        _hold_friction(kind, u_scale, friction, late, x, out, torque, u_before, speed, first, v)
+        for a in range(W):
+            u_before[a] = torque[a]
+        for r in range(n):
+            for a in range(W):
+                w[r, a] = 0.0
+            for j in range(n):
+                for a in range(W):
+                    w[r, a] += Ad[r, j, a] * x[j, a]
             for c in range(m):
-                if kind[c] == TORQUE:
-                    v[c] = (1.0 - late[f]) * u[k, a] + late[f] * u_before[a]
-                elif kind[c] == ONE:
-                    v[c] = 1.0
-                elif kind[c] == COSINE:
-                    v[c] = math.cos(u_scale[c] * out)
-                elif kind[c] == SINE:
-                    v[c] = math.sin(u_scale[c] * out)
-                elif kind[c] == WEIGHT:
-                    v[c] = weight[k, a]
-            speed = friction.unit * out if friction.unit > 0.0 else x[a, friction.state]
-            for r in range(n):
-                speed += friction.half[f, r] * x[a, r]
-            share = mean_torque_share(late[f], 1.0)
-            for c in range(m):
-                acting = share * u[k, a] + (1.0 - share) * u_before[a] if kind[c] == TORQUE else v[c]
-                speed += friction.half[f, n + c] * acting if kind[c] != COULOMB else 0.0
-            divisor = 1.0
-            for c in range(m):
-                divisor -= friction.braked[f, c] * u_scale[c] if kind[c] == COULOMB else 0.0
-            first = speed / max(divisor, SMALLEST)
-            for c in range(m):
-                speed += friction.braked[f, c] * math.tanh(u_scale[c] * first) if kind[c] == COULOMB else 0.0
-            for c in range(m):
-                v[c] = math.tanh(u_scale[c] * speed) if kind[c] == COULOMB else v[c]
-            u_before[a] = u[k, a]
-            for r in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += Ad[f, r, j] * x[a, j]
-                for c in range(m):
-                    total += Bd[f, r, c] * v[c]
-                w[r] = total
-            for r in range(n):
-                x[a, r] = w[r]
+                for a in range(W):
+                    w[r, a] += Bd[r, c, a] * v[c, a]
+        for r in range(n):
+            for a in range(W):
+                x[r, a] = w[r, a]
