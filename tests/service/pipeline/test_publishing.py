@@ -105,6 +105,20 @@ def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_cl
     assert [t.event for t in journal.transitions(1)] == ["raise", "shelve", "shelf ended"]
 
 
+def test_an_off_delay_ends_by_the_given_clock(journal: Journal) -> None:
+    rules = {(AXIS, "fm"): AlarmRules(off_delay_s=1e-5)}
+    journal.obey(rules, 0)
+    alarms = Alarms(journal, QUANTITIES, Clock(), rules)
+    alarms.record([AxisAlarm(AXIS, episode())])
+    alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
+    assert [(a.state, a.active) for a in alarms.snapshot(59).standing] == [("unacknowledged", True)]
+    before = journal.revision
+    alarms.snapshot(59)
+    assert journal.revision == before  # nothing is written while there is nothing to do
+    assert alarms.snapshot(60).standing == ()
+    assert [(t.at_us, t.event) for t in journal.transitions(1)] == [(20, "raise"), (60, "clear")]
+
+
 def test_an_axis_out_of_service_is_known_and_hides_alarms_that_the_disk_refuses(
     path: Path, journal: Journal
 ) -> None:
