@@ -116,19 +116,6 @@ def test_the_configuration_hides_an_alarm_before_it_is_raised(rules: AlarmRules,
     assert shown == ({S.NORMAL} if hidden else {S.UNACKNOWLEDGED, gone[-1].after.state})
 
 
-def test_another_configuration_takes_effect_on_an_alarm_that_is_there() -> None:
-    life = AlarmLife(S.SHELVED, S.ACKNOWLEDGED, 9)
-    for rules, event in (
-        (AlarmRules(out_of_service=True), E.REMOVE),
-        (AlarmRules(suppressed=True), E.SUPPRESS),
-        (AlarmRules(), E.UNSUPPRESS),
-    ):
-        (changed,) = due(life, True, rules)
-        assert changed.event is event
-        life = changed.after
-    assert life == AlarmLife(S.ACKNOWLEDGED)
-
-
 def test_a_cause_that_comes_and_goes_within_the_off_delay_is_one_alarm() -> None:
     """Each second is looked at: away from 1 s to 3 s, from 4 s to 8 s, and from 9 s on; a person knows from 2 s on."""
     rules, life, found = AlarmRules(off_delay_s=5), AlarmLife(), []
