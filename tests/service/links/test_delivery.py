@@ -282,9 +282,3 @@ def test_nothing_is_left_out_whatever_happens(
     assert sorted(post.inbox.events, key=raised.index) == post.inbox.events
     assert len(post.inbox.events) == len(set(post.inbox.events)) == len(raised) - refused
     post.close()
-
-
-def test_comments_are_delivered(post: Post) -> None:
-    comment(post.journal, record(post.journal), "gearbox is ordered")
-    post.settle()
-    assert post.inbox.got[-1].transition.comment == "gearbox is ordered"
