@@ -24,7 +24,7 @@ def measured(seed: int, samples: int) -> Record:
     u = multisine(rng, samples, H, BAND_HZ, TORQUE_RMS)
     acting = (u + 0.05 * rng.standard_normal(samples))[:, np.newaxis]
     y = simulate_linear(AVERAGED, REFERENCE_VALUES, acting, H)[0][:, 0] + 0.05 * rng.standard_normal(samples)
-    return Record(np.arange(samples) * H, u, y, "speed")
+    return Record(H * np.arange(samples, dtype=np.float64), u, y, "speed")
 
 
 def test_the_fit_is_without_bias(seed: int) -> None:
