@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGHT, Tables
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT, Tables
 
 
 class Timing(NamedTuple):
@@ -149,32 +149,39 @@ def hold_inputs(
     Friction follows from the interval to come (friction.py).  Where the speed is measured, that is kept until then, in
     the unit of its state: rest y.
     """
-    kind, speed_state = T.kind, T.friction.state
+    speed_state = T.friction.state
     for a in range(len(lanes)):
-        last[a] = t[a] if mode[a] != SKIP else last[a]
-    for c in range(kind.size):
-        if kind[c] == TORQUE:
+        before = last[a]
+        last[a] = t[a] if mode[a] != SKIP else before
+    for c in range(T.kind.size):
+        kind = T.kind[c]
+        if kind == TORQUE:
             for a in range(len(lanes)):
-                before = torque[a] if mode[a] == RESTART else u[c, a]
-                torque_before[a] = before if mode[a] != SKIP else torque_before[a]
-                u[c, a] = torque[a] if mode[a] != SKIP else u[c, a]
+                held, older, now = u[c, a], torque_before[a], torque[a]
+                torque_before[a] = older if mode[a] == SKIP else now if mode[a] == RESTART else held
+                u[c, a] = held if mode[a] == SKIP else now
+        elif kind == ONE:
+            for a in range(len(lanes)):
+                held = u[c, a]
+                u[c, a] = held if mode[a] == SKIP else 1.0
+        elif kind == COULOMB:
+            for a in range(len(lanes)):
+                held, motion = u[c, a], rest[speed_state, a] * y[a] if speed_state >= 0 else y[a]
+                u[c, a] = held if mode[a] == SKIP else motion
+        elif kind == WEIGHT:
+            for a in range(len(lanes)):
+                if mode[a] != SKIP and math.isfinite(weight[a]):
+                    u[c, a] = weight[a]
         else:
             for a in range(len(lanes)):
+                angle = u_scale[c, a] * y[a]
                 if mode[a] == SKIP:
                     continue
-                if kind[c] == ONE:
-                    u[c, a] = 1.0
-                elif kind[c] == COULOMB:
-                    u[c, a] = rest[speed_state, a] * y[a] if speed_state >= 0 else y[a]
-                elif kind[c] == COSINE or kind[c] == SINE:
-                    angle = u_scale[c, a] * y[a]
-                    # Nearly all hypotheses for an axis have the same angle, and a sine takes longer than all else here.
-                    if a > 0 and mode[a - 1] != SKIP and angle == u_scale[c, a - 1] * y[a - 1]:
-                        u[c, a] = u[c, a - 1]
-                    else:
-                        u[c, a] = math.cos(angle) if kind[c] == COSINE else math.sin(angle)
-                elif kind[c] == WEIGHT and math.isfinite(weight[a]):
-                    u[c, a] = weight[a]
+                # Nearly all hypotheses for an axis have the same angle, and a sine takes longer than all else here.
+                if a > 0 and mode[a - 1] != SKIP and angle == u_scale[c, a - 1] * y[a - 1]:
+                    u[c, a] = u[c, a - 1]
+                else:
+                    u[c, a] = math.cos(angle) if kind == COSINE else math.sin(angle)
 
 
 # --- The conditions that an axis works under: nominal values that follow them, and gates that close -------------------

@@ -84,30 +84,38 @@ def hold_friction(
     n = X.shape[0] // (p + 1)
     slot, src, par = F.braked.slot, F.braked.src, F.braked.par
     for c in range(kind.size):
+        what = kind[c]
         for a in range(len(lanes)):
             w_u[c, a] = u[c, a]
-            if kind[c] == TORQUE:
+        if what == TORQUE:
+            for a in range(len(lanes)):
                 share = mean_torque_share(delay[a], h[a])
                 w_u[c, a] = share * u[c, a] + (1.0 - share) * torque_before[a]
-            elif kind[c] == COULOMB:
-                v1[a] = X[p * n + F.state, a] if F.filtered else u[c, a]
+        elif what == COULOMB and F.filtered:
+            for a in range(len(lanes)):
+                v1[a] = X[p * n + F.state, a]
+        elif what == COULOMB:
+            for a in range(len(lanes)):
+                v1[a] = u[c, a]
     predict(lanes, F.motion, V, X, v, dw)
     add_products(lanes, F.driven, V, w_u, v, dw)
     for a in range(len(lanes)):
         v[a] = v1[a] + 0.5 * h[a] * v[a]
         divisor[a] = 1.0
     for q in range(slot.size):
+        s, c = slot[q], src[q]
         if par[q] < 0:
             for a in range(len(lanes)):
-                divisor[a] -= 0.5 * h[a] * V[slot[q], a] * u_scale[src[q], a]
+                divisor[a] -= 0.5 * h[a] * V[s, a] * u_scale[c, a]
     for a in range(len(lanes)):
         divisor[a] = max(divisor[a], SMALLEST)
         v1[a] = v[a] / divisor[a]
     _rub(lanes, kind, u_scale, v1, w_u)
     for q in range(slot.size):
+        s, c = slot[q], src[q]
         if par[q] < 0:
             for a in range(len(lanes)):
-                v[a] += 0.5 * h[a] * V[slot[q], a] * w_u[src[q], a]
+                v[a] += 0.5 * h[a] * V[s, a] * w_u[c, a]
     if du is not None:
         _slopes(lanes, F, kind, u_scale, V, delay, torque_before, h, X, u, work)
     _rub(lanes, kind, u_scale, v, u)

@@ -143,10 +143,6 @@ def run_hypotheses(
     x, u, own, axis = M.x, M.u, P.own, P.axis
     acting = table(m, H)
     X, flat_u, new = x.reshape(x.size), acting.reshape(acting.size), floats(n * H)
-    move, taps, constant, acts = (
-        P.move.reshape(P.move.size), P.taps.reshape(P.taps.size), P.constant.reshape(P.constant.size),
-        P.acts.reshape(P.acts.size),
-    )  # fmt: skip
     psi, before, motion = table(0, H), floats(H), floats(H)
     over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
     late, weight = floats(H), floats(H)
@@ -183,8 +179,8 @@ def run_hypotheses(
                               middle)
             usual = t[0] - integers[LAST, 0] - shortest
             if 0 <= usual < USUAL:
-                propagate_usual(n, m, usual, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
-                                numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
+                propagate_usual(n, usual, P.terms, P.moving, numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0],
+                                flat_u, X, new)
                 K_now = P.usual_K[usual * n : (usual + 1) * n]
             else:
                 propagate_interval(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], acting,
@@ -196,8 +192,8 @@ def run_hypotheses(
                 for a in range(H):
                     doing[a] = 1
                 restart_integral(lanes, T.mean, n, doing, x)
-            off = prediction_errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, eps)
-            if not off <= most and not restart_diverged(most, eps, x):
+            beyond = prediction_errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, most, eps)
+            if beyond > 0 and not restart_diverged(most, eps, x):
                 counts[DIVERGED, 0] += 1
                 integers[LAST, 0] = NEVER
                 mode[0] = SKIP

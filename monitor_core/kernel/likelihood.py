@@ -38,30 +38,36 @@ def log_likelihood_ratios(
 @kernel
 def update_sums(lanes: Any, own: Floats, t: int, llr: Floats, sums: Floats, when: Ints) -> bool:
     """g = max(0, g + l), with the times for the onset and its interval; True if any g > h."""
-    crossed, marked = False, False
+    crossed, marked = 0, 0
+    # Loops with few arrays and without branches, which the compiler turns into vectors.
     for a in range(len(lanes)):
         free = sums[G, a] + llr[a]
-        g = max(0.0, free)
-        sums[G, a] = g
+        sums[G, a] = max(0.0, free)
         sums[FALLEN, a] += max(0.0, -free)
-        when[ONSET, a] = t if g == 0.0 else when[ONSET, a]
-        when[LATE, a] = t if g < SURE else when[LATE, a]
-        marked |= sums[FALLEN, a] >= _STEP
-        crossed |= g > own[LIMIT, a]
+    for a in range(len(lanes)):
+        onset, late = when[ONSET, a], when[LATE, a]
+        when[ONSET, a] = t if sums[G, a] == 0.0 else onset
+        when[LATE, a] = t if sums[G, a] < SURE else late
+    for a in range(len(lanes)):
+        marked += 1 if sums[FALLEN, a] >= _STEP else 0
+        crossed += 1 if sums[G, a] > own[LIMIT, a] else 0
     if marked:
         _mark(t, sums, when)
-    return crossed
+    return crossed > 0
 
 
 @outlined
 def _mark(t: int, sums: Floats, when: Ints) -> None:
     """The path of a hypothesis has fallen by a step more."""
+    for j in range(when.shape[0] - 1, FIRST_MARK - 1, -1):
+        for a in range(sums.shape[1]):
+            more = (
+                1 if sums[FALLEN, a] >= _STEP else 0
+            )  # as a number: a choice between two loads is no vector
+            when[j, a] += more * ((when[j - 1, a] if j > FIRST_MARK else t) - when[j, a])
     for a in range(sums.shape[1]):
-        if sums[FALLEN, a] >= _STEP:
-            sums[FALLEN, a] = 0.0
-            for j in range(when.shape[0] - 1, FIRST_MARK, -1):
-                when[j, a] = when[j - 1, a]
-            when[FIRST_MARK, a] = t
+        fallen = sums[FALLEN, a]
+        sums[FALLEN, a] = 0.0 if fallen >= _STEP else fallen
 
 
 @outlined

@@ -23,6 +23,8 @@ INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, SHORTEST = range(8)
 """Rows of ``axis``; SHORTEST: of the usual intervals, us."""
 USUAL = 3
 """Intervals that are discretised in advance, a microsecond apart."""
+TERMS = 4
+"""What is added always; what a torque of 1 adds: the held one, the one before, the one at the interval's end."""
 FARTHEST = 1e9
 """Standard deviations: a predictor of an axis that another predicts diverges, if it is off by more."""
 
@@ -35,32 +37,34 @@ class Predictors(NamedTuple):
     K: Floats  # (GAINS n, H) filter gain after 0, 1, 2 .. intervals, over the scale of the output
     rest: Floats  # (n, H)
     u_scale: Floats  # (m, H)
-    usual_K: Floats  # (USUAL n, H) filter gain after each of the usual intervals, as the four below
-    move: Floats  # (USUAL n n, H) Ad
-    taps: Floats  # (USUAL 3 n, H) what a torque of 1 adds: the one before, the held one, the one at the interval's end
-    constant: Floats  # (USUAL n, H) what is added always
-    acts: Floats  # (USUAL n m, H) Bd of the inputs that depend on the motion
-    moving: NDArray[np.int64]  # (..,) which of these, and of the weight, act
+    usual_K: Floats  # (USUAL n, H) filter gain after each of the usual intervals
+    terms: Floats  # (USUAL H/8 n (TERMS + n + len(moving)) 8,) factors of what x_r becomes after each of them, in the
+    #                order of ``propagate_usual``: of eight hypotheses side by side, so that memory is read as it lies
+    moving: NDArray[np.int64]  # (..,) which of the inputs that depend on the motion, and of the weight, act
     own: Floats  # (10, H)
     axis: Floats  # (8, 1)
 
 
 @kernel
 def propagate_usual(
-    n: int, m: int, usual: int, move: Floats, taps: Floats, constant: Floats, acts: Floats, moving: Ints,
-    before: float, held: float, now: float, u: Floats, x: Floats, new: Floats,
+    n: int, usual: int, terms: Floats, moving: Ints, before: float, held: float, now: float, u: Floats, x: Floats,
+    new: Floats,
 ) -> None:  # fmt: skip
     """x = Ad x + Bd u over this one of the usual intervals; all flat, H numbers a row; ``new`` is scratch."""
-    H, to, tap = x.size // n, usual * n, usual * 3 * n  # the first rows of this interval
+    H = x.size // n
+    at = usual * H * n * (TERMS + n + moving.size)
     for a in range(0, H, EIGHT):
         for r in range(n):
-            total = load8(constant, (to + r) * H + a) + load8(taps, (tap + n + r) * H + a) * spread8(held)
-            total = total + load8(taps, (tap + r) * H + a) * spread8(before)
-            total = total + load8(taps, (tap + 2 * n + r) * H + a) * spread8(now)
+            total = load8(terms, at) + load8(terms, at + EIGHT) * spread8(held)
+            total = total + load8(terms, at + 2 * EIGHT) * spread8(before)
+            total = total + load8(terms, at + 3 * EIGHT) * spread8(now)
+            at += TERMS * EIGHT
             for c in range(n):
-                total = total + load8(move, ((to + r) * n + c) * H + a) * load8(x, c * H + a)
+                total = total + load8(terms, at + c * EIGHT) * load8(x, c * H + a)
+            at += n * EIGHT
             for q in range(moving.size):
-                total = total + load8(acts, ((to + r) * m + moving[q]) * H + a) * load8(u, moving[q] * H + a)
+                total = total + load8(terms, at + q * EIGHT) * load8(u, moving[q] * H + a)
+            at += moving.size * EIGHT
             store(new, r * H + a, total)
     for e in range(x.size):
         x[e] = new[e]
@@ -88,9 +92,11 @@ def torques_in_turn(
         early = own[DELAY, a] < 0.0
         first[a] = own[TORQUE_SCALE, a] * (held if early else before) + own[TORQUE_OFFSET, a]
         late[a] = max(own[DELAY, a] + (h if early else 0.0), 0.0)
-        for c in range(kind.size):
-            if kind[c] == TORQUE:
-                u[c, a] = own[TORQUE_SCALE, a] * (now if early else held) + own[TORQUE_OFFSET, a]
+    for c in range(kind.size):
+        if kind[c] == TORQUE:
+            for a in range(len(lanes)):
+                second = now if own[DELAY, a] < 0.0 else held
+                u[c, a] = own[TORQUE_SCALE, a] * second + own[TORQUE_OFFSET, a]
 
 
 @kernel
@@ -158,14 +164,16 @@ def propagate_interval(
 
 
 @kernel
-def prediction_errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: Floats) -> float:
-    """e_i (H,); returns their sum, which is finite only if all are."""
-    total = 0.0
+def prediction_errors(
+    lanes: Any, own: Floats, y: float, before: float, yhat: Floats, most: float, eps: Floats
+) -> int:
+    """e_i (H,); returns how many of them are beyond ``most``, or no numbers."""
+    beyond = 0
     for a in range(len(lanes)):
         e = y - own[OFFSET, a] - own[SCALE, a] * yhat[a]
         eps[a] = y - before if own[FROZEN, a] > 0.0 else e
-        total += abs(eps[a])
-    return total
+        beyond += 0 if abs(eps[a]) <= most else 1
+    return beyond
 
 
 @outlined

@@ -23,6 +23,7 @@ from service.web.app_state import VERSION, AppState, Latest, age_s, is_alive, re
 from service.web.axis_service_routes import router as service_router
 from service.web.commissioning_routes import router as commissioning_router
 from service.web.drive_routes import router as drive_router
+from service.web.entity_tags import EntityTags
 from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
 from service.web.gate import Gate
@@ -67,6 +68,7 @@ def create_app(state: AppState) -> FastAPI:
     if state.reports is not None:
         app.include_router(report_router(state.reports))
     app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))
+    app.add_middleware(EntityTags)
     app.add_middleware(Gate, access=state.access)
     _describe_webhook(app)
     _answer_errors(app)
@@ -152,7 +154,7 @@ def _probes(state: AppState) -> APIRouter:
     )
     async def readyz(response: Response) -> models.Readiness:
         """200 while all buses are up and all axes receive samples, else 503 with the reasons."""
-        reasons = list(reasons_not_ready(state.snapshot(), state.now_us()))
+        reasons = [reason.words for reason in reasons_not_ready(state.snapshot(), state.now_us())]
         response.status_code = 503 if reasons else 200
         return models.Readiness(ready=not reasons, reasons=reasons)
 

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
@@ -14,6 +14,7 @@ from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.journal import Journal
 from service.texts import now_us
 from service.web.access import Access
+from service.web.models import Lack
 from service.web.problem_details import UnknownResourceError
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
@@ -125,14 +126,39 @@ def is_alive(snapshot: Snapshot, now_us: int) -> bool:
     return age_s(snapshot.taken_us, now_us) <= OLDEST_SNAPSHOT_S
 
 
-def reasons_not_ready(snapshot: Snapshot, now_us: int) -> Iterator[str]:
+class NotReady(NamedTuple):
+    """A reason why not every axis is monitored now, or why alarms are not recorded.
+
+    ``name``: of the bus or axis; ``state``: of the bus; ``since_s``: age of the last sample, or of the last report of
+    the worker, None: there is none; ``alarms``: that are not recorded.
+    """
+
+    lack: Lack
+    name: str = ""
+    state: str = ""
+    since_s: float | None = None
+    alarms: int = 0
+
+    @property
+    def words(self) -> str:
+        """The reason as a sentence."""
+        if self.lack is Lack.WORKER:
+            return f"the worker has not reported for {self.since_s:.0f} s"
+        if self.lack is Lack.BUS:
+            return f"bus {self.name}: {self.state}"
+        if self.lack is Lack.RECORD:
+            return f"alarms that are not yet recorded: {self.alarms}; the messages say why"
+        since = "no sample yet" if self.since_s is None else f"no sample for {self.since_s:.0f} s"
+        return f"{self.name}: {since}"
+
+
+def reasons_not_ready(snapshot: Snapshot, now_us: int) -> Iterator[NotReady]:
     """Reasons why not every axis is monitored now, or why alarms are not recorded; none when all is well."""
     if not is_alive(snapshot, now_us):
-        yield f"the worker has not reported for {age_s(snapshot.taken_us, now_us):.0f} s"
-    yield from (f"bus {bus.name}: {bus.state}" for bus in snapshot.buses if not bus.up)
+        yield NotReady(Lack.WORKER, since_s=age_s(snapshot.taken_us, now_us))
+    yield from (NotReady(Lack.BUS, bus.name, bus.state) for bus in snapshot.buses if not bus.up)
     if waiting := snapshot.alarms.waiting:
-        yield f"alarms that are not yet recorded: {waiting}; the messages say why"
+        yield NotReady(Lack.RECORD, alarms=waiting)
     for axis in snapshot.axes:
         if is_silent(axis, now_us):
-            age = sample_age_s(axis, now_us)
-            yield f"{axis.id}: no sample yet" if age is None else f"{axis.id}: no sample for {age:.0f} s"
+            yield NotReady(Lack.SAMPLES, axis.id, since_s=sample_age_s(axis, now_us))

@@ -2,6 +2,7 @@
 
 import math
 import re
+from enum import StrEnum
 from typing import Annotated, Literal, Self
 
 from pydantic import (
@@ -646,12 +647,36 @@ class Link(Body):
     )
 
 
+class Lack(StrEnum):
+    """What is missing so that every axis is monitored and every alarm recorded."""
+
+    WORKER = "worker"
+    BUS = "bus"
+    RECORD = "record"
+    SAMPLES = "samples"
+
+
+class NotReady(Body):
+    """A reason why not every axis is monitored, or why alarms are not recorded."""
+
+    lack: Lack = Field(
+        description="what is missing: a report of the worker, a bus, the record of alarms, samples of an axis"
+    )
+    name: str = Field(description="of the bus or axis")
+    state: str = Field(description="of the bus")
+    since_s: Number | None = Field(
+        description="age of the last sample, or of the last report of the worker, in seconds; null: there is none"
+    )
+    alarms: int = Field(description="number of alarms that are not recorded")
+
+
 class Service(Body):
     """The daemon itself."""
 
     version: str
     ready: bool = Field(description="all buses are up and all axes receive samples")
     reasons: list[str] = Field(description="why it is not ready")
+    not_ready: list[NotReady] = Field(description="the same as values")
     messages: list[str] = Field(description="for the operator, e.g. that a checkpoint was quarantined")
     started: Time = Field(description="UTC")
     taken: Time = Field(description="when the worker published this, UTC")

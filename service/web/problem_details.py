@@ -61,6 +61,9 @@ _MISTAKEN = described(
 )[422]
 _NO_TEXT = described(400, "The body is no UTF-8 text")[400]
 """What FastAPI itself answers, wherever there may be a body"""
+_UNCHANGED = {
+    "description": "If-None-Match has the ETag of the answer: it is as before, and there is no body"
+}
 
 
 def add_to_schema(app: FastAPI) -> None:
@@ -70,12 +73,16 @@ def add_to_schema(app: FastAPI) -> None:
     def openapi() -> dict[str, Any]:
         schema = described_alone()
         schema["components"]["schemas"][Problem.__name__] = Problem.model_json_schema()
-        operations = (operation for path in schema["paths"].values() for operation in path.values())
+        operations = (operation for path in schema["paths"].values() for operation in path.items())
         for unused in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(unused, None)
         for hook in schema.get("webhooks", {}).values():
             hook["post"]["responses"].pop("422", None)  # what a receiver answers is its own affair
-        for operation in operations:
+        for method, operation in operations:
+            if method == "get" and "application/json" in operation["responses"].get("200", {}).get(
+                "content", {}
+            ):
+                operation["responses"]["304"] = _UNCHANGED
             if "application/json" in operation["responses"].get("422", {}).get("content", {}):
                 operation["responses"]["422"] = _MISTAKEN
             if "requestBody" in operation:

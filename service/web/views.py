@@ -177,7 +177,8 @@ def service(
         "messages": [*snapshot.messages, *(f"link {n.name}: {n.problem}" for n in links if n.problem)],
         "version": VERSION,
         "ready": not reasons,
-        "reasons": reasons,
+        "reasons": [reason.words for reason in reasons],
+        "not_ready": [reason._asdict() for reason in reasons],
         "report": report,
         "insecure": insecure,
     }

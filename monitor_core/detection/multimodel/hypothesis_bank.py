@@ -267,17 +267,18 @@ class HypothesisBank:
         integers, memory = self._memory.integers, self.settings.memory
         integers[kernel.CHECKS, 0] += 1
         integers[kernel.WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[kernel.SINCE, 0])
-        found, looked = self._shares(), integers[kernel.CHECKS, 0] / (LOOKS * MEMORIES)
+        looked = integers[kernel.CHECKS, 0] / (LOOKS * MEMORIES)
         if looked >= 1 and not self._lasts():
             self._start(0)
             yield CauseEnded(now_us, since, HEALTHY)
             return
         # While the state is still that of before the change, none is right, and the least wrong one seems sure.
         early = now_us - since < self._slowest_us
-        sure, resort = found[0].probability >= self.sure, found[0].cause in self._last_resort
+        cause, probability = self._causes.likeliest(self._evidence)
+        sure, resort = probability >= self.sure, cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
             integers[kernel.PHASE, 0], integers[kernel.WAIT, 0] = kernel.REFINING, round(MEMORIES * memory)
-            yield CauseIdentified(now_us, since, self.onset(), self.standing.whole_of(found), sure)
+            yield CauseIdentified(now_us, since, self.onset(), self.standing.whole_of(self._shares()), sure)
 
     def _turn_round(self) -> None:
         """Predictors with a changed sign have moved the other way so far: they restart from the reference."""
@@ -306,7 +307,12 @@ class HypothesisBank:
         self._start(lane if self._lasts() else 0)
 
     def _shares(self) -> tuple[Share, ...]:
-        return self._causes.shares(self._memory.sums[G, 1 : len(self._hypotheses)])
+        return self._causes.shares(self._evidence)
+
+    @property
+    def _evidence(self) -> Floats:
+        """Log-likelihood ratios (H,) since the onset."""
+        return self._memory.sums[G, 1 : len(self._hypotheses)]
 
     def onset(self) -> Onset:
         """Onset of the most likely hypothesis: when its g was last zero, with an interval.

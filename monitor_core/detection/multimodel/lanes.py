@@ -45,11 +45,21 @@ def lanes_of(
         s.interval_s, s.lam, s.lam0, round(s.max_gap_s * 1e6), round(s.settle_s * 1e6), round(s.lost_s * 1e6),
         s.outlier_limit, _usual_us(s.interval_s)[0],
     ]  # fmt: skip
+    moving, n, m = _moving(model, table["acts"]), len(model.drive.states), len(model.drive.inputs)
+    acts = table.pop("acts").reshape(-1, n, m, len(lanes))[:, :, moving]
+    factors = [table.pop(name).reshape(len(acts), n, -1, len(lanes)) for name in ("constant", "taps", "move")]
     return assembly.tables, Predictors(
         **{name: np.ascontiguousarray(values) for name, values in table.items()},
-        moving=_moving(model, table["acts"]),
+        terms=_by_eight(np.concatenate([*factors, acts], axis=2)),
+        moving=moving,
         axis=np.array(axis, float)[:, np.newaxis],
     )
+
+
+def _by_eight(factors: Floats) -> Floats:
+    """Factors (USUAL, n, terms, H) as ``Predictors.terms``."""
+    wide = factors.reshape(*factors.shape[:3], -1, EIGHT)
+    return np.ascontiguousarray(wide.transpose(0, 3, 1, 2, 4)).ravel()
 
 
 def memory_of(tables: Tables, lanes: int) -> Memory:
@@ -118,12 +128,12 @@ def _interval(model: AxisModel, hypothesis: Hypothesis, interval_s: float, delay
     before, now = np.clip(delay, 0, interval_s), np.clip(-delay, 0, interval_s)
     held = interval_s - before - now
     (A1, B1), (A2, B2), (A3, B3) = (_held(A, B, float(part)) for part in (before, held, now))
-    parts = np.stack([A3 @ A2 @ B1, A3 @ B2, B3])  # (3, n, m)
+    parts = np.stack([A3 @ B2, A3 @ A2 @ B1, B3])  # (3, n, m): held, previous, next
     taps, all_of_it = parts[:, :, kinds == TORQUE].sum(axis=2) * d, parts.sum(axis=0) * d[:, np.newaxis]
     constant = taps.sum(axis=0) * hypothesis.torque.offset + all_of_it[:, kinds == ONE].sum(axis=1)
     return {
         "move": (A3 @ A2 @ A1 * d[:, np.newaxis] / d).ravel(),
-        "taps": (taps * hypothesis.torque.scale).ravel(),
+        "taps": (taps * hypothesis.torque.scale).T.ravel(),
         "constant": constant,
         "acts": all_of_it.ravel(),
     }

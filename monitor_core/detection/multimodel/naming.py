@@ -79,19 +79,27 @@ class CausePosterior:
         self._causes = [_Cause.from_hypotheses(name, hypotheses) for name in names]
 
     def shares(self, evidence: Floats) -> tuple[Share, ...]:
-        """The causes, the most likely first; ``evidence`` (H,) are log-likelihood ratios since the onset.
-
-        The probability of a cause is the sum of the posterior ones of its sizes.  The prior of a size is its weight;
-        all sizes together have the same prior as those of another cause.
-        """
-        posterior = np.exp(evidence - evidence.max()) * self._prior
-        summed = np.bincount(self._of, posterior, len(self._causes)) / posterior.sum()
+        """The causes, the most likely first; ``evidence`` (H,) are log-likelihood ratios since the onset."""
         with_none = np.append(evidence, 0.0)
         found = [
             Share(cause.name, probability, *cause.fitted(with_none[cause.at]), cause.alike)
-            for cause, probability in zip(self._causes, summed.tolist(), strict=True)
+            for cause, probability in zip(self._causes, self._probabilities(evidence).tolist(), strict=True)
         ]
         return tuple(sorted(found, key=lambda share: -share.probability))
+
+    def likeliest(self, evidence: Floats) -> tuple[str, float]:
+        """The first of the causes and its probability, without its size."""
+        probabilities = self._probabilities(evidence)
+        k = int(probabilities.argmax())
+        return self._causes[k].name, float(probabilities[k])
+
+    def _probabilities(self, evidence: Floats) -> Floats:
+        """That of a cause is the sum of the posterior ones of its sizes.
+
+        The prior of a size is its weight; all sizes together have the same prior as those of another cause.
+        """
+        posterior = np.exp(evidence - evidence.max()) * self._prior
+        return np.asarray(np.bincount(self._of, posterior, len(self._causes)) / posterior.sum())
 
 
 @dataclass(frozen=True, slots=True)

@@ -225,6 +225,9 @@ def test_service_tells_why_it_is_not_ready(stage: Stage, client: TestClient) -> 
     body = get(client, "/api/v1/service")
     assert body["ready"] is False
     assert body["reasons"] == ["bus can1: down: Network is down", "demo.axis2: no sample yet"]
+    bus = {"lack": "bus", "name": "can1", "state": "down: Network is down", "since_s": None, "alarms": 0}
+    axis = {"lack": "samples", "name": "demo.axis2", "state": "", "since_s": None, "alarms": 0}
+    assert body["not_ready"] == [bus, axis]
     assert body["buses"][0]["dropped"] == {"queue_full": 12, "socket": 0}
     assert body["messages"] == [*stage.snapshot.messages, "link orders: HTTP status 503"]
     assert body["links"] == [

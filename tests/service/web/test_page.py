@@ -52,6 +52,7 @@ def test_the_overview_shows_axes_with_estimates_and_follows_them(page: Page, sta
     expect(page.locator("html")).to_have_attribute("lang", "de")
     expect(page.locator("#state")).to_have_text("nicht bereit")
     expect(row).to_contain_text("0,993 ± 0,035")
+    expect(page.locator("#reasons")).to_contain_text("demo.axis2: noch kein Messwert")
     page.reload()
     expect(page.get_by_role("link", name="Übersicht")).to_be_visible()
     stage.healthy()

@@ -81,8 +81,8 @@ function newest(axis: Axis | undefined): number {
 }
 
 function Head({ axis, age }: { axis: Axis; age: number | null }) {
-  const sentences = [...axis.not_tested, ...axis.confounded];
   const notes = [
+    ...t.notTestedSentences(axis),
     ...(epochWords(axis) === "" ? [] : [epochWords(axis)]),
     ...(axis.gated_by === null ? [] : [t.paused(axis.gated_by)]),
     ...axis.outside_calibration.map(t.outsideCalibration),
@@ -92,10 +92,10 @@ function Head({ axis, age }: { axis: Axis; age: number | null }) {
       <h1><bdi>{axis.id}</bdi></h1>
       <p class={isSilent(axis) ? "late" : "quiet"}>{age === null ? t.noSample : t.lastSample(span(age))}</p>
       <p class="quiet"><bdi>{axis.model.drive}, {axis.model.output}</bdi> · {t.bus} <bdi>{axis.bus}</bdi></p>
-      {(sentences.length > 0 || notes.length > 0) && (
+      {(axis.confounded.length > 0 || notes.length > 0) && (
         <ul class="banner warn" aria-label={`${t.notTested}: ${axis.id}`}>
-          {sentences.map((words) => <li key={words}><Words>{words}</Words></li>)}
           {notes.map((words) => <li key={words}><bdi>{words}</bdi></li>)}
+          {axis.confounded.map((words) => <li key={words}><Words>{words}</Words></li>)}
         </ul>
       )}
     </div>

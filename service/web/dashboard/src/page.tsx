@@ -5,7 +5,7 @@ import { AlarmList } from "./alarm_list";
 import { AlarmPage } from "./alarm_page";
 import { alarmSentence } from "./alarm_words";
 import { SoundSwitch } from "./alarm_sound";
-import { hasToken, type Alarm } from "./ask";
+import { hasToken, type Alarm, type Body } from "./ask";
 import { AxisPage } from "./axis_page";
 import { CommissioningPage } from "./commissioning_page";
 import { span, zone } from "./format";
@@ -102,8 +102,8 @@ function Header({ live, gone, page, other }: HeaderProps) {
       {service?.insecure && <p id="insecure" class="banner warn"><bdi lang="en">{service.insecure}</bdi></p>}
       {gone !== null && <Gone {...{ live, gone }} />}
       {live.locked !== null && <SignIn why={live.locked} />}
-      {gone === null && <Sentences id="reasons" label={t.reasons} kind="warn" words={service?.reasons ?? []} />}
-      <Sentences id="messages" label={t.messages} kind="note" words={service?.messages ?? []} />
+      {gone === null && <Sentences id="reasons" label={t.reasons} kind="warn" words={(service?.not_ready ?? []).map(reasonWords)} />}
+      <Sentences id="messages" label={t.messages} kind="note" words={service?.messages ?? []} lang="en" />
       <News active={live.active} answered={live.answered !== null} />
     </header>
   );
@@ -129,13 +129,30 @@ function Gone({ live, gone }: { live: Live; gone: number }) {
 const MOST_SENTENCES = 3;
 
 /** Sentences of the daemon; of many, the first ones, and the others behind a click. */
-function Sentences({ id, label, kind, words }: { id: string; label: string; kind: string; words: string[] }) {
+/** Why not all is monitored, or recorded. */
+function reasonWords({ lack, name, state, since_s, alarms }: Body<"NotReady">): string {
+  const since = since_s === null ? null : span(since_s);
+  if (lack === "bus") return t.lacks.bus(name, state);
+  if (lack === "record") return t.lacks.record(alarms);
+  return lack === "worker" ? t.lacks.worker(since ?? "?") : t.lacks.samples(name, since);
+}
+
+interface SentencesProps {
+  id: string;
+  label: string;
+  kind: string;
+  words: string[];
+  /** Of the words, where it is not that of the page. */
+  lang?: string;
+}
+
+function Sentences({ id, label, kind, words, lang }: SentencesProps) {
   const [all, setAll] = useState(false);
   if (words.length === 0) return null;
   const shown = all ? words : words.slice(0, MOST_SENTENCES);
   return (
     <ul id={id} class={`banner ${kind}`} aria-label={label}>
-      {shown.map((sentence) => <li key={sentence}><bdi lang="en">{sentence}</bdi></li>)}
+      {shown.map((sentence) => <li key={sentence}><bdi lang={lang}>{sentence}</bdi></li>)}
       {shown.length < words.length && (
         <li><button type="button" class="plain" onClick={() => setAll(true)}>{t.more(words.length - shown.length)}</button></li>
       )}

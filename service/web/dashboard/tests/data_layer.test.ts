@@ -10,7 +10,7 @@ import { itemsOf, matches, ordered } from "../src/need";
 import { farthest, signsOf } from "../src/resonances";
 import { columnsOf, marksOf, rangeOf, type History } from "../src/series";
 import { emptySignals, joined, type Signals } from "../src/signal_buffer";
-import { choose } from "../src/texts";
+import { choose, t } from "../src/texts";
 import { GAP, layoutOf } from "../src/tile_layout";
 import { moved, scaled } from "../src/time_range";
 import { trendColumns } from "../src/trend_columns";
@@ -79,6 +79,28 @@ describe("an alarm in a sentence", () => {
     expect(alarmSentence(changed({ reaches: [{}] }))).toBe("as the daemon says it");
     expect(meaningOf("reciprocal of: inertia of the arm")).toBe("Kehrwert von: Trägheit des Arms");
     expect(meaningOf("friction of my drive")).toBe("friction of my drive");
+    choose("en");
+  });
+});
+
+describe("what is not tested", () => {
+  const axis = axisOf("a", {
+    gated_by: "payload", not_tested: ["as the daemon says it"],
+    parameters: ["not observed", null, "not observed", "operating conditions"].map((reason, k) => parameter({ name: `p${k}`, not_tested_reason: reason })),
+  });
+  beforeEach(() => {
+    globalThis.document = { documentElement: {} } as unknown as Document;
+    choose("en");
+  });
+
+  test("is that of the daemon in English", () => expect(t.notTestedSentences(axis)).toEqual(["as the daemon says it"]));
+
+  test("is a sentence for each reason in German", () => {
+    choose("de");
+    const [unseen, gated, ...more] = t.notTestedSentences(axis);
+    expect(unseen).toMatch(/^p0, p2 werden nicht geprüft: die Bewegung enthält fast keine Information darüber. Nötig: Bewegung/);
+    expect(gated).toMatch(/^p3 wird nicht geprüft: die Betriebsbedingungen schließen die Messwerte aus \(payload\). Nötig/);
+    expect(more).toEqual([]);
     choose("en");
   });
 });

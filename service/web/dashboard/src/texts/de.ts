@@ -1,5 +1,6 @@
-// German. Reasons, messages, trends and what is not tested are sentences of the daemon, English in every language.
-import type { Alarm } from "../ask";
+// German. Messages, trends and which parameters cannot be distinguished are sentences of the daemon, English in every
+// language.
+import type { Alarm, Parameter } from "../ask";
 import type { Texts } from "./en";
 
 const comma = (digits: string): string => digits.replace(".", ",");
@@ -20,6 +21,31 @@ const SENSORS: Record<string, (size: number, unit: string) => string> = {
   "torque offset": (size, unit) => `das wirkende Moment ist stets um ${digits(Math.abs(size))} ${unit} ${greater(size)} als das gemessene`,
   "output offset": (size, unit) => `die gemessene Bewegung ist stets um ${digits(Math.abs(size))} ${unit} ${greater(size)} als die wahre`,
   "output noise": (size) => `die gemessene Bewegung rauscht um ${digits(Math.abs(100 * size))} % mehr als zuvor`,
+};
+
+const MOTION = "Bewegung, die beschleunigt und mehrere Geschwindigkeiten hat, innerhalb von memory_s, oder ein längeres memory_s";
+
+/** Warum Parameter nicht geprüft werden, und was dafür nötig ist. */
+const NOT_TESTED: Record<NonNullable<Parameter["not_tested_reason"]>, [string, string]> = {
+  "no sample": ["es kam noch kein Messwert", "Moment und Bewegung dieser Achse; `axiswatch listen` zeigt, was ankommt"],
+  settling: ["der Prädiktor schwingt nach Start, Lücke oder verlorenen Messwerten ein", "lückenlose Messwerte, länger als settling_time_s"],
+  "operating conditions": [
+    "die Betriebsbedingungen schließen die Messwerte aus",
+    "Messwerte, bei denen jedes Tor offen und jedes Signal bekannt und in seinem Bereich ist",
+  ],
+  "warm-up state": ["wie warm die Achse nach Start oder Pause ist, ist noch nicht bekannt; ihre Reibung zeigt es", "einige Gedächtnislängen (memory_s) Bewegung"],
+  unidentifiable: [
+    "die Aufnahme für die Nennwerte bestimmt sie nicht",
+    "Nennwerte aus einer Aufnahme mit mehreren Geschwindigkeiten und Beschleunigungen, oder `axiswatch identify --fix` mit einem von ihnen, der dann auf seinem Wert in der Konfiguration bleibt",
+  ],
+  seeding: ["P(0) ist noch nicht gefunden", "mehr Bewegung, oder ein kürzeres memory_s"],
+  "not observed": ["die Bewegung enthält fast keine Information darüber", MOTION],
+  uncertain: [
+    "innerhalb von memory_s enthält die Bewegung so wenig Information, dass selbst eine Änderung um den ganzen Wert nicht gefunden würde",
+    `${MOTION}; oder sie aus \`monitor\` zu nehmen`,
+  ],
+  blocked: ["P(0) ist nicht gefunden, weil ein anderer Parameter innerhalb von memory_s nicht bestimmbar ist", `jenen aus \`monitor\` zu nehmen; oder ${MOTION}`],
+  "no threshold": ["der Mehrmodell-Detektor hat keine Schwelle", "eine neue Kalibrierung, `axiswatch calibrate`"],
 };
 
 const greater = (size: number): string => (size < 0 ? "kleiner" : "größer");
@@ -145,6 +171,12 @@ export const de: Texts = {
     tick: "Schätzwert mit 95-%-Band", zone: "Normalband (zulässige Abweichung)", scale: "Mitte: Nennwert; Enden: ± 40 %",
     dashed: "gestrichelt: zurzeit nicht geprüft", marks: "Priorität: 1 hoch, 2 mittel, 3 niedrig; nur Umriss: quittiert",
   },
+  lacks: {
+    worker: (since) => `der Dienst hat seit ${since} nichts gemeldet`,
+    bus: (name, state) => `Bus ${name}: ${state}`,
+    record: (alarms) => `noch nicht gespeicherte Alarme: ${alarms}; die Meldungen sagen warum`,
+    samples: (axis, since) => (since === null ? `${axis}: noch kein Messwert` : `${axis}: seit ${since} kein Messwert`),
+  },
   noSample: "noch kein Messwert",
   lastSample: (age) => `letzter Messwert vor ${age}`,
   since: "seit",
@@ -155,6 +187,15 @@ export const de: Texts = {
     "not observed": "nicht beobachtet", invalid: "ungültig", alarm: "Alarm",
   },
   notTested: "nicht geprüft",
+  notTestedSentences: ({ parameters, gated_by }) => {
+    const reasons = [...new Set(parameters.map((p) => p.not_tested_reason))].filter((reason) => reason !== null);
+    return reasons.map((reason) => {
+      const names = parameters.filter((p) => p.not_tested_reason === reason).map((p) => p.name);
+      const [why, needed] = NOT_TESTED[reason];
+      const condition = reason === "operating conditions" && gated_by !== null ? ` (${gated_by})` : "";
+      return `${names.join(", ")} ${names.length === 1 ? "wird" : "werden"} nicht geprüft: ${why}${condition}. Nötig: ${needed}`;
+    });
+  },
   notTestedReason: {
     "no sample": "kein Messwert", settling: "schwingt nach Start oder Lücke ein", "operating conditions": "Betriebsbedingungen",
     "warm-up state": "Wärmezustand unbekannt", unidentifiable: "nicht bestimmbar", seeding: "lernt",

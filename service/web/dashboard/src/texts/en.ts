@@ -1,5 +1,5 @@
 // English, as are the sentences of the daemon itself.
-import type { Alarm } from "../ask";
+import type { Alarm, Axis } from "../ask";
 
 export const en = {
   skip: "Skip to the content",
@@ -47,6 +47,12 @@ export const en = {
     tick: "estimate and its 95 % band", zone: "normal band (tolerated deviation)", scale: "middle: nominal value; ends: ± 40 %",
     dashed: "dashed: not tested now", marks: "priority: 1 high, 2 medium, 3 low; an outline: acknowledged",
   },
+  lacks: {
+    worker: (since: string) => `the worker has not reported for ${since}`,
+    bus: (name: string, state: string) => `bus ${name}: ${state}`,
+    record: (alarms: number) => `alarms that are not yet recorded: ${alarms}; the messages say why`,
+    samples: (axis: string, since: string | null) => (since === null ? `${axis}: no sample yet` : `${axis}: no sample for ${since}`),
+  },
   noSample: "no sample yet",
   lastSample: (age: string) => `last sample ${age} ago`,
   since: "since",
@@ -57,6 +63,7 @@ export const en = {
     "not observed": "not observed", invalid: "invalid", alarm: "alarm",
   } as Record<string, string>,
   notTested: "not tested",
+  notTestedSentences: (axis: Axis) => axis.not_tested,
   notTestedReason: {
     "no sample": "no sample", settling: "settling after a start or a gap", "operating conditions": "operating conditions",
     "warm-up state": "warm-up state not known", unidentifiable: "unidentifiable", seeding: "learning",
