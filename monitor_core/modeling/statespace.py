@@ -32,7 +32,6 @@ class Report:
     """
 
     flat_equations: int
-    flat_variables: int
     flat_states: int
     remaining_equations: int
 

@@ -14,8 +14,7 @@ from service.commands.options import AxisName, JsonFile, axis_of
 from service.commands.output_files import STDOUT, write
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import LIBRARY, model_called, model_of_axis
-from service.reports.model_facts import as_json, facts_of
-from service.reports.model_text import print_text
+from service.reports.model_report import as_json, facts_of, print_text
 
 if TYPE_CHECKING:
     from monitor_core.modeling import StateSpace

@@ -11,25 +11,26 @@ Under systemd STATE_DIRECTORY, the folder that its unit has for the service, is 
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, get_origin
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
 from service.config.axis_rules import AXIS_RULES, defaults_without_name
-from service.config.base_table import Reading, Undecidable
+from service.config.base_table import Reading, Table, Undecidable
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
+from service.config.former_keys import hint
 from service.config.link_rules import LINK_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import ConfigErrors, Finding, Keys, Problem, dotted, nearest, positions, shown
 from service.config.robot_defaults import origin
 from service.config.schema import AxisConfig, Config
 from service.config.schema_links import concealed
-from service.config.validation_messages import findings, table_in
 
 PREFIX = "AXISWATCH_"
 SECTIONS = ("service", "web")
@@ -97,7 +98,7 @@ def _read(values: dict[str, Any], reading: Reading) -> tuple[Config | None, list
     try:
         config = Config.model_validate(values, context=reading)
     except ValidationError as error:
-        return None, findings(error.errors(include_url=False))
+        return None, _findings(error.errors(include_url=False))
     return config, list(crosscheck(config))
 
 
@@ -180,6 +181,80 @@ def _unknown_sections(over: _Overrides) -> Iterator[Finding]:
     for path, override in over.items():
         if path[0] not in SECTIONS:
             yield Finding(path, f"no such setting: {did_you_mean(override.variable, known)}")
+
+
+# --- Validation errors of pydantic in the terms of the file format, with the meaning of the key -----------------------
+
+
+_RULES = {
+    "missing": "missing",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "finite_number": "must be a finite number",
+    "string_type": "must be a text in quotes",
+    "string_too_short": "must not be empty",
+    "string_pattern_mismatch": "must consist of letters, digits, - and _",
+    "greater_than": "must be greater than {gt}",
+    "greater_than_equal": "must be at least {ge}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be at most {le}",
+    "too_short": "must have at least {min_length}",
+    "too_long": "must have at most {max_length}",
+    "literal_error": "must be {expected}",
+    "model_type": "must be a table",
+    "dict_type": "must be a table",
+    "tuple_type": "must be a list",
+    "value_error": "{error}",
+}
+
+
+def _findings(errors: Iterable[ErrorDetails]) -> list[Finding]:
+    """The errors of a validation of ``Config``, without those that are only consequences of others."""
+    return [Finding(error["loc"], _message(error)) for error in errors if not _follows(error)]
+
+
+def _follows(error: ErrorDetails) -> bool:
+    if error["type"] == "default_factory_not_called":
+        return True
+    # pydantic does not count invalid elements, so a list may seem too short.
+    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
+
+
+def _message(error: ErrorDetails) -> str:
+    key, table = _place_in_schema(error["loc"])
+    if error["type"] == "extra_forbidden" and table is not None:
+        wrong = str(error["loc"][-1])
+        return hint(wrong) or f"unknown key: {did_you_mean(wrong, table.model_fields)}"
+    rule = _RULES.get(error["type"], error["msg"]).format_map(_limits(error))
+    return f"{rule} ({table.meaning(key)})" if table is not None and key in table.model_fields else rule
+
+
+def _limits(error: ErrorDetails) -> dict[str, Any]:
+    """The numbers and words of a rule, numbers without ".0"."""
+    context = error.get("ctx", {})
+    return {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
+
+
+def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[Table] | None]:
+    """The innermost key of a path that the schema knows, and the table that it belongs to."""
+    key, table, inner = "", None, table_in(Config)
+    for part in path:
+        if isinstance(part, int) or inner is None:
+            continue
+        key, table, field = part, inner, inner.model_fields.get(part)
+        inner = table_in(field.annotation) if field else None
+    return key, table
+
+
+def table_in(annotation: Any) -> type[Table] | None:
+    """The table in an annotation such as ``tuple[AxisConfig, ...]``."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return annotation
+    return next(filter(None, map(table_in, get_args(annotation))), None)
 
 
 # --- Cross-checks: names that must differ or exist, values that must agree --------------------------------------------

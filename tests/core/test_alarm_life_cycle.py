@@ -83,16 +83,6 @@ def test_a_hidden_alarm_follows_its_cause_and_is_not_acknowledged() -> None:
         transition(AlarmLife(S.SUPPRESSED, S.NORMAL), E.SHELVE, 10)
 
 
-def test_acknowledging_twice_is_refused_and_a_latched_alarm_asks_for_it_again() -> None:
-    acknowledged = replayed([(E.RAISE, None), (E.ACKNOWLEDGE, None)])
-    with pytest.raises(AlarmTransitionError, match="the alarm is acknowledged: it can be shelved"):
-        transition(acknowledged, E.ACKNOWLEDGE)
-    (latched,) = due(acknowledged, False, AlarmRules(latched=True))
-    assert (latched.event, latched.after.active) == (E.LATCH, True)
-    assert transition(latched.after, E.ACKNOWLEDGE).after == AlarmLife()
-    assert due(latched.after, False, AlarmRules(latched=True)) == []
-
-
 def test_the_end_of_a_shelf_shows_the_alarm_by_the_clock_alone() -> None:
     shelved = AlarmLife(S.SHELVED, S.ACKNOWLEDGED, 1_000_000)
     assert shelved.at(999_999) == shelved
@@ -124,19 +114,6 @@ def test_the_configuration_hides_an_alarm_before_it_is_raised(rules: AlarmRules,
     hidden = rules.suppressed or rules.out_of_service
     shown = {t.after.state for t in (*raised, *gone) if not t.after.hidden}
     assert shown == ({S.NORMAL} if hidden else {S.UNACKNOWLEDGED, gone[-1].after.state})
-
-
-def test_another_configuration_takes_effect_on_an_alarm_that_is_there() -> None:
-    life = AlarmLife(S.SHELVED, S.ACKNOWLEDGED, 9)
-    for rules, event in (
-        (AlarmRules(out_of_service=True), E.REMOVE),
-        (AlarmRules(suppressed=True), E.SUPPRESS),
-        (AlarmRules(), E.UNSUPPRESS),
-    ):
-        (changed,) = due(life, True, rules)
-        assert changed.event is event
-        life = changed.after
-    assert life == AlarmLife(S.ACKNOWLEDGED)
 
 
 def test_a_cause_that_comes_and_goes_within_the_off_delay_is_one_alarm() -> None:

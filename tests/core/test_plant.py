@@ -22,30 +22,6 @@ from monitor_core.monitoring import AxisBatch
 from tests.core.cases import BY_NAME, H
 from tests.core.chains import Sensor, chain, values
 
-FRICTION = {**REFERENCE_VALUES, "fc": 0.5, "tau0": 0.1}
-
-
-def test_steady_speed_and_sticking() -> None:
-    axis = SimulatedAxis(FRICTION, speed_scale=0.1)
-    for _ in range(2000):
-        _, speed = axis.step(1.0, H)
-    assert speed == pytest.approx((1.0 - 0.5 + 0.1) / 0.06, rel=1e-3)
-    for _ in range(2000):
-        _, speed = axis.step(0.2, H)  # less than friction: it only creeps
-    assert 0 < speed < 0.1
-
-
-def test_parameters_change_and_the_motion_goes_on() -> None:
-    axis = SimulatedAxis(REFERENCE_VALUES)
-    for _ in range(100):
-        before = axis.step(1.0, H)
-    axis.set({"fm": 0.12})
-    assert (axis.angle, axis.speed) == before
-    assert axis.values == {**REFERENCE_VALUES, "fm": 0.12}
-    for _ in range(2000):
-        _, speed = axis.step(1.0, H)
-    assert speed == pytest.approx(1 / 0.12, rel=1e-3)
-
 
 def test_wrong_parameters_leave_the_axis_as_it_was() -> None:
     axis = SimulatedAxis(REFERENCE_VALUES)
@@ -166,18 +142,6 @@ def test_the_plant_converges_to_newtons_law(sensor: Sensor, seed: int) -> None:
     assert (
         off({**values(2), **dict.fromkeys(("fc", "fa", "gc", "gs"), 0.0)}, 1) < 1e-8
     ).all()  # linear: exact
-
-
-def test_the_plant_comes_to_rest_where_the_torque_bears_the_weight() -> None:
-    given = {**values(2), "fc": 0.0, "fa": 0.0, "f": 0.1}
-    axis = SimulatedAxis(given, drive=chain(2, "angle"))
-    for _ in range(8000):
-        angle, speed = axis.step(0.6, H)
-    r = given["r"]
-    weight = r * (given["gc"] * np.cos(r * angle) + given["gs"] * np.sin(r * angle))
-    assert abs(r * angle) > 0.05
-    assert abs(speed) < 1e-9
-    assert weight == pytest.approx(0.6 + given["tau0"], rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["fc", "fa", "gc", "gs"])

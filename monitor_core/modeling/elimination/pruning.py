@@ -54,7 +54,7 @@ def pruned(reduction: Reduction, system: System) -> StateSpace:
         parameters=parameters_of(flat.parameters, definitions, occurring),
         drawn=flat.parameters,
         definitions=tuple(Definition(name, value) for name, value in definitions.items()),
-        report=Report(len(flat.equations), len(flat.variables), system.flat_states, equations),
+        report=Report(len(flat.equations), system.flat_states, equations),
         notes=_notes(reduction, kept, acting, definitions, occurring),
     )
 

@@ -57,7 +57,7 @@ def space(
         parameters=tuple(parameter(name) for name in present),
         drawn=tuple(parameter(name) for name in sorted(drawn)),
         definitions=tied,
-        report=Report(0, 0, 0, 0),
+        report=Report(0, 0, 0),
         notes=(),
     )
 

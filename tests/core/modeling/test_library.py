@@ -1,38 +1,9 @@
 """The drives that come with the program: their names, and the paper's three-mass drive entry by entry."""
 
-from collections.abc import Callable
-
-import pytest
-
-from monitor_core.modeling.drawing import Drawing
 from monitor_core.modeling.drawing.parameter_table import parse
-from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
+from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.statespace import Entries
-
-COMMON = ["fm", "fc", "tau0", "kT", "r"]
-
-
-@pytest.mark.parametrize(
-    ("drive", "names", "masses"),
-    [
-        (two_mass, ["Jm", "Ja", "k", "d"], 2),
-        (three_mass, ["Jm", "Jg", "Ja", "kg", "ka", "dg", "da"], 3),
-        (five_mass, ["Jm", *(f"{x}{i}" for x in "Jkd" for i in range(1, 5))], 5),
-    ],
-)
-def test_parameters_and_counts(drive: Callable[[], Drawing], names: list[str], masses: int) -> None:
-    flat = drive().flat()
-    assert [p.name for p in flat.parameters] == names + COMMON
-    # unknowns: 7 of a mass, 8 of a spring with damper, 4 of the gear; 2 of Coulomb friction, of the offset and of the
-    # torque (its signal is an input), 3 of viscous friction and of the sensor
-    unknowns = 7 * masses + 8 * (masses - 1) + 4 + 3 * 2 + 2 * 3
-    # equations: 5, 6, 2; 1, 1, 1; 2, 2; and the connections give one for each flange
-    flanges = 2 * masses + 2 * (masses - 1) + 2 + 5
-    equations = 5 * masses + 6 * (masses - 1) + 2 + 3 * 1 + 2 * 2 + flanges
-    assert len(flat.variables) == unknowns
-    assert len(flat.equations) == equations == unknowns
-    assert len(eliminate(flat, "speed").states) == 2 * masses - 1
 
 
 def test_the_parameters_of_the_three_masses_in_words() -> None:

@@ -15,12 +15,11 @@ from monitor_core.modeling import SimulatedAxis, two_mass
 from service.commands import axis_processes, commission
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.main import app
-from service.commands.signal_proposals import exchanged, review
+from service.commands.signal_proposals import review
 from service.config import load
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
-from tests.service.commands.test_demo import as_shipped
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -196,45 +195,6 @@ def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     assert found is not None
     scale = axis.config.torque.factor / 2.4e-3  # friction is as right as the rated torque
     assert found.values["fm"] == pytest.approx(scale * VALUES["fm"], rel=0.1)
-
-
-@pytest.mark.parametrize("identified", [False, pytest.param(True, marks=pytest.mark.soak)])
-def test_from_a_can_log_to_a_configuration(
-    identified: bool, folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The DBC says degrees, the configuration does not; the torque has the wrong sign."""
-    if not identified:
-        monkeypatch.setattr(axis_processes, "commission_axis", as_shipped)
-    rows = table(folder / "rows.csv", seed, 25.0, sign=-1)
-    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc"))
-    log = can_logs.log_of(rows, config, folder / "healthy.blf", 180 / np.pi)
-    result = axiswatch("commission", log, "--config", config, "--budget", "2min", "--output", "made", "--yes")
-    assert result.exit_code == 0, result.output
-    assert "the description of the bus says that the angle is in degrees" in result.output
-    (axis,) = load(folder / "made" / "axiswatch.toml").axes
-    assert axis.config.motion.factor == pytest.approx(np.pi / 180)
-    assert axis.config.torque.factor == -1
-    assert axis.config.bus == "can0"
-    if identified:
-        assert axis.config.model.monitor == ("kT", "fm")
-    assert "`axiswatch run --config made/axiswatch.toml`" in result.output
-
-
-@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
-def test_every_kind_of_can_log(suffix: str, folder: Path, seed: int) -> None:
-    """Torques of each other in the DBC: the signals are exchanged."""
-    rows = table(folder / "rows.csv", seed, 12.0, axes=2)
-    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "rad"), 2)
-    log = can_logs.log_of(rows, config, folder / f"healthy{suffix}")
-    text = config.read_text(encoding="utf-8")
-    for n in (1, 2):
-        own = f'message = "Joint{n}", signal = "Joint{n}_Torque_Act"'
-        text = text.replace(own, own.replace(f"Joint{n}", f"Joint{3 - n}x"))
-    text = text.replace("Joint1x", "Joint1").replace("Joint2x", "Joint2")
-    found = exchanged(text, {f"cell.a{n}": [str(log)] for n in (1, 2)}, folder)
-    assert {axis: {c.key[1]: c.value for c in changes} for axis, changes in found.items()} == {
-        f"cell.a{n}": {"message": f"Joint{n}", "signal": f"Joint{n}_Torque_Act"} for n in (1, 2)
-    }
 
 
 @pytest.mark.parametrize(

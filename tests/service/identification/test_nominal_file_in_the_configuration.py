@@ -11,7 +11,7 @@ import pytest
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.operating_conditions import Follow
 from monitor_core.drive.signal_terms import Term
-from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
+from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.config.remarks import remarks
@@ -166,30 +166,6 @@ def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path
     edit(robot, ('parameter = "kT"', 'parameter = "fm"'))
     (problem,) = problems(robot)
     assert "fm follows temperature already by robot[1].axis[1].model.nominal_file in line" in problem.message
-
-
-def test_a_merged_parameter_given_twice_is_named(robot: Path) -> None:
-    drawn = f"""[robot.axis.model]
-monitor = ["f"]
-nominal = {{ Jm = 0.002, Jg = 0.003, f = 0.02, "Jg + Jm" = MERGED }}
-components.torque = {{ type = "torque", at = "shaft" }}
-components.motor = {{ type = "inertia", at = "shaft", J = "Jm" }}
-components.gear = {{ type = "inertia", at = "shaft", J = "Jg" }}
-components.bearing = {{ type = "viscous-friction", at = "shaft", d = "f" }}
-components.encoder = {{ type = "angle-sensor", at = "shaft" }}
-{ESTIMATOR}
-{NOISES}"""
-    start, rest = robot.read_text(encoding="utf-8").split("[robot.axis.model]")
-    rest = rest.split(ESTIMATOR)[1].replace(KIND, "")
-    text = start + drawn + rest
-    robot.write_text(text.replace(', "Jg + Jm" = MERGED', ""), encoding="utf-8")
-    (name,) = (d.name for d in drive_of(only(load(robot, {})).config).definitions)
-    text = text.replace("Jg + Jm", name)
-    robot.write_text(text.replace("MERGED", "0.005"), encoding="utf-8")
-    load(robot, {})
-    (problem,) = problems(edit(robot, ("= 0.005 }", "= 0.006 }")))
-    assert problem.key == f'robot[1].axis[1].model.nominal."{name}"'
-    assert problem.message == "is given twice: Jg, Jm make 0.005"
 
 
 def _doubtful(sd: float, r: float) -> dict[str, dict[str, Any]]:

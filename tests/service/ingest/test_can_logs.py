@@ -178,22 +178,6 @@ def fault(path: Path) -> str:
     return str(caught.value).removeprefix(str(path))
 
 
-@pytest.mark.parametrize(
-    "line", ["(1760000000.5) can0", "garbage", "(x) can0 123#00", "(1) can0 12Z#00", "\x00"]
-)
-def test_a_damaged_line_of_a_candump_log(tmp_path: Path, line: str) -> None:
-    write(tmp_path / "a.log", traffic(0, 300))
-    with (tmp_path / "a.log").open("a", encoding="utf-8") as file:
-        file.write(f"{line}\n(1760000100.000000) can0 123#\n")
-    log = CanLog(tmp_path / "a.log")
-    assert [frame for _, frame in all_frames(log)][-2:] == [
-        traffic(0, 300)[-1],
-        Frame(1760000100_000000, 0x123, False, b""),
-    ]
-    assert log.left_out == [f"line 301: not understood: {line!r}"]
-    assert log.dropped["unreadable"] == 1
-
-
 def test_a_torn_last_line_is_left_out(tmp_path: Path) -> None:
     """Its writer was killed, or the disk was full."""
     path, sent = tmp_path / "a.log", traffic(0, 300)

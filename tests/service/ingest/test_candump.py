@@ -109,19 +109,6 @@ def test_all_lines_are_read_as_one_by_one(
         assert problem.endswith("no CAN frames in it") == (not expected)
 
 
-def test_a_log_with_an_odd_line_among_many(tmp_path: Path) -> None:
-    """Every frame at its place."""
-    regular = [f"(1760000000.{k:06d}) can{k % 2} {k:03X}#{k:04X}" for k in range(2000)]
-    regular[700] = "(1760000000.0007) can7 2BC#0002"
-    (tmp_path / "a.log").write_text("\n".join([*regular, ""]), encoding="utf-8")
-    blocks = list(CanLog(tmp_path / "a.log").blocks())
-    assert [t for block in blocks for t in block.frames.t_us.tolist()] == [
-        1760000000_000000 + k for k in range(2000)
-    ]
-    names = [block.names[channel] for block in blocks for channel in block.channels.tolist()]
-    assert names == [f"can{7 if k == 700 else k % 2}" for k in range(2000)]
-
-
 def test_lines_as_programs_write_them_need_no_second_look(tmp_path: Path) -> None:
     text = [
         "(1629633295.088890)\tcan0\t0D2#00000000000CD18B",

@@ -216,24 +216,6 @@ def test_deleted_and_created_again(tmp_path: Path, device: str) -> None:
         assert [f.data for f in take(reader, 1)] == [b"after"]
 
 
-def test_started_while_it_is_down(tmp_path: Path, device: str) -> None:
-    ip("link", "set", device, "down")
-    config = bus_config(tmp_path, device)
-    with reading(config) as reader:
-        wait_for(lambda: "the interface is down" in reader.stats().state, reader.stats)
-        ip("link", "set", device, "up")
-        wait_for(lambda: reader.stats().up, reader.stats)
-        with open_bus(config) as sender:
-            send(sender, STANDARD, b"x")
-        assert len(take(reader, 1)) == 1
-
-
-def test_an_interface_that_does_not_exist(tmp_path: Path) -> None:
-    reader = CanReader(bus_config(tmp_path, "can9"), [FrameFilter(STANDARD)])
-    with pytest.raises(BusError, match=r"bus bus0: there is no network interface can9: .*ip link add"):
-        reader.open()
-
-
 def test_started_before_it_exists(tmp_path: Path) -> None:
     reader = CanReader(bus_config(tmp_path, "vcan8"), [FrameFilter(STANDARD)])
     reader.start()

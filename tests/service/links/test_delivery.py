@@ -1,10 +1,6 @@
 """What was promised to a link is delivered in order, at least once, or given up and counted."""
 
 import math
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +22,6 @@ from service.links.delivery import (
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from service.store.outbox import Outbox
-from tests.conftest import ROOT
 from tests.service.links.journals import NAMED, NOON_US, SECOND, Inbox, Post, alarms, comment, record
 
 
@@ -287,46 +282,3 @@ def test_nothing_is_left_out_whatever_happens(
     assert sorted(post.inbox.events, key=raised.index) == post.inbox.events
     assert len(post.inbox.events) == len(set(post.inbox.events)) == len(raised) - refused
     post.close()
-
-
-KILLED = """
-import asyncio, os, sys
-from pathlib import Path
-from tests.service.links.journals import Inbox, Post, alarms
-class Printed(Inbox):
-    async def send(self, messages):
-        print(*(m.id for m in messages), flush=True)
-post = Post(Path(sys.argv[1]), Printed())
-alarms(post.journal, 40)
-print("recorded", flush=True)
-post.settle()
-sys.stdin.read()
-"""
-
-
-def test_after_kill_9_the_rest_is_delivered(tmp_path: Path) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", KILLED, str(tmp_path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    ) as process:
-        assert process.stdout is not None
-        seen = [process.stdout.readline().strip() for _ in range(4)][1:]
-        os.kill(process.pid, signal.SIGKILL)
-        seen += process.stdout.read().split()  # what it has printed before it was killed
-    post = Post(tmp_path, Inbox())
-    post.settle()
-    numbers = [int(i.rpartition("-")[2]) for i in seen] + [
-        int(m.id.rpartition("-")[2]) for m in post.inbox.got
-    ]
-    assert sorted(set(numbers)) == list(range(1, 41))
-    assert len(numbers) <= 41  # the one that was under way may come again
-    post.close()
-
-
-def test_comments_are_delivered(post: Post) -> None:
-    comment(post.journal, record(post.journal), "gearbox is ordered")
-    post.settle()
-    assert post.inbox.got[-1].transition.comment == "gearbox is ordered"

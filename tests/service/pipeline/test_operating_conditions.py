@@ -234,21 +234,6 @@ def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[
     assert core.monitors.waits_for("demo.axis1") == "mode is not known"
 
 
-def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> None:
-    """Neither for the estimates nor for either detector."""
-    frames = with_state(healthy[:1600], {"from": 1.5, "to": 3.0, "mode": None})
-    config = without(ALONE, file)
-    cores = [ran(config, frames, every)[0] for every in (1, 237, len(frames))]
-    first, *others = (core.monitors.by_id["demo.axis1"] for core in cores)
-    assert first.multimodel is not None
-    for other in others:
-        assert other.multimodel is not None
-        assert_same(first, other)
-        arrays = other.multimodel.bank.to_arrays()
-        for name, expected in first.multimodel.bank.to_arrays().items():
-            np.testing.assert_array_equal(arrays[name], expected, err_msg=name)
-
-
 def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:
     """Whichever its place is in the bank that it shares."""
     frames, config = with_state(healthy[:9000], {"from": 5.0, "to": 7.0, "mode": 1}), load(file, {})

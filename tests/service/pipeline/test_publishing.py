@@ -57,18 +57,6 @@ def locked(path: Path) -> Iterator[None]:
     other.close()
 
 
-def test_an_alarm_is_shown_from_its_record_to_its_end(journal: Journal) -> None:
-    alarms = Alarms(journal, QUANTITIES)
-    alarms.record([AxisAlarm(AXIS, episode())])
-    assert alarms.open(AXIS) == (episode(),)
-    alarms.record([AxisAlarm(AXIS, episode(crossings=2))])
-    assert alarms.open(AXIS) == (episode(crossings=2),)
-    alarms.record([AxisAlarm(AXIS, episode(crossings=2, ended_us=50))])
-    assert alarms.open(AXIS) == ()
-    (found,), _ = journal.query()
-    assert (found.nominal, found.unit, found.ended_us, found.crossings) == (0.06, "N m s/rad", 50, 2)
-
-
 def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(
     path: Path, journal: Journal
 ) -> None:

@@ -16,8 +16,7 @@ from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.modeling.statespace import Entries, StateSpace
-from service.reports.model_facts import as_json, facts_of
-from service.reports.model_text import elimination_words, equations, matrix, print_text
+from service.reports.model_report import as_json, elimination_words, equations, facts_of, matrix, print_text
 from tests.service.reports.made import merged, space
 
 

@@ -94,7 +94,7 @@ def test_what_is_not_possible_changes_nothing(journal: Journal) -> None:
 
 
 def test_state_and_transition_are_one_transaction(journal: Journal, tmp_path: Path) -> None:
-    """The disk takes the row of the transition, and refuses that of the alarm."""
+    """The disk takes what a person has done, and refuses what becomes of the alarm."""
     number, revision = recorded(journal), journal.revision
     with sqlite3.connect(tmp_path / "alarms.sqlite") as other:
         other.execute(
@@ -103,6 +103,9 @@ def test_state_and_transition_are_one_transaction(journal: Journal, tmp_path: Pa
     other.close()
     with pytest.raises(StoreError, match="disk is full"):
         journal.act(number, E.ACKNOWLEDGE, by("anna", 5))
+    with pytest.raises(StoreError, match="disk is full"):
+        journal.services.change(AXIS, E.REMOVE, by("anna", 5))
+    assert journal.services.removed() == {}
     assert state(journal, number) == AlarmLife(S.UNACKNOWLEDGED)
     assert len(journal.transitions(number)) == 1
     assert journal.revision == revision
@@ -269,19 +272,6 @@ def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(
         again.services.change(AXIS, E.RETURN, by("otto", 11))
     assert again.services.removed() == {}
     again.close()
-
-
-def test_what_the_service_changes_is_one_transaction(journal: Journal, tmp_path: Path) -> None:
-    """The disk takes the step, and refuses what becomes of the alarm."""
-    number = recorded(journal)
-    with sqlite3.connect(tmp_path / "alarms.sqlite") as other:
-        other.execute(
-            "CREATE TRIGGER full BEFORE UPDATE OF state ON alarm BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
-        )
-    other.close()
-    with pytest.raises(StoreError, match="disk is full"):
-        journal.services.change(AXIS, E.REMOVE, by("anna", 5))
-    assert (journal.services.removed(), state(journal, number)) == ({}, AlarmLife(S.UNACKNOWLEDGED))
 
 
 def test_the_first_alarm_of_a_robot_is_first_out_while_others_that_followed_are_there(

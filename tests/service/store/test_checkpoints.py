@@ -2,8 +2,6 @@
 
 import random
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,7 +20,6 @@ from service.store.checkpoints import (
 )
 from tests.service.store.quarantine import quarantined
 
-ROOT = Path(__file__).resolve().parents[3]
 FILE = "checkpoints.sqlite"
 
 
@@ -129,38 +126,3 @@ def test_objects_and_what_was_not_packed_are_refused_and_pickles_never_run(tmp_p
     for data in (b"", random_.randbytes(100), good[: random_.randrange(len(good) - 1)]):
         with pytest.raises(UnreadableError):
             unpack(data)
-
-
-_WRITER = """
-import sys
-from pathlib import Path
-import numpy as np
-from service.store.checkpoints import AxisState, Checkpoints
-checkpoints = Checkpoints(Path(sys.argv[1]))
-k = 0
-while True:
-    k += 1
-    states = [AxisState(f"demo.axis{a}", "key", {"k": np.full(200, k)}) for a in range(4)]
-    checkpoints.save(states, k)
-    print(k, flush=True)
-"""
-
-
-def test_kill_9_leaves_the_last_saved_states_of_all_axes(tmp_path: Path, seed: int) -> None:
-    path = tmp_path / FILE
-    with subprocess.Popen(
-        [sys.executable, "-c", _WRITER, str(path)], stdout=subprocess.PIPE, text=True, cwd=ROOT
-    ) as process:
-        assert process.stdout is not None
-        for _ in range(20 + seed % 30):
-            assert process.stdout.readline()
-        process.kill()
-        saved = process.stdout.read().splitlines()
-    last = int(saved[-1]) if saved else 20 + seed % 30
-    checkpoints = Checkpoints(path)
-    found = [checkpoints.load(f"demo.axis{a}", "key", now_us=0) for a in range(4)]
-    checkpoints.close()
-    numbers = {int(c.arrays["k"][0]) for c in found if isinstance(c, Checkpoint)}
-    assert len(numbers) == 1
-    assert numbers <= {last, last + 1}
-    assert not any(isinstance(c, QuarantinedCheckpoint) or c is None for c in found)

@@ -2,7 +2,6 @@
 
 import subprocess
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -77,44 +76,6 @@ def test_a_disk_that_is_full_at_the_start_is_an_error_that_names_the_file(
         store(path)
     disk.free()
     store(path).close()
-
-
-def test_alarms_are_shown_while_the_disk_is_full_and_recorded_in_order_when_it_has_space(
-    disk: SmallDisk,
-) -> None:
-    """Thirty alarms, of which a third ends meanwhile."""
-    journal, now = Journal(disk.folder / "alarms.sqlite"), [0.0]
-    names = [f"p{k}" for k in range(31)]
-    raised = [replace(ALARM, parameter=name, raised_us=20 + k) for k, name in enumerate(names)]
-    quantities = {(AXIS, name): Quantity("1", 1.0) for name in names}
-    alarms = Alarms(journal, quantities, lambda: now[0])
-    alarms.record([AxisAlarm(AXIS, raised[0])])
-    disk.fill()
-    with pytest.raises(StoreError, match="full"):
-        comment_until_full(journal)
-    for k, alarm in enumerate(raised[1:]):
-        alarms.record([AxisAlarm(AXIS, alarm)])
-        if k % 3 == 0:
-            alarms.record([AxisAlarm(AXIS, replace(alarm, ended_us=1000 + k))])
-        now[0] += RETRY_S
-    assert "full" in str(alarms.problem)
-    shown = alarms.snapshot(5)
-    assert [a.parameter for a in shown.unrecorded] == names[1:]
-    assert [a.parameter for a in shown.standing] == names[:1]
-    assert len(alarms.open(AXIS)) == 21
-    assert journal.query()[1] == 1
-    disk.free()
-    now[0] += RETRY_S
-    alarms.record([])
-    after = alarms.snapshot(5)
-    assert (after.unrecorded, after.waiting) == ((), 0)
-    journal.close()
-    again = Journal(disk.folder / "alarms.sqlite")
-    found = sorted(again.query()[0], key=lambda a: a.id)
-    assert [a.parameter for a in found] == names
-    assert [a.parameter for a in found if a.ended_us is None] == [a.parameter for a in alarms.open(AXIS)]
-    assert again.messages == ()
-    again.close()
 
 
 def test_a_shelf_that_is_over_hides_nothing_though_its_end_cannot_be_recorded(disk: SmallDisk) -> None:

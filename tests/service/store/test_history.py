@@ -2,8 +2,6 @@
 
 import shutil
 import sqlite3
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -28,7 +26,6 @@ from service.store.history_store import (
     Resolution,
     Series,
 )
-from tests.conftest import ROOT
 
 DAY_S, NOW_S = 86400, 1_760_000_000
 AXIS = "demo.axis1"
@@ -161,34 +158,6 @@ def test_killed_at_any_statement_a_point_is_everywhere_or_nowhere(tmp_path: Path
     assert before_after == sorted(before_after)
     with opened(copying.copies[-1]) as store:
         assert_true(store, [*first, *second])
-
-
-_WRITER = """
-import sys
-from pathlib import Path
-from tests.service.store.test_history import FOR_EVER, NOW_S, SERIES, HistoryStore, point
-store, k = HistoryStore(Path(sys.argv[1]), FOR_EVER), 0
-while True:
-    store.add([point(NOW_S + 10 * (6 * k + i), series=s) for i in range(6) for s in SERIES])
-    k += 1
-    print(k, flush=True)
-"""
-
-
-def test_kill_9_loses_and_doubles_no_written_point(tmp_path: Path, seed: int) -> None:
-    path = tmp_path / "history.sqlite"
-    command = [sys.executable, "-c", _WRITER, str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
-        assert process.stdout is not None
-        for _ in range(10 + seed % 30):
-            assert process.stdout.readline()
-        process.kill()
-        rest = process.stdout.read().splitlines()
-    last = int(rest[-1]) if rest else 10 + seed % 30
-    with opened(path) as store:
-        written = len(rows(store, "raw")) // (6 * len(SERIES))
-        assert written in (last, last + 1)
-        assert_true(store, [point(NOW_S + 10 * k, series=s) for k in range(6 * written) for s in SERIES])
 
 
 def test_what_cannot_be_committed_is_not_there_at_all(tmp_path: Path) -> None:

@@ -1,8 +1,6 @@
 """The journal: what was acknowledged is there, whatever happens; a damaged file is quarantined and said so."""
 
-import os
 import random
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -105,11 +103,6 @@ def test_other_axes_parameters_and_directions_are_other_alarms(journal: Journal)
         raised(journal, episode(), axis="demo.axis2"),
     }
     assert len(ids) == 4
-
-
-def test_after_the_end_a_new_crossing_is_a_new_alarm(journal: Journal) -> None:
-    first = raised(journal, replace(episode(), ended_us=4_000_000))
-    assert raised(journal, episode(raised_us=8_000_000)) != first
 
 
 def test_a_monitor_that_lost_its_state_continues_the_open_alarm(journal: Journal) -> None:
@@ -228,72 +221,6 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
         reader.join()
     assert odd == []
     assert journal.query()[1] == 200
-
-
-KILLS = 10
-_WRITERS = """
-import os, sys
-from pathlib import Path
-from monitor_core.detection import Alarm
-from monitor_core.monitoring import AlarmEvent
-from service.store.alarm_transitions import Note
-from service.store.journal import Entry, Journal
-
-def write(path):
-    print(os.getpid(), flush=True)
-    journal = Journal(path)
-    k = journal.query()[1]
-    while True:
-        k += 1
-        ended = k if k % 3 else None
-        e = Alarm(f"p{k}", "up", k, k, k, ended, 0.5, 0.1, 1)
-        print("alarm", *journal.record([Entry("demo.axis1", "1", float(k), e)]), flush=True)
-        journal.act(k, AlarmEvent.ACKNOWLEDGE, Note(k, "anna", f"seen {k}"))
-        print("acknowledged", k, flush=True)
-
-for _ in sys.stdin:  # a new process in a millisecond: what it imports is there
-    if (child := os.fork()) == 0:
-        write(Path(sys.argv[1]))
-    os.waitpid(child, 0)
-    print("killed", flush=True)
-"""
-
-
-def test_no_alarm_and_no_acknowledgement_that_was_answered_is_lost_by_kill_9(
-    tmp_path: Path, seed: int
-) -> None:
-    path, chance = tmp_path / "alarms.sqlite", random.Random(seed)
-    shown, acknowledged = 0, set[int]()
-    command = [sys.executable, "-c", _WRITERS, str(path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as p:
-        for _ in range(KILLS):
-            for what, number in answered_until_killed(p, 1 + chance.randrange(60)):
-                shown = max(shown, number)
-                acknowledged |= {number} if what == "acknowledged" else set()
-            journal = Journal(path)
-            assert journal.messages == ()
-            alarms, total = journal.query(limit=10_000)
-            assert shown <= total <= shown + 1, "one more may have been committed"
-            assert [a.nominal for a in reversed(alarms)] == [float(k) for k in range(1, total + 1)]
-            assert all((a.ended_us is None) == (a.id % 3 == 0) for a in alarms)
-            for number in acknowledged:
-                comments = [t.comment for t in journal.transitions(number) if t.who == "anna"]
-                assert comments == [f"seen {number}"]
-            journal.close()
-            shown = total
-    assert len(acknowledged) > KILLS
-
-
-def answered_until_killed(p: subprocess.Popen[str], at_least: int) -> list[tuple[str, int]]:
-    """What a new writer has answered, which is killed at some moment after so many answers."""
-    assert p.stdin is not None
-    assert p.stdout is not None
-    print("go", file=p.stdin, flush=True)
-    writer = int(p.stdout.readline())
-    lines = [p.stdout.readline() for _ in range(at_least)]
-    os.kill(writer, signal.SIGKILL)
-    lines += iter(p.stdout.readline, "killed\n")
-    return [(what, int(number)) for what, number in map(str.split, lines)]
 
 
 # --- damaged files: nothing is deleted, and the program goes on ---------------------------------------------

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,8 +13,6 @@ from service.links.mqtt import state_body
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_transitions import CONFIGURATION, Note
 from service.store.journal import Entry
-from service.store.tokens import Scope, TokenFile
-from service.web.access import Access
 from tests.service.web.conftest import NOON_US, Stage
 
 HOUR_US = 3_600_000_000
@@ -281,27 +278,3 @@ def test_an_axis_that_the_configuration_has_taken_out_of_service_says_so(
     out = {"since": None, "who": "configuration", "comment": None, "work_order": None}
     for address in ("demo.axis1", "demo.axis1/service"):
         assert client.get(f"/api/v1/axes/{address}").json()["out_of_service"] == out
-
-
-def test_who_may_only_read_takes_no_axis_out_of_service(stage: Stage, tmp_path: Path) -> None:
-    tokens = TokenFile(tmp_path / "tokens.json")
-    reader, operator = tokens.new("anna", Scope.READ), tokens.new("ben", Scope.OPERATE)
-    stage.access = Access(tokens)
-    with stage.client() as client:
-        for token, status in ((reader, 403), (operator, 200)):
-            answer = client.post(
-                "/api/v1/axes/demo.axis1/out-of-service",
-                json={},
-                headers={"Authorization": f"Bearer {token}"},
-            )
-            assert answer.status_code == status
-    assert stage.journal.services.removed()["demo.axis1"].who == "ben"
-
-
-def test_the_first_alarm_of_a_robot_is_marked(
-    stage: Stage, client: TestClient, number: int, fm_alarm: Alarm
-) -> None:
-    later = replace(fm_alarm, raised_us=fm_alarm.raised_us + 1_000_000)
-    second = stage.record("demo.axis2", "1", 1.0, later)
-    found = [(a["id"], a["first_out"], a["follows"]) for a in get(client, "?active=true")["alarms"]]
-    assert found == [(second, False, number), (number, True, None)]

@@ -215,29 +215,6 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
     assert alone == body["alarms"][0] | {"transitions": [raised]}
 
 
-def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:
-    for k in range(6):
-        raised_us = fm_alarm.raised_us + k * 1_000_000
-        episode = replace(fm_alarm, raised_us=raised_us, ended_us=raised_us + 1 if k < 5 else None)
-        stage.record(f"demo.axis{k % 2}", "N m s/rad", 0.06, episode)
-
-    def total(query: str) -> int:
-        return int(get(client, f"/api/v1/alarms?{query}")["total"])
-
-    assert total("active=true") == 1
-    assert total("active=false") == 5
-    assert total("axis=demo.axis1&active=false") == 2
-    assert total("parameter=kT") == 0
-    assert total("since=2026-03-01T11:59:55Z") == 4
-    assert total("since=0001-01-01T00:00:00%2B23:59") == 6
-    assert total("until=9999-12-31T23:59:59-23:59") == 6
-    assert total("since=2026-03-01T12:59:55%2B01:00&until=2026-03-01T11:59:57Z") == 2
-    page = get(client, "/api/v1/alarms?limit=3")
-    page = get(client, f"/api/v1/alarms?limit=2&cursor={page['next']}")
-    assert page["total"] == 6
-    assert [alarm["raised"][17:19] for alarm in page["alarms"]] == ["55", "54"]
-
-
 def test_a_journal_that_cannot_be_read_is_said(stage: Stage, client: TestClient) -> None:
     stage.journal.close()
     assert "alarms.sqlite: it has been closed" in get(client, "/api/v1/alarms", status=503)["detail"]

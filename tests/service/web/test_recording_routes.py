@@ -11,8 +11,6 @@ from service.can.frames import Frame, FrameBlock
 from service.can.log_files import CanLog
 from service.commands.exit_codes import UNAVAILABLE
 from service.pipeline.recording import Extracts, RecordingFolder
-from service.store.tokens import Scope, TokenFile
-from service.web.access import Access
 from tests.service.command_line import axiswatch, shown
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
 
@@ -91,14 +89,3 @@ def test_without_room_none_is_made(stage: Stage) -> None:
         result = axiswatch("record", "--url", url)
     assert result.exit_code == UNAVAILABLE
     assert "axiswatch: recordings_mb in [service] is 0: no frames are kept" in result.stderr
-
-
-def test_a_reader_may_not_record(recorded: Stage, tmp_path: Path) -> None:
-    tokens = TokenFile(tmp_path / "tokens.json")
-    secret = tokens.new("wall", Scope.READ)
-    recorded.access = Access(tokens)
-    headers = {"Authorization": f"Bearer {secret}"}
-    client = recorded.client()
-    assert client.get("/api/v1/recordings", headers=headers).status_code == 200
-    assert client.post("/api/v1/recordings", headers=headers).status_code == 403
-    assert client.post("/api/v1/recordings").status_code == 401

@@ -56,22 +56,14 @@ def arm(J: float = 5, c: float = 10, d: float = 0.5) -> dict[str, float | None]:
         ("Robot load(second.spring.c = 3, first.J = 4)", "",
          {"load.first.J": 4, "load.first.spring.c": 10, "load.first.spring.d": 0.5,
           "load.second.J": 6, "load.second.spring.c": 3, "load.second.spring.d": 0.5}),
+        ("Robot load(k = 1, second.spring(d = 2), first(J = 3))", "",
+         {"load.k": 1, "load.first.J": 3, "load.first.spring.c": 10, "load.first.spring.d": 0.5,
+          "load.second.J": 6, "load.second.spring.d": 2}),
         ("Arm load(mass(J = 11))", "", {"load.mass.J": 11, "load.spring.c": 10, "load.spring.d": 0.5}),
     ],
 )  # fmt: skip
 def test_the_outer_one_counts(component: str, more: str, expected: dict[str, float | None]) -> None:
     assert loaded(component, more) == expected
-
-
-def test_three_levels() -> None:
-    assert loaded("Robot load(k = 1, second.spring(d = 2), first(J = 3))") == {
-        "load.k": 1.0,
-        "load.first.J": 3.0,
-        "load.first.spring.c": 10.0,
-        "load.first.spring.d": 0.5,
-        "load.second.J": 6.0,
-        "load.second.spring.d": 2.0,
-    }
 
 
 def test_values_are_looked_up_where_they_are_written() -> None:
