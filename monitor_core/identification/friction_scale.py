@@ -22,6 +22,9 @@ _BEYOND = 2.5
 """Farther than the steepest or flattest scale by this factor; what is tried differs by as much."""
 _SIGNIFICANT = 10.83
 """Of a chi-square variable with one degree of freedom, one in a thousand: twice the gain in log likelihood."""
+_ALIKE = 1.1
+"""Costs so near to the least are alike, and the simulation decides.  Where Coulomb friction takes most of the torque a
+simulation says little, and the scale that it likes best may predict far worse."""
 _FAILED = 10.0
 """What a fit that fails costs, as a multiple of the best fit: a number, since Brent's search interpolates the costs."""
 
@@ -35,7 +38,8 @@ def with_best_scale(found: Estimate, scales: Sequence[float], fit: Callable[[Pro
     if not scales:
         return found
     tried = [found, *(other for scale in scales if (other := _with_scale(found, scale, fit)))]
-    best = best_of(tried)
+    least = min(e.cost for e in tried)
+    best = best_of([e for e in tried if e.cost <= _ALIKE * least])
     refined = _refined(best, sorted(e.problem.speed_scale for e in tried), fit)
     if refined is None:
         return best

@@ -23,6 +23,8 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import SIGNAL, Balance, Term, unexplained
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
+_MOST = 0.5
+"""Of the mean square of the torque."""
 _SLOW = 0.05
 """rad/s: what is so slow moves rigidly."""
 
@@ -56,6 +58,20 @@ def lifts(problem: Problem) -> bool:
         return False
     takes = _Rigid(problem).takes(problem.nominal)
     return abs(float(takes[kinds == ONE].sum())) > abs(float(takes[kinds == COULOMB].sum()))
+
+
+def rubs(problem: Problem, records: Iterable[Record]) -> bool:
+    """Whether Coulomb friction takes most of the torque.
+
+    What is left for acceleration and speed is then the small difference of two large torques: a friction that is off
+    by a tenth, as by the warmth of the gear, changes a simulated speed by as much as there is of it.
+    """
+    friction = np.array(problem.drive.inputs) == COULOMB
+    if not friction.any():
+        return False
+    taken = float(_Rigid(problem).takes(problem.nominal)[friction].sum())
+    u = np.concatenate([record.u for record in records])
+    return taken**2 > _MOST * float(u @ u) / max(u.size, 1)
 
 
 def follows_pose(problem: Problem) -> bool:

@@ -1,8 +1,9 @@
 """The verdict on a fit: how much of the motion or of the torque the drive explains, and which effect it lacks.
 
 One step ahead every drive predicts well.  What decides is the simulation of records that were not fitted; where there
-are none, each half of the records is simulated with values from the other half.  Where a weight acts the simulation may
-run away, and the torque of the measured motion is compared instead (torque_balance.py).
+are none, each half of the records is simulated with values from the other half.  Where a weight acts, or Coulomb
+friction takes most of the torque, the simulation may run away, and the torque of the measured motion is compared
+instead (torque_balance.py).
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from monitor_core.identification.torque_balance import (
     follows_pose,
     holds_weight,
     lifts,
+    rubs,
     with_torque_of_pose,
 )
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
@@ -155,7 +157,8 @@ def verdict_of(
         basis = Basis.HALVES if others else Basis.NONE
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
     found = Verdict(explained(traces), explained(validated), basis, ())
-    if found.quality is not Quality.GOOD and _bears(estimate.problem, records):
+    ill_posed = found.quality is Quality.POOR and rubs(estimate.problem, records)
+    if ill_posed or (found.quality is not Quality.GOOD and _bears(estimate.problem, records)):
         fitted, other = (Share(explained_torque(tried), 0.0) for tried in (own, others or own))
         if min(fitted, other).per_cent > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)
