@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 
 from monitor_core.detection import (
+    INERTIA,
     OUTPUT_NOISE,
     OUTPUT_OFFSET,
     OUTPUT_SCALE,
@@ -114,6 +115,8 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
         return _skew(size, nominal)
     if parameter == LOAD:
         return _load(size)
+    if parameter == INERTIA:
+        return _inertia(size)
     amount, more = _digits(abs(size)), "less" if size < 0 else "more"
     if parameter in SENSORS:
         share = _digits(abs(100 * size))
@@ -144,6 +147,14 @@ def _load(size: float) -> str:
     return (
         f"the axis carries {by} weight than at its commissioning: another payload, and no fault of its drive"
     )
+
+
+def _inertia(size: float) -> str:
+    """As a payload changes an axis that bears no weight."""
+    larger = "smaller" if size < 0 else "larger"
+    by = f"{_digits(abs(100 * size))} % {larger}" if math.isfinite(size) else larger
+    than = f"{by} than at its commissioning"
+    return f"the inertia that the axis moves is {than}: another payload, and no fault of its drive"
 
 
 def _ms(seconds: float) -> str:

@@ -24,6 +24,7 @@ from monitor_core.detection.alarm import (
 )
 from monitor_core.detection.cusum.cusum_evidence import Crossing, Evidence
 from monitor_core.detection.multimodel.candidates import (
+    INERTIA,
     OUTPUT_NOISE,
     OUTPUT_OFFSET,
     OUTPUT_SCALE,
@@ -45,6 +46,7 @@ from monitor_core.detection.multimodel.multimodel_detector import (
 
 __all__ = [
     "DIRECTIONS",
+    "INERTIA",
     "OUTPUT_NOISE",
     "OUTPUT_OFFSET",
     "OUTPUT_SCALE",

@@ -81,6 +81,7 @@ def test_an_alarm_about_a_limit() -> None:
 LATE = "the torque frame is 0.5 ms late: the torque acts that much after its sample"
 EARLY = "the torque frame is 1.2 ms early: the torque acts that much before its sample"
 USUAL = "the torque frame is {} than usual: the torque acts {} its sample"
+MOVES = "the inertia that the axis moves is {} than at its commissioning: another payload, and no fault of its drive"
 CARRIES = "the axis carries {} weight than at its commissioning: another payload, and no fault of its drive"
 
 
@@ -95,6 +96,8 @@ CARRIES = "the axis carries {} weight than at its commissioning: another payload
         (("load", 0.306, 1.0, "1"), CARRIES.format("31 % more")),
         (("load", -0.14, 1.0, "1"), CARRIES.format("14 % less")),
         (("load", float("-inf"), 1.0, "1"), CARRIES.format("less")),
+        (("inertia", 0.306, 1.0, "1"), MOVES.format("31 % larger")),
+        (("inertia", float("-inf"), 1.0, "1"), MOVES.format("smaller")),
         (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
         (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
         (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),

@@ -1,4 +1,4 @@
-"""Candidate changes: the monitored parameters up and down in several sizes, and faults of the sensors.
+"""Candidate changes: the monitored parameters up and down in several sizes, another payload, faults of the sensors.
 
 Also their units outside of a bank (``quantity_of``), and which of them can be distinguished (``default_hypotheses``).
 """
@@ -17,6 +17,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.drive.structure import INERTIA as INERTIA_UNIT
 from monitor_core.kernel.hypotheses import BankTrace, Block, run_hypotheses
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
@@ -39,6 +40,9 @@ TORQUE_SIGN, OUTPUT_SIGN = "torque sign", "output sign"
 TORQUE_OFFSET, OUTPUT_OFFSET = "torque offset", "output offset"
 TORQUE_STUCK, TORQUE_LOST = "torque stuck", "torque lost"
 OUTPUT_STUCK, OUTPUT_NOISE = "output stuck", "output noise"
+INERTIA = "inertia"
+"""The inertia on the side of the arm, over the nominal one, where no inertia is monitored: with another payload an axis
+that bears no weight differs in nothing else, and without this cause that would be called a fault of another one."""
 SENSOR_FAULTS = (
     *(TORQUE_SCALE, OUTPUT_SCALE, TORQUE_SIGN, OUTPUT_SIGN, TORQUE_OFFSET, OUTPUT_OFFSET),
     *(TORQUE_STUCK, TORQUE_LOST, OUTPUT_STUCK, OUTPUT_NOISE, DELAY),
@@ -49,6 +53,7 @@ def candidates(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
     """All candidate changes of an axis."""
     lost, noises = (tuple(math.log(ratio) for ratio in ratios) for ratios in (_LOST, _NOISES))
     sizes = {name: _both(SIZES) for name in model.monitored if name != DELAY} | {
+        INERTIA: _both(SIZES) if arm_inertia(model) else (),
         TORQUE_SCALE: _both(SIZES),
         OUTPUT_SCALE: _both(SIZES),
         TORQUE_SIGN: (math.nan,),
@@ -73,6 +78,9 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
     """
     if cause in model.monitored and cause != DELAY:
         return _of_parameter(model, cause, size)
+    inertia = arm_inertia(model)
+    if cause == INERTIA and inertia is not None:
+        return Hypothesis(cause, size, factors={inertia: math.exp(size)})
     if cause in (TORQUE_STUCK, TORQUE_LOST):
         return _lost_torque(model, settings, cause, size)
     if cause == TORQUE_OFFSET:
@@ -93,6 +101,15 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
         OUTPUT_STUCK: lambda: Hypothesis(cause, frozen=True),
     }
     return plain[cause]()
+
+
+def arm_inertia(model: AxisModel) -> str | None:
+    """The inertia that a payload adds to, of a drive whose inertias are not monitored; None: there is none."""
+    inertias = [
+        p.name for p in model.drive.parameters if p.unit == INERTIA_UNIT and model.nominal[p.name] > 0
+    ]
+    monitored = {split_name(name)[0] for name in model.monitored}
+    return inertias[-1] if inertias and monitored.isdisjoint(inertias) else None
 
 
 def _scale(model: AxisModel, name: str) -> float:
@@ -192,8 +209,9 @@ class Quantity(NamedTuple):
 
 
 def causes_of(model: AxisModel) -> tuple[str, ...]:
-    """All causes that a bank may name: the monitored parameters, and the faults of sensors."""
-    return tuple(dict.fromkeys((*model.monitored, *SENSOR_FAULTS)))
+    """All causes that a bank may name: the monitored parameters, another payload, and the faults of sensors."""
+    inertia = (INERTIA,) if arm_inertia(model) else ()
+    return tuple(dict.fromkeys((*model.monitored, *inertia, *SENSOR_FAULTS)))
 
 
 def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
@@ -211,7 +229,7 @@ def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
         factor = model.nominal[split_name(cause)[0]] > 0
         step = math.nan if factor else _scale(model, cause)
         return Quantity(float(model.theta0[i]), model.parameters[i].unit, step)
-    if cause in (TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
+    if cause in (INERTIA, TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
         return Quantity(1.0, "1", math.nan)
     if cause == TORQUE_OFFSET:
         return Quantity(0.0, "N m", torque_unit(model, settings))

@@ -9,6 +9,7 @@ from scipy.stats import binom
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.candidates import (
+    INERTIA,
     OUTPUT_NOISE,
     OUTPUT_SCALE,
     OUTPUT_SIGN,
@@ -28,7 +29,7 @@ from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, e
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
-from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s
+from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s, model_of, settings_for
 from tests.shares import soaked
 
 H_FOR_A_DAY = 17.6
@@ -74,6 +75,19 @@ def test_faults_are_found_near_the_limit_and_named_right(
     assert found.early <= 1
     # Of 40 delays that scatter by two thirds of their median the median scatters by a seventh.
     assert np.median(found.alarm) < 2.0 * limit
+
+
+def test_another_payload_is_named_where_no_inertia_is_monitored(seed: int) -> None:
+    """Of an axis that bears no weight; without that cause it would be called a scale of the output, or kT."""
+    model = model_of(("kT", "fm"), {})
+    bank = HypothesisBank(model, settings_for(model, seed), h=H_FOR_A_DAY)
+    named = list[CauseIdentified]()
+    for _, events in events_of(bank, range(seed, seed + 10), {"1/Ja": 1 / 1.3}, 1600):
+        named += [event for event in events if isinstance(event, CauseIdentified)][:1]
+    print([(event.shares[0].cause, event.shares[0].size, event.shares[0].size_sd) for event in named])
+    assert [event.shares[0].cause for event in named].count(INERTIA) >= 9
+    sizes = [math.expm1(event.shares[0].size) for event in named]
+    assert np.median(sizes) == pytest.approx(0.3, abs=0.1)
 
 
 def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank, seed: int) -> None:

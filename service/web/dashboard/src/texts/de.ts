@@ -68,6 +68,10 @@ function fact(alarm: Alarm, unit: string): string {
     const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
     return `die Achse trägt ${by}${size < 0 ? "weniger" : "mehr"} Gewicht als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
   }
+  if (alarm.parameter === "inertia") {
+    const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
+    return `die Trägheit, die die Achse bewegt, ist ${by}${size < 0 ? "kleiner" : "größer"} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
+  }
   const side = size < 0 ? "unter" : "über";
   if (!Number.isFinite(size)) return `${alarm.parameter} liegt ${side} dem Nennwert, um wie viel, ist nicht bekannt`;
   const part = nominal ? ` (${digits(Math.abs((100 * size) / nominal))} %)` : "";
