@@ -343,7 +343,7 @@ def _pair(
         turned = has_wrong_sign(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
-        f"axis{number}" if number else "axis",
+        axis_name(number),
         torque,
         motion,
         output,
@@ -351,6 +351,11 @@ def _pair(
         named[torque].role == "current",
         turned,
     )
+
+
+def axis_name(number: str) -> str:
+    """Of an axis, by its number, its letter, or the word that tells it from others; empty: it has none of these."""
+    return number if len(number) > 1 and not number.isdigit() else f"axis{number.upper()}"
 
 
 def _number(name: str) -> str:
