@@ -84,6 +84,8 @@ def retry(
         if not tried and axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY and (weight := links()):
             return _with_links(text, axis, weight)
         missing = report.result.verdict.missing
+        if missing == (Effect.SLOW,):
+            return None  # another drive has no other friction
         three = axis.config.model.drive == _ONE_MASS[0] and axis.config.sample_interval_s <= _FAST_S
         springs_first = three and missing[:1] == (Effect.FAST,)
         bears_weight = Effect.POSE in missing and axis.config.output == "angle" and not springs_first

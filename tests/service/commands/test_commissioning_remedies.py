@@ -45,7 +45,7 @@ def report(
         watched=watched,
         options=SimpleNamespace(scheduled=scheduled),
         memory_s=5.0,
-        verdict=SimpleNamespace(missing=missing),
+        verdict=SimpleNamespace(missing=missing, slow=0.1),
         estimate=estimate,
     )
     return SimpleNamespace(rejection=rejection, result=result)
@@ -120,6 +120,15 @@ def test_springs_come_before_a_weight_that_takes_hardly_any_torque(
     again = retry(report(rejection="poor", missing=missing), text, axis)
     assert again is not None
     assert again.words.startswith(f'model.drive = "{drive}"')
+
+
+def test_slow_motion_asks_for_no_other_drive(tmp_path: Path) -> None:
+    """Springs have no other friction; only a record of faster motion helps."""
+    _, axis = configured(TEXT, NAME, tmp_path)
+    found = report(rejection="poor", missing=(Effect.SLOW,))
+    assert retry(found, TEXT, axis) is None
+    found.is_poor = True
+    assert "set min_speed = 0.1 in [[robot.axis]]" in not_identified(found, "")
 
 
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
