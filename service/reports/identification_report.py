@@ -298,9 +298,11 @@ _MISSING = {
         " not monitored"
     ),
     Effect.FOREIGN: (
-        "what is missing depends neither on the angle nor on the speed of this axis: other axes that move, a load that"
-        " changes, contact; record this axis alone, or let parameters follow signals: where the arm behind the axis"
-        ' moves, --schedule "tau0: cos(angle2 + angle3)" with the angles of the axes as signals'
+        "what is missing depends neither on the angle nor on the speed of this axis: where other axes accelerate it,"
+        " record this axis alone, and let a gate monitor it only then ([[robot.axis.gate]] on a signal of the"
+        " controller, such as the number of its program); where a payload comes and goes, make it a signal and let the"
+        ' offset follow it, --schedule "tau0: payload"; where the arm behind the axis moves,'
+        ' --schedule "tau0: cos(angle2 + angle3)" with the angles of the axes as signals; or something is in contact'
     ),
 }
 
