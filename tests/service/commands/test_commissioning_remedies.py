@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.identification import Effect, Obstacle, Rejection, Watched
 from service.commands.axis_commissioning import not_identified
-from service.commands.commissioning_remedies import memory_change, retry, standstill_change
+from service.commands.commissioning_remedies import memories_of, memory_change, retry, standstill_change
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
 from service.config.commissioned import Correction, corrected
@@ -175,6 +175,12 @@ def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
     )
     found.is_poor = False
     assert not_identified(found, "") == "not identified: poor"
+
+
+def test_memories_to_choose_from_are_round(tmp_path: Path) -> None:
+    """They are written into the configuration."""
+    _, axis = configured(TEXT.replace("0.005", "0.004"), NAME, tmp_path)
+    assert memories_of(axis.config) == (1.0, 2.0, 5.0)
 
 
 def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
