@@ -27,6 +27,7 @@ from monitor_core.identification.greybox import (
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record, between
 from monitor_core.identification.records.rigid_body import Term, rigid_fits
+from monitor_core.identification.records.standstill import slow_motion
 from monitor_core.identification.torque_balance import (
     explained_torque,
     follows_pose,
@@ -51,6 +52,8 @@ _LESS = 0.5
 """A further effect leaves less than this part of the torque that was not explained: it is missing in the drive."""
 _MATTERS = 0.003
 """Part of the torque of slow motions that an effect takes; with less of it springs come first, which look like it."""
+_MOSTLY = 0.5
+"""Of the time in motion: if so much of it is slow, its friction outweighs all else."""
 _RIGID = 0.9
 """Part of the torque of slow motions; if so much is explained, what is missing is faster."""
 
@@ -94,6 +97,8 @@ class Effect(Enum):
     """Friction that is not proportional to the speed, beside Coulomb's."""
     FAST = "fast"
     """Slow motions are explained: elasticity, or a delay."""
+    SLOW = "slow"
+    """Mostly the motion is slow, with a friction that sticks and slips; faster motion is explained."""
     FOREIGN = "foreign"
     """Nothing of its own motion explains the torque: other axes, a load that changes, contact."""
 
@@ -112,6 +117,8 @@ class Verdict(NamedTuple):
     basis: Basis
     missing: tuple[Effect, ...]
     measure: Measure = Measure.MOTION
+    slow: float = 0.0
+    """With Effect.SLOW the speed below which it is [rad/s]"""
 
     @property
     def per_cent(self) -> float:
@@ -165,6 +172,9 @@ def verdict_of(
     if found.quality is Quality.GOOD:
         return found
     missing = missing_effects(estimate.problem, records)
+    slow, share = slow_motion(records)
+    if share > _MOSTLY and {Effect.FAST, Effect.FRICTION_CURVE} & set(missing) and not _PARTS & set(missing):
+        return found._replace(missing=(Effect.SLOW,), slow=slow)
     if found.measure is Measure.TORQUE:  # which shows slow motions only
         missing = tuple(effect for effect in missing if effect is not Effect.FAST)
     return found._replace(missing=missing)

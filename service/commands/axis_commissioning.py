@@ -36,7 +36,7 @@ from service.commands.commissioning_remedies import (
 from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.link_load import link_load
 from service.commands.output_files import replace_text
-from service.commands.planned_motion import MotionRequest, planned
+from service.commands.planned_motion import MotionRequest, planned, torque_columns
 from service.commands.signal_proposals import Review, configured
 from service.config import ConfigErrors
 from service.config.axis_settings import AxisError
@@ -189,7 +189,7 @@ def _with_motion(order: Order, own: str, outcome: Outcome, request: MotionReques
         experiment = planned(axis, request, np.random.default_rng(_PHASES))
     except _MISTAKES as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))
-    replace_text(path, as_csv(experiment))
+    replace_text(path, as_csv(experiment, torque_columns(axis)))
     seconds = experiment.task.schedule.samples * experiment.task.plant.interval_s
     return replace(outcome, motion=file, motion_s=seconds)
 

@@ -84,6 +84,8 @@ def retry(
         if not tried and axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY and (weight := links()):
             return _with_links(text, axis, weight)
         missing = report.result.verdict.missing
+        if missing == (Effect.SLOW,):
+            return None  # another drive has no other friction
         three = axis.config.model.drive == _ONE_MASS[0] and axis.config.sample_interval_s <= _FAST_S
         springs_first = three and missing[:1] == (Effect.FAST,)
         bears_weight = Effect.POSE in missing and axis.config.output == "angle" and not springs_first
@@ -139,7 +141,10 @@ def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -
 def memories_of(axis: AxisConfig) -> tuple[float, ...]:
     """The memories [s] to choose from; none: that of the configuration."""
     usual_s = axis.sample_interval_s / (1 - axis.forgetting)
-    return () if axis.estimator.memory_s else tuple(usual_s * times for times in _MEMORIES)
+    if axis.estimator.memory_s:
+        return ()
+    # lambda was made of the memory: the way back is not exact.
+    return tuple(float(f"{usual_s * times:.6g}") for times in _MEMORIES)
 
 
 def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Correction, ...]:

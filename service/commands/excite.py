@@ -12,7 +12,7 @@ from rich.console import Console
 from service.commands.exit_codes import explained
 from service.commands.options import AxisName, ConfigPath, axis_of, names_in
 from service.commands.output_files import write
-from service.commands.planned_motion import MotionRequest, planned
+from service.commands.planned_motion import MotionRequest, planned, torque_columns
 from service.reports.excitation_report import as_csv, as_picture, print_text
 
 _FORMS = (".svg", ".png")
@@ -73,7 +73,7 @@ def excite(
     request = MotionRequest(seconds, periods, band, *limits, names_in(find), names_in(free), as_)
     with explained(ValueError):
         experiment = planned(found, request, np.random.default_rng(seed))
-    write(output, as_csv(experiment))
+    write(output, as_csv(experiment, torque_columns(found)))
     if picture is not None:
         form = picture.suffix.removeprefix(".")
         write(picture, as_picture(experiment, f"Experiment for {found.id}", form))

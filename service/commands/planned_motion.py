@@ -22,6 +22,7 @@ from monitor_core.wording import did_you_mean
 from service.config import NamedAxis, drive_of, given_values
 from service.config.axis_settings import axis_settings, unknown_of
 from service.config.drives import axis_model
+from service.ingest.column_roles import role_of
 
 _LONGEST = 2_000_000
 
@@ -59,6 +60,18 @@ class MotionRequest(NamedTuple):
             if (limit := getattr(self, name)) is not None:
                 found += [f"--{name}-limit", f"{limit:.3g}"]
         return tuple(found)
+
+
+def torque_columns(axis: NamedAxis) -> dict[str, float]:
+    """Columns of the torque in the file of a motion, with what they are of it: N m, and the current that makes it.
+
+    A current without a torque constant is the torque of the configuration, whose unit is then A.
+    """
+    source = axis.config.torque
+    if source.kT_Nm_per_A is not None:
+        return {"torque_Nm": 1.0, "current_A": 1.0 / source.kT_Nm_per_A}
+    name = source.column if axis.config.records_only else source.signal
+    return {"current_A" if name and role_of(name) == "current" else "torque_Nm": 1.0}
 
 
 def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -> Experiment:

@@ -260,7 +260,9 @@ def _unit_words(role: SignalRole) -> str:
     known = unit_in(role.unit, role.quantity)
     if known is not None and known.linear:
         return f"in {known.words}; factor is 2 pi / mm that a turn of the motor moves it"
-    rated, counts = "rated torque / 1000 or / 100 [N m]", "2 pi / counts of a turn [rad]"
+    of_rated = {"per mille of the rated torque": "/ 1000", "percent of the rated torque": "/ 100"}
+    part = of_rated.get("" if known is None else known.words, "/ 1000 or / 100")
+    rated, counts = f"rated torque {part} [N m]", "2 pi / counts of a turn [rad]"
     return f"in {role.unit}; factor is {rated if role.quantity == 'torque' else counts}"
 
 

@@ -56,7 +56,7 @@ def times(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def clock(axis: AxisConfig) -> Iterator[Finding]:
-    """Message and signal of the counter come together; a clock is fitted only where no counter tells the time."""
+    """Message and signal of the counter come together; a clock is fitted to frames, where no counter tells the time."""
     if axis.time.counter_message is not None and axis.time.counter_signal is None:
         yield Finding(("time", "counter_signal"), "missing: it is needed with counter_message")
     if axis.time.counter_signal is not None and axis.time.counter_message is None:
@@ -66,6 +66,13 @@ def clock(axis: AxisConfig) -> Iterator[Finding]:
     if axis.time.clock == "cyclic" and axis.time.counter_signal is not None:
         message = "the counter gives the times: remove this, or"
         yield Finding(("time", "clock"), message, ("time", "counter_signal"))
+    elif axis.time.clock == "cyclic" and axis.records_only:
+        message = (
+            "is the clock of frames on a bus; the rows of a table have the times of time.column, or are"
+            " sample_interval_s apart without it: remove this, and where the times scatter but the rows are regular,"
+            " time.column, too"
+        )
+        yield Finding(("time", "clock"), message)
 
 
 def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:

@@ -28,6 +28,17 @@ wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
 """
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
 """What a word in a column's name says that it is; wanted: what the controller asks for, which is no measurement."""
+_ENDINGS = {
+    "strom": "current",
+    "moment": "torque",
+    "winkel": "angle",
+    "position": "angle",
+    "drehzahl": "speed",
+    "geschwindigkeit": "speed",
+    "temperatur": "temperature",
+}
+"""What the end of a German word says that it is: Motorstrom, Istwinkel; Sollwinkel is what the controller asks for."""
+_ASKED = "soll"
 _QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 _MOST_ROWS = 20_000
 _SLOPE, _SAME = 0.95, 0.99
@@ -94,8 +105,15 @@ def words_in(name: str) -> list[str]:
 
 def role_of(name: str) -> str:
     """What a column is by its name; empty: the name does not tell."""
-    known = [_WORDS[word] for word in words_in(name) if word in _WORDS]
+    known = [role for word in words_in(name) if (role := _role_of_word(word))]
     return "wanted" if "wanted" in known else known[-1] if known else ""
+
+
+def _role_of_word(word: str) -> str:
+    if word in _WORDS:
+        return _WORDS[word]
+    found = next((role for ending, role in _ENDINGS.items() if word.endswith(ending)), "")
+    return "wanted" if found and word.startswith(_ASKED) else found
 
 
 def role_with(name: str, unit: str) -> str:
@@ -343,7 +361,7 @@ def _pair(
         turned = has_wrong_sign(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
-        f"axis{number}" if number else "axis",
+        axis_name(number),
         torque,
         motion,
         output,
@@ -351,6 +369,11 @@ def _pair(
         named[torque].role == "current",
         turned,
     )
+
+
+def axis_name(number: str) -> str:
+    """Of an axis, by its number, its letter, or the word that tells it from others; empty: it has none of these."""
+    return number if len(number) > 1 and not number.isdigit() else f"axis{number.upper()}"
 
 
 def _number(name: str) -> str:

@@ -25,6 +25,7 @@ from service.ingest.signal_roles import (
     counts,
     may_be_measured,
     number_in,
+    owners_of,
     role_in,
 )
 from service.ingest.unit_names import Quantity
@@ -128,8 +129,9 @@ def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
 def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, Series]) -> Iterator[BusAxis]:
     signals = {f"{m.name}.{s.name}": (m, s) for m in messages for s in m.signals}
     by_name = {name: role for name, (m, s) in signals.items() if (role := role_in(m, s)) is not None}
+    owners = owners_of(by_name.values())
     candidates = {
-        name: named for name, pair in signals.items() if (named := _named(*pair, by_name.get(name)))
+        name: named for name, pair in signals.items() if (named := _named(*pair, by_name.get(name), owners))
     }
     taken, numbers = set[str](), set[str]()
     for group in _groups({n: s for n, s in series.items() if n in candidates and changes(s.values)}):
@@ -149,11 +151,13 @@ def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, S
             yield _timed(axis._replace(measured=True), message, series)
 
 
-def _named(message: Message, signal: Signal, role: SignalRole | None) -> Named | None:
+def _named(
+    message: Message, signal: Signal, role: SignalRole | None, owners: Mapping[tuple[str, str], str]
+) -> Named | None:
     """What its name says of a signal; None: it is neither torque nor motion."""
-    number = number_in(message.name, signal.name)
     if role is not None:
-        return Named("current" if role.current else role.quantity, number)
+        return Named("current" if role.current else role.quantity, owners[message.name, signal.name])
+    number = number_in(message.name, signal.name)
     unnamed = may_be_measured(message, signal) and not (
         signal.unit or role_of(signal.name) or signal.length < _BITS
     )

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
-from service.ingest.column_roles import LIKELY, SURE, role_of, words_in
+from service.ingest.column_roles import LIKELY, SURE, axis_name, role_of, words_in
 from service.ingest.unit_names import Quantity, unit_in
 
 Sureness = Literal["sure", "likely", "guess"]
@@ -26,6 +26,11 @@ _MEASURED = {
     *("ist", "istwert", "estimate", "estimated", "value"),
 }
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
+_ANY = {
+    *("axis", "joint", "motor", "drive", "achse", "node", "robot", "data", "message", "msg", "signal"),
+    *("pdo", "tpdo", "rpdo", "get", "set", "status", "state", "mode", "feed", "back", "filtered", "raw"),
+}
+"""Words that tell no axis from another"""
 _TURNS = (360.0, 2 * math.pi, 1.0)
 _NEARLY = 1e-3
 
@@ -74,16 +79,38 @@ class BusAxis(NamedTuple):
 
 
 def axes_in(messages: Sequence[Message]) -> list[BusAxis]:
-    """The axes that these messages carry, in the order of their numbers."""
-    by_axis: dict[str, list[SignalRole]] = {}
-    for message in messages:
-        for signal in message.signals:
-            role = role_in(message, signal)
-            if role is not None:
-                by_axis.setdefault(number_in(message.name, signal.name), []).append(role)
+    """The axes that these messages carry, in the order of their numbers, those without one as they come."""
+    found = ((m, s, role_in(m, s)) for m in messages for s in m.signals)
+    roles = [role for _, _, role in found if role is not None]
+    owners, by_axis = owners_of(roles), dict[str, list[SignalRole]]()
+    for role in roles:
+        by_axis.setdefault(owners[role.message, role.signal], []).append(role)
     by_name = {m.name: m for m in messages}
-    numbers = sorted(by_axis, key=lambda number: int(number or 0))  # pages of a message come in any order
+    # Pages of a message come in any order.
+    numbers = sorted(by_axis, key=lambda n: (not n.isdigit(), int(n) if n.isdigit() else 0))
     return [axis for n in numbers if (axis := _axis(n, by_axis[n], by_name)) is not None]
+
+
+def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:
+    """Whose each signal is, by the names of its message and itself: the number of an axis, else a word, or nothing.
+
+    A word, or the letter of a linear axis, tells axes without numbers apart: the torque and the motion of each have it.
+    """
+    roles = list(roles)
+    found = {(role.message, role.signal): number_in(role.message, role.signal) for role in roles}
+    plain = [role for role in roles if not found[role.message, role.signal]]
+    words = {(r.message, r.signal): _own_word(r.signal) or _own_word(r.message) for r in plain}
+    kinds = {
+        word: {r.quantity for r in plain if words[r.message, r.signal] == word} for word in words.values()
+    }
+    of_both = [word for word, those in kinds.items() if word and "torque" in those and len(those) > 1]
+    return found | words if len(of_both) > 1 else found
+
+
+def _own_word(name: str) -> str:
+    """The first word of a name that says neither what is measured nor how; empty: there is none."""
+    known = _ANY | _MEASURED | _NOT_MEASURED | _NO_MOTION
+    return next((w for w in words_in(name) if w not in known and not role_of(w)), "")
 
 
 def may_be_measured(message: Message, signal: Signal) -> bool:
@@ -140,8 +167,8 @@ def _wrap(signal: Signal) -> float | None:
 
 
 def number_in(message: str, signal: str) -> str:
-    """Of the axis, by the names; empty: there is none."""
-    for name in (signal, message):
+    """Of the axis, by the names; empty: there is none.  The number of a PDO is that of a message of every drive."""
+    for name in (re.sub(r"pdo_?\d+", "", text, flags=re.IGNORECASE) for text in (signal, message)):
         found = re.findall(r"(?:axis|joint|motor|drive|achse|node|[aj])_?(\d+)", name, re.IGNORECASE)
         found = found or re.findall(r"\d+", name)
         if found:
@@ -160,7 +187,7 @@ def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]
     counters = [s.name for s in message.signals if counts(s)]
     cycle = message.cycle_time
     return BusAxis(
-        f"axis{number}",
+        axis_name(number),
         torque,
         motion,
         (message.name, counters[0]) if counters else None,

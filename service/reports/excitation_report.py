@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from io import BytesIO, StringIO
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +22,18 @@ UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
 
 
-def as_csv(experiment: Experiment) -> str:
-    """Time, the predicted torque, speed and angle, and the reference where one is followed."""
+TORQUE: Mapping[str, float] = MappingProxyType({"torque_Nm": 1.0})
+
+
+def as_csv(experiment: Experiment, torques: Mapping[str, float] = TORQUE) -> str:
+    """Time, the predicted torque, speed and angle, and the reference where one is followed.
+
+    ``torques``: columns of the torque, with what they are of it.
+    """
     motion, task = experiment.motion, experiment.task
     columns = {
         "t_s": np.arange(len(motion.torque)) * task.plant.interval_s,
-        "torque_Nm": motion.torque,
+        **{name: factor * motion.torque for name, factor in torques.items()},
         "speed_rad_s": motion.speed,
         "angle_rad": motion.angle,
     }

@@ -291,10 +291,18 @@ _MISSING = {
         "slow motions are explained, fast ones are not: see with --masses auto how many masses these records ask for,"
         " and with --delay whether the torque acts late"
     ),
+    Effect.SLOW: (
+        "most of the motion is slower than {slow:.2g} rad/s, where friction sticks and slips, other than fm and fc"
+        " describe, and outweighs the inertia; faster motion is explained: record such motion, as the same program"
+        " without its slow parts (a dry run), and set min_speed = {slow:.2g} in [[robot.axis]], so that slow motion is"
+        " not monitored"
+    ),
     Effect.FOREIGN: (
-        "what is missing depends neither on the angle nor on the speed of this axis: other axes that move, a load that"
-        " changes, contact; record this axis alone, or let parameters follow signals: where the arm behind the axis"
-        ' moves, --schedule "tau0: cos(angle2 + angle3)" with the angles of the axes as signals'
+        "what is missing depends neither on the angle nor on the speed of this axis: where other axes accelerate it,"
+        " record this axis alone, and let a gate monitor it only then ([[robot.axis.gate]] on a signal of the"
+        " controller, such as the number of its program); where a payload comes and goes, make it a signal and let the"
+        ' offset follow it, --schedule "tau0: payload"; where the arm behind the axis moves,'
+        ' --schedule "tau0: cos(angle2 + angle3)" with the angles of the axes as signals; or something is in contact'
     ),
 }
 
@@ -318,9 +326,8 @@ def missing_words(verdict: Verdict) -> str:
     """What the drive lacks, in a sentence; empty: nothing."""
     if not verdict.missing:
         return ""
-    return (
-        f"The records show what the drive lacks: {'; '.join(_MISSING[effect] for effect in verdict.missing)}."
-    )
+    lacks = "; ".join(_MISSING[effect].format(slow=verdict.slow) for effect in verdict.missing)
+    return f"The records show what the drive lacks: {lacks}."
 
 
 def outlook_words(report: IdentificationReport) -> str:

@@ -16,12 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     USUAL,
+    WINDOWS,
     Part,
     integrals,
+    least_speed,
+    moving_windows,
     rms_speed,
     speed_scales,
     window_of,
@@ -46,6 +49,9 @@ _NEEDED = 1.02
 """Without a single cosine or sine that is needed, the squared errors are at least so many times as large."""
 _EXPLAINS = 0.5
 """Part of the torque that is explained where it was not fitted, or the weights are none."""
+
+_MATTERS = 0.003
+"""Part of the variance of the torque that weights explain, or they are what friction lacks."""
 
 Sum = tuple[tuple[int, str], ...]
 """A sum of angles, by the names of their signals, each with its sign"""
@@ -89,7 +95,7 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
         if fewer and balance.left(fewer) < _NEEDED * left:
             needed = fewer
     explained, before = balance.explained(needed), balance.explained(())
-    if explained < _EXPLAINS:
+    if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
         return None
     return LinkWeights(tuple(map(str, needed)), explained, before)
 
@@ -186,14 +192,27 @@ def _thinned(part: Part) -> Part:
     return Part(means(part.u), means(part.y), part.h * block, part.quantity, signals)
 
 
+def _moving(parts: Sequence[Part], window: int) -> Bools:
+    """In which windows (M,) of all parts the axis moves: where it stands, friction may be anything, as a weight may."""
+    least = least_speed(parts)
+    if least is not None:
+        kept = np.concatenate([moving_windows(part, window, least) for part in parts])
+        if kept.sum() >= _LEAST_WINDOWS * WINDOWS:
+            return kept
+    return np.ones(
+        sum(len(integrals(part, window_of(window, part.h)[0], part.u)) for part in parts), np.bool_
+    )
+
+
 class _Balance:
     """The torque balance of one mass, with waves beside it: fitted to each half, and tried on the other."""
 
     def __init__(self, parts: Sequence[Part], window: int, scale: float) -> None:
         self._parts, self._window = parts, window
         equations = [windowed_equations(part, window, scale, USUAL) for part in parts]
-        self._rows = np.concatenate([rows for rows, _ in equations])
-        self._torque = np.concatenate([torque for _, torque in equations])
+        self._kept = _moving(parts, window)
+        self._rows = np.concatenate([rows for rows, _ in equations])[self._kept]
+        self._torque = np.concatenate([torque for _, torque in equations])[self._kept]
         self._columns: dict[_Wave, Floats] = {}
         self._half = len(self._torque) // 2
 
@@ -222,5 +241,5 @@ class _Balance:
                     integrals(part, shape, wave.of_part(part))
                     for part, shape in zip(self._parts, shapes, strict=True)
                 ]
-            )
+            )[self._kept]
         return self._columns[wave]

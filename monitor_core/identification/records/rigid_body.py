@@ -203,7 +203,7 @@ def _equations(
     for part in parts:
         if len(part.u) > window:
             columns, right = windowed_equations(part, window, speed_scale, terms)
-            kept = slice(None) if least is None else _moves(part, window, least)
+            kept = slice(None) if least is None else moving_windows(part, window, least)
             rows.append(columns[kept])
             torque.append(right[kept])
     return np.concatenate(rows), np.concatenate(torque)
@@ -223,7 +223,7 @@ def speed_of(part: Part, half: int) -> Floats:
     return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
 
 
-def _moves(part: Part, window: int, least: float) -> Bools:
+def moving_windows(part: Part, window: int, least: float) -> Bools:
     """In which windows (M,) the axis nearly always moves."""
     g = window_of(window, part.h)[0]
     moving = (np.abs(speed_of(part, max(window // 8, 1))) > least).astype(float)

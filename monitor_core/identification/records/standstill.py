@@ -23,6 +23,7 @@ from monitor_core.identification.records.rigid_body import (
     pieces,
     resting_torque,
     rigid_fits,
+    rms_speed,
     speed_of,
     speed_scales,
     windowed_parts,
@@ -37,6 +38,9 @@ _CREEP, _CREEP_S = 0.1, 1.0
 motion travels more, and its friction is that of the motion."""
 _RARE = 0.025
 """Part of the samples, at either side, that noise takes farther."""
+_SLOW, _RESTING = 0.15, 0.005
+"""Of the root mean square of the speed: below the first friction is that of the Stribeck curve, or sticks and slips;
+below the second, on average over a second, an axis does not travel."""
 _LEAST = 0.1
 """Of the samples: an axis that stands less keeps its torque."""
 
@@ -71,6 +75,25 @@ def find_standstill(records: Sequence[Record]) -> Standstill | None:
         replaced += found[1]
     share = replaced / sum(map(len, records))
     return Standstill(tuple(held), slowest, share) if share > _LEAST else None
+
+
+def slow_motion(records: Sequence[Record]) -> tuple[float, float]:
+    """Speed below which a motion is slow, rad/s at the sensor, and the part of the time in motion that is so slow."""
+    parts, slowest = windowed_parts(records), _SLOW * rms_speed(records)
+    speeds = [abs(_mean_speed(part)) for part in parts]
+    if not speeds:
+        return slowest, 0.0
+    speed = np.concatenate(speeds)
+    moving = speed[speed > slowest * _RESTING / _SLOW]
+    return slowest, float(np.mean(moving < slowest)) if moving.size else 0.0
+
+
+def _mean_speed(part: Part) -> Floats:
+    """Over about a second (N,)."""
+    half = min(max(round(0.5 / part.h), AROUND), max(len(part.y) // 4, 1))
+    if part.quantity == "angle":
+        return speed_of(part, half)
+    return np.convolve(part.y, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="same")
 
 
 def _held(record: Record, slowest: float) -> tuple[Record, int] | None:

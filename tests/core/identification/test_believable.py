@@ -22,13 +22,13 @@ from monitor_core.identification import (
     identify,
 )
 from monitor_core.identification.bode import bode_of
-from monitor_core.identification.greybox import Estimate, fit
+from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
 from monitor_core.identification.records import lively_parts, speed_scales
-from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects
+from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects, verdict_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
 from tests.real.drives import one_mass
@@ -155,6 +155,32 @@ def test_a_weight_that_takes_hardly_any_torque_is_looked_for_after_springs(
     rec = record(seed)
     borne = replace(rec, u=rec.u + weight * np.sin(3 * rec.y))
     assert missing_effects(Problem(one_mass(), VALUES, ALL, speed_scale=SCALE), [borne]) == missing
+
+
+def test_an_axis_that_mostly_creeps_is_named(seed: int) -> None:
+    """As a wrist that welds: friction that sticks and slips takes all torque."""
+    rng, s = np.random.default_rng(seed), np.linspace(0, 1, round(1 / H))
+    y, stuck = [np.zeros(1)], [np.zeros(1)]
+    for k in range(12):
+        far = (1 if k % 2 else -1) * rng.uniform(0.5, 1)
+        y.append(y[-1][-1] + far * (10 * s**3 - 15 * s**4 + 6 * s**5))
+        creep = 0.02 * np.sign(far) * H * np.arange(1, 4 * s.size)
+        y.append(y[-1][-1] + creep)
+        slip = np.convolve(rng.standard_normal(creep.size), np.ones(40) / 40**0.5, mode="same")
+        stuck += [np.zeros(s.size), slip]
+    angle = np.concatenate(y)
+    speed = np.gradient(angle, H)
+    u = VALUES["J"] * np.gradient(speed, H) + VALUES["fv"] * speed + VALUES["fc"] * np.tanh(speed / 0.01)
+    t = np.asarray(H * np.arange(angle.size))
+    measured = angle + 2e-5 * rng.standard_normal(angle.size)
+    slow = Record(t, u + np.concatenate(stuck), measured, "angle", "axis")
+    problem = Problem(one_mass(), VALUES, ALL, speed_scale=0.01)
+    estimate = fit(problem, [slow])
+    verdict = verdict_of(estimate, [slow], [], traces_of(estimate.problem, [slow]), ())
+    print(verdict)
+    assert verdict.quality is not Quality.GOOD
+    assert verdict.missing == (Effect.SLOW,)
+    assert 0.02 < verdict.slow < 0.1
 
 
 def test_the_speed_scale_is_found(seed: int) -> None:

@@ -61,6 +61,25 @@ def test_without_a_weight_nothing_is_found(number: int, seed: int) -> None:
     assert link_weights([recorded(lambda q: 0 * q["q2"], rng)], "q2", ANGLES) is None
 
 
+def test_what_friction_holds_at_standstill_is_no_weight(seed: int) -> None:
+    """A program stops at the same places again and again, and friction holds there what the last motion has left."""
+    rng, stop, go = np.random.default_rng(seed), 3 * RATE_HZ, RATE_HZ
+    places, s = rng.uniform(-1, 1, (5, len(ANGLES))), np.linspace(0, 1, go)
+    course, u = list[Floats](), list[Floats]()
+    for k in range(40):
+        a, b = places[k % 5], places[(k + 1) % 5]
+        q = np.concatenate([a + (b - a) * (10 * s**3 - 15 * s**4 + 6 * s**5)[:, None], np.tile(b, (stop, 1))])
+        speed = np.gradient(q[:, 1]) * RATE_HZ
+        towards = np.sign(b[1] - a[1])
+        course.append(q)
+        u.append(2.0 * np.gradient(speed) * RATE_HZ + 1.5 * speed + 3.0 * towards)
+    q, torque = np.concatenate(course), np.concatenate(u)
+    t = np.arange(len(q)) / RATE_HZ
+    signals = dict(zip(ANGLES, q.T, strict=True))
+    record = Record(t, torque + rng.normal(0, 0.1, len(t)), q[:, 1], "angle", signals=signals)
+    assert link_weights([record], "q2", ANGLES) is None
+
+
 def test_a_torque_of_something_else_is_no_weight(seed: int) -> None:
     rng = np.random.default_rng(seed)
     drift = 5 * np.cumsum(rng.normal(0, 0.02, round(SECONDS * RATE_HZ)))

@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.identification import Effect, Obstacle, Rejection, Watched
 from service.commands.axis_commissioning import not_identified
-from service.commands.commissioning_remedies import memory_change, retry, standstill_change
+from service.commands.commissioning_remedies import memories_of, memory_change, retry, standstill_change
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
 from service.config.commissioned import Correction, corrected
@@ -45,7 +45,7 @@ def report(
         watched=watched,
         options=SimpleNamespace(scheduled=scheduled),
         memory_s=5.0,
-        verdict=SimpleNamespace(missing=missing),
+        verdict=SimpleNamespace(missing=missing, slow=0.1),
         estimate=estimate,
     )
     return SimpleNamespace(rejection=rejection, result=result)
@@ -122,6 +122,15 @@ def test_springs_come_before_a_weight_that_takes_hardly_any_torque(
     assert again.words.startswith(f'model.drive = "{drive}"')
 
 
+def test_slow_motion_asks_for_no_other_drive(tmp_path: Path) -> None:
+    """Springs have no other friction; only a record of faster motion helps."""
+    _, axis = configured(TEXT, NAME, tmp_path)
+    found = report(rejection="poor", missing=(Effect.SLOW,))
+    assert retry(found, TEXT, axis) is None
+    found.is_poor = True
+    assert "set min_speed = 0.1 in [[robot.axis]]" in not_identified(found, "")
+
+
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
     _, axis = configured(TEXT, NAME, tmp_path)
     assert retry(report(KT, FM, follows=("fm",)), TEXT, axis) is None
@@ -166,6 +175,12 @@ def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
     )
     found.is_poor = False
     assert not_identified(found, "") == "not identified: poor"
+
+
+def test_memories_to_choose_from_are_round(tmp_path: Path) -> None:
+    """They are written into the configuration."""
+    _, axis = configured(TEXT.replace("0.005", "0.004"), NAME, tmp_path)
+    assert memories_of(axis.config) == (1.0, 2.0, 5.0)
 
 
 def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:

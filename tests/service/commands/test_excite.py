@@ -9,7 +9,8 @@ import pytest
 
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from service.commands.options import configuration
-from service.config import drive_of, given_values
+from service.commands.planned_motion import torque_columns
+from service.config import drive_of, given_values, load
 from service.config.drive_sources import shipped
 from tests.service.command_line import refused, shown
 
@@ -40,6 +41,27 @@ def test_the_file_is_what_the_drive_does_within_the_limits(tmp_path: Path) -> No
     motion = [(0.0, 0.0), *(axis.step(u, 0.005) for u in c["torque_Nm"][:-1])]
     assert c["angle_rad"] == pytest.approx(np.array(motion)[:, 0], abs=1e-4)
     assert c["speed_rad_s"] == pytest.approx(np.array(motion)[:, 1], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("torque", "columns_of_it"),
+    [
+        ('{ column = "A1_Motorstrom" }', {"current_A": 1.0}),
+        ('{ column = "A1_Motorstrom", kT_Nm_per_A = -0.5 }', {"torque_Nm": 1.0, "current_A": -2.0}),
+        ('{ column = "A1_Moment" }', {"torque_Nm": 1.0}),
+    ],
+)
+def test_a_current_is_not_called_a_torque(
+    torque: str, columns_of_it: dict[str, float], tmp_path: Path
+) -> None:
+    path = tmp_path / "axis.toml"
+    path.write_text(
+        '[[robot]]\nname = "cell"\n[[robot.axis]]\nname = "axis1"\nsample_interval_s = 0.004\n'
+        f'torque = {torque}\nangle = {{ column = "A1_Istwinkel" }}\n'
+        'model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }\n',
+        encoding="utf-8",
+    )
+    assert torque_columns(load(path).axes[0]) == columns_of_it
 
 
 def test_the_table(tmp_path: Path) -> None:

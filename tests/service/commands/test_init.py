@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from service.config import load
+from service.ingest.column_roles import role_of
 from tests.service.command_line import refused, shown
 from tests.service.commands.test_commission import table
 
@@ -151,3 +152,20 @@ def test_mistakes(record: Path, words: list[str], message: str) -> None:
     Path("names.csv").write_text("t,u,y\ns,Nm,rad\n", encoding="utf-8")
     assert record.exists()
     assert message in refused("init", *words)
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("A1_Motorstrom", "current"),
+        ("Achse 2 Istwinkel", "angle"),
+        ("Istposition_3", "angle"),
+        ("Motordrehzahl", "speed"),
+        ("A1_Sollwinkel", "wanted"),
+        ("Sollstrom", "wanted"),
+        ("Drahtvorschub", ""),
+    ],
+)
+def test_compound_words(name: str, role: str) -> None:
+    """As German loggers have them."""
+    assert role_of(name) == role

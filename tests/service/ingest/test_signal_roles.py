@@ -1,0 +1,42 @@
+"""Which signals of a bus are of which axis, by their names alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from service.can.message_files import read_messages
+from service.ingest.signal_roles import axes_in
+
+
+def drive(ident: int, axis: str, pdo: str = "TPDO") -> str:
+    """Torque and position of a drive in two messages."""
+    return (
+        f"BO_ {ident} {axis}_{pdo}1: 4 Drive\n"
+        f' SG_ {axis}_TorqueActual : 0|16@1- (0.1,0) [-300|300] "%" Master\n'
+        f"BO_ {ident + 256} {axis}_{pdo}2: 4 Drive\n"
+        f' SG_ {axis}_PositionActual : 0|32@1- (0.001,0) [0|0] "mm" Master\n'
+    )
+
+
+@pytest.mark.parametrize(
+    ("named", "axes"),
+    [
+        (["X", "Y", "Z"], ["axisX", "axisY", "axisZ"]),
+        (["Carriage", "Hoist"], ["carriage", "hoist"]),
+        (["Drive2", "Drive1"], ["axis1", "axis2"]),
+        (["Main"], ["axis"]),
+    ],
+)
+def test_torque_and_motion_of_one_drive_belong_together(
+    named: list[str], axes: list[str], tmp_path: Path
+) -> None:
+    """Whatever the drives are called: the number of a PDO is none of an axis."""
+    path = tmp_path / "plant.dbc"
+    text = "".join(drive(0x181 + place, name) for place, name in enumerate(named))
+    path.write_text(f'VERSION ""\nBU_: Drive Master\n{text}', encoding="utf-8")
+    found = axes_in(read_messages(path).messages)
+    assert [axis.name for axis in found] == axes
+    for axis in found:
+        assert axis.torque.signal.split("_")[0] == axis.motion.signal.split("_")[0]
