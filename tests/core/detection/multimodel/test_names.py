@@ -26,6 +26,7 @@ from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment, faulty
+from monitor_core.kernel.likelihood import SURE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
@@ -88,6 +89,19 @@ def test_another_payload_is_named_where_no_inertia_is_monitored(seed: int) -> No
     assert [event.shares[0].cause for event in named].count(INERTIA) >= 9
     sizes = [math.expm1(event.shares[0].size) for event in named]
     assert np.median(sizes) == pytest.approx(0.3, abs=0.1)
+
+
+def test_the_onset_and_its_latest_time_are_read_off_the_evidence(bank: HypothesisBank, seed: int) -> None:
+    """g of the likeliest hypothesis was last 0 at the onset, and last below SURE at the end of its interval."""
+    bank.reset()
+    rec = experiment(seed, {"kT": 1.2}, samples=1600)
+    events, trace = bank.run_traced(*rec)
+    change = next(event for event in events if isinstance(event, ChangeDetected))
+    g = trace.g[: int(np.searchsorted(rec[0], change.time_us)) + 1]
+    own = g[:, int(g[-1].argmax())]
+    latest = [int(rec[0][np.flatnonzero(own <= least)[-1]]) for least in (0.0, SURE)]
+    assert [change.onset.onset_us, change.onset.onset_high_us] == latest
+    assert latest[0] < latest[1] < change.time_us
 
 
 def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank, seed: int) -> None:
