@@ -230,6 +230,7 @@ class CanLog:
     def _lines(self, suffix: str) -> Iterator[_Entry]:
         """The frames in the lines of an .asc or .trc file."""
         lines, ended, is_trc = LogLines(self._bytes.stream), False, suffix == ".trc"
+        before = -1
         try:
             while not ended:
                 try:
@@ -242,12 +243,16 @@ class CanLog:
                         yield from self._entry(message)
                     ended = True
                 except _FAULTS:
-                    self._leave_out_line(lines.number, lines.text(), lines.torn)
-                    if lines.is_head:
+                    # Behind the last line, the head alone is not understood, however often it is read.
+                    at_end = lines.number == before
+                    if not at_end:
+                        self._leave_out_line(lines.number, lines.text(), lines.torn)
+                    if at_end or lines.is_head:
                         raise self._fault(
                             f"{self.path}, {self.left_out[-1]}", "the head is damaged"
                         ) from None
                     self._check_share()
+                    before = lines.number
                     lines.again()
         finally:
             unknown = lines.entries - self.frames - sum(self.dropped.values())
