@@ -20,7 +20,7 @@ from monitor_core.arrays import Ints
 from service.can.candump import Parsed, parse_lines
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, concatenate_frames
 from service.can.left_out import too_many
-from service.can.log_bytes import GZIP, GZIP_START, CompleteReads, LogBytes
+from service.can.log_bytes import GZIP, GZIP_START, BlfObjects, CompleteReads, LogBytes
 from service.can.log_lines import LONGEST_LINE, LogLines, line_text
 from service.can.mf4_frames import Mf4Frames
 from service.can.receivers import frame_of
@@ -263,7 +263,7 @@ class CanLog:
         file = CompleteReads(self._bytes.stream)
         size = objects = tail = 0
         try:
-            reader = can.BLFReader(cast(BinaryIO, file))
+            reader = _BlfReader(cast(BinaryIO, file))
             size, objects = reader.file_size, reader.object_count
             for message in reader:
                 yield from self._entry(message)
@@ -304,6 +304,11 @@ class CanLog:
 
 _Entry = tuple[str, Frame]
 """Channel and frame"""
+
+
+class _BlfReader(can.BLFReader):
+    def _parse_data(self, data: bytes) -> Iterator[can.Message]:
+        return super()._parse_data(BlfObjects(data))
 
 
 def _check_length(message: can.Message) -> None:
