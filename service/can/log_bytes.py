@@ -8,6 +8,8 @@ import zlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from can.io.blf import BLFParseError
+
 GZIP, GZIP_START = ".gz", b"\x1f\x8b"
 _START = 16
 _BLF_HEAD = 16
@@ -118,3 +120,25 @@ class CompleteReads(io.RawIOBase):
             return b""
         self.position += size
         return b"".join(parts)
+
+
+class BlfObjects(bytes):
+    """The objects in a container of a BLF file, for python-can's reader, which asks for the index of one after another.
+
+    Where an object has no length, it would come to the same one for ever.
+    """
+
+    _last = -1
+
+    def index(self, *words: Any) -> int:
+        """As of all bytes.
+
+        Raises:
+            BLFParseError: it is the same object again.
+            ValueError: there is none.
+        """
+        found = super().index(*words)
+        if found <= self._last:
+            raise BLFParseError("an object without a length")
+        self._last = found
+        return found

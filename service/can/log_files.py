@@ -20,7 +20,7 @@ from monitor_core.arrays import Ints
 from service.can.candump import Parsed, parse_lines
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, concatenate_frames
 from service.can.left_out import too_many
-from service.can.log_bytes import GZIP, GZIP_START, CompleteReads, LogBytes
+from service.can.log_bytes import GZIP, GZIP_START, BlfObjects, CompleteReads, LogBytes
 from service.can.log_lines import LONGEST_LINE, LogLines, line_text
 from service.can.mf4_frames import Mf4Frames
 from service.can.receivers import frame_of
@@ -230,6 +230,7 @@ class CanLog:
     def _lines(self, suffix: str) -> Iterator[_Entry]:
         """The frames in the lines of an .asc or .trc file."""
         lines, ended, is_trc = LogLines(self._bytes.stream), False, suffix == ".trc"
+        before = -1
         try:
             while not ended:
                 try:
@@ -242,12 +243,16 @@ class CanLog:
                         yield from self._entry(message)
                     ended = True
                 except _FAULTS:
-                    self._leave_out_line(lines.number, lines.text(), lines.torn)
-                    if lines.is_head:
+                    # Behind the last line, the head alone is not understood, however often it is read.
+                    at_end = lines.number == before
+                    if not at_end:
+                        self._leave_out_line(lines.number, lines.text(), lines.torn)
+                    if at_end or lines.is_head:
                         raise self._fault(
                             f"{self.path}, {self.left_out[-1]}", "the head is damaged"
                         ) from None
                     self._check_share()
+                    before = lines.number
                     lines.again()
         finally:
             unknown = lines.entries - self.frames - sum(self.dropped.values())
@@ -258,7 +263,7 @@ class CanLog:
         file = CompleteReads(self._bytes.stream)
         size = objects = tail = 0
         try:
-            reader = can.BLFReader(cast(BinaryIO, file))
+            reader = _BlfReader(cast(BinaryIO, file))
             size, objects = reader.file_size, reader.object_count
             for message in reader:
                 yield from self._entry(message)
@@ -299,6 +304,11 @@ class CanLog:
 
 _Entry = tuple[str, Frame]
 """Channel and frame"""
+
+
+class _BlfReader(can.BLFReader):
+    def _parse_data(self, data: bytes) -> Iterator[can.Message]:
+        return super()._parse_data(BlfObjects(data))
 
 
 def _check_length(message: can.Message) -> None:

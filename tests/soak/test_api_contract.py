@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -17,9 +18,10 @@ from tests.service.command_line import axiswatch
 
 pytestmark = pytest.mark.soak
 
-EXAMPLES = 400
+EXAMPLES = int(os.environ.get("AXISWATCH_EXAMPLES", "400"))
 """Of each operation"""
 ENVIRONMENT = ROOT / ".cache" / "schemathesis"
+CONFIGURATION = Path(__file__).with_name("schemathesis.toml")
 CHECKS = "status_code_conformance,content_type_conformance,response_schema_conformance,response_headers_conformance"
 """A fault of the server is a status that is described nowhere; 503 is, where a bus or the disk is not there."""
 
@@ -39,7 +41,8 @@ def schemathesis() -> Path:
 def asks(program: Path, d: Daemon, seed: int, words: Sequence[str] = ()) -> None:
     """Schemathesis finds nothing, and the daemon has taken every sample meanwhile."""
     arguments = ["--checks", CHECKS, "--max-examples", str(EXAMPLES), "--seed", str(seed), "--no-color"]
-    command = [str(program), "run", f"{d.page}openapi.json", *arguments, *words]
+    command = [str(program), "--config-file", str(CONFIGURATION), "run", f"{d.page}openapi.json"]
+    command += [*arguments, *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ENVIRONMENT)
     assert done.returncode == 0, done.stdout[-20_000:] + done.stderr[-2_000:]
     print(done.stdout[-1500:])

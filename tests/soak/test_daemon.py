@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -18,6 +19,7 @@ from tests.end_to_end.test_daemon import killed
 pytestmark = pytest.mark.soak
 
 MINUTES = 5
+KILLS = int(os.environ.get("AXISWATCH_KILLS", "200"))
 MOST_GROWTH_MB = 15
 """Frames of the last two minutes, which are kept for an alarm"""
 
@@ -61,6 +63,6 @@ def test_the_second_process_compiles_what_the_first_then_uses(
 
 
 def test_no_shown_alarm_is_lost(tmp_path: Path, seed: int) -> None:
-    """kill -9 two hundred times during alarms and what is done about them, and as often while the daemon starts."""
-    shown = killed(tmp_path, seed, kills=200, fault_after_s=20, while_starting=True)
+    """kill -9 so many times during alarms and what is done about them, and as often while the daemon starts."""
+    shown = killed(tmp_path, seed, kills=KILLS, fault_after_s=20, while_starting=True)
     assert any(alarm["parameter"] == "fm" for alarm in shown.values())

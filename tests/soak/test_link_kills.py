@@ -14,7 +14,7 @@ from tests.conftest import ROOT
 from tests.service.links.journals import Inbox, Post
 
 pytestmark = pytest.mark.soak
-KILLS = 200
+KILLS = int(os.environ.get("AXISWATCH_KILLS", "200"))
 
 RUN = """
 import asyncio, sys

@@ -90,12 +90,9 @@ def test_random_cycles(config: Config, seed: int) -> None:
         """Until there are more of these samples."""
         before, end = counted(*what), time.monotonic() + PATIENCE_S
         while counted(*what) < before + 20:
-            assert time.monotonic() < end, (
-                reader.stats(),
-                monitor.status().counters,
-                axis.dropped,
-                axis.events,
-            )
+            counters = dict(monitor.status().counters)
+            found = f"{reader.stats()}, samples {counters}, dropped {dict(axis.dropped)}, {dict(axis.events)}"
+            assert time.monotonic() < end, found
             time.sleep(0.02)
 
     reader.open()

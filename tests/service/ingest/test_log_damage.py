@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import random
+import re
+from itertools import islice
 from pathlib import Path
 
+import can
 import pytest
 
-from service.can.log_files import LOG_SUFFIXES
+from service.can.log_files import LOG_SUFFIXES, CanLog
+from service.can.log_lines import LogLines
+from service.can.user_errors import RecordError
 from tests.service.ingest.log_damage import damaged, log_bytes, read_all
 
 KINDS = [*(suffix for suffix in LOG_SUFFIXES if suffix != ".mf4"), ".log.gz", ".blf.gz"]
@@ -36,3 +41,40 @@ def test_every_truncation_gives_the_frames_before_it(tmp_path: Path, kind: str, 
         sure = found[:-1]
         assert sure == expected[: len(sure)]
         assert problem == "" or problem.endswith(("no CAN frames in it", "(0 frames were read)"))
+
+
+@pytest.mark.parametrize("kind", [".asc", ".trc"])
+def test_a_head_that_is_cut_anywhere_is_no_endless_one(
+    tmp_path: Path, kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A .trc file of 20 bytes, which ends in the comment behind its version, was read for ever."""
+    path, again, repeats = tmp_path / f"a{kind}", LogLines.again, list[int]()
+
+    def counted(lines: LogLines) -> None:
+        repeats.append(lines.number)
+        assert len(repeats) < 10, "the same head is read again and again"
+        again(lines)
+
+    monkeypatch.setattr(LogLines, "again", counted)
+    content = log_bytes(path, random.Random(seed), 1)
+    for end in range(1, len(content)):
+        repeats.clear()
+        path.write_bytes(content[:end])
+        found, _, problem = read_all(path)
+        assert found or problem.endswith(("no CAN frames in it", "(0 frames were read)"))
+
+
+def test_an_object_without_a_length_is_read_once(tmp_path: Path) -> None:
+    """In a .blf file: the same frame came again and again, for ever."""
+    path = tmp_path / "a.blf"
+    with can.BLFWriter(path, compression_level=0) as writer:
+        for k in range(3):
+            writer.on_message_received(can.Message(timestamp=1.76e9 + k, arbitration_id=k, channel=0))
+    content = bytearray(path.read_bytes())
+    _, first, second, _ = (part.start() for part in re.finditer(b"LOBJ", content))
+    assert content[second + 8 : second + 12] == (second - first).to_bytes(4, "little")
+    content[second + 8 : second + 12] = bytes(4)
+    path.write_bytes(content)
+    log = CanLog(path)
+    with pytest.raises(RecordError, match=r"an object without a length.*\(2 frames were read\)"):
+        list(islice(log.blocks(), 5))
