@@ -155,10 +155,19 @@ def run(
     arrays_are_apart()
     T, z, W, n, p = tables, tables.p * tables.n, len(lanes), tables.n, tables.p
     C_, F_, I_, X, G, V, series, more, K, du = buffers[:10]
+    tested = buffers.tested
     u_first, acting, middle_u = buffers.inputs
     psi, Ppsi, d, nu, moved = buffers.parameters
     u, y, h, h_first, h_before, over, ago, lam, share, norm, yhat, eps, believed, S, weight = buffers.numbers
     t, steps, terms, hit, fit, lost, until, mode, moves, learns, tracks = buffers.counts
+    # From here on the compiler knows these shapes: for one axis an index is then no product.
+    if (
+        X.shape != (z + n, W) or G.shape != (z + n, W) or V.shape[1] != W or K.shape != (n, W)
+        or u_first.shape != (T.m, W) or acting.shape != (T.m, W) or middle_u.shape != (T.m, W)
+        or psi.shape != (p, W) or Ppsi.shape != (p, W) or d.shape != (p, W) or nu.shape != (p, W)
+        or moved.shape != (p, W) or tested.shape != (p, W) or du.shape != (p, T.m, W)
+    ):  # fmt: skip
+        raise ValueError("the buffers are for other shapes")
     X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
     con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, n, p, T.m)
     roles, timing = (
@@ -166,7 +175,7 @@ def run(
         Timing(con.gap_us, con.settle_us, con.interval, con.lost_us),
     )
     w = Work(roles, t, y, yhat, eps, believed, S, lam, share, psi, Ppsi, moved, d, nu, hit, fit, until,
-             buffers.tested, buffers.squares)  # fmt: skip
+             tested, buffers.squares)  # fmt: skip
     # These are computed later in each sample: until then they are scratch.
     middle = MiddleSpeed(middle_u, yhat, eps, S, believed, psi, Ppsi, moved)
     delay = st.theta[T.late] if T.late >= 0 else con.delay
