@@ -162,12 +162,10 @@ def run(
     t, steps, terms, hit, fit, lost, until, mode, moves, learns, tracks = buffers.counts
     # From here on the compiler knows these shapes: for one axis an index is then no product.
     if (
-        X.shape[0] != z + n or G.shape[0] != z + n or K.shape[0] != n or du.shape[0] != p or du.shape[1] != T.m
-        or psi.shape[0] != p or Ppsi.shape[0] != p or d.shape[0] != p or nu.shape[0] != p or moved.shape[0] != p
-        or tested.shape[0] != p or acting.shape[0] != T.m or u_first.shape[0] != T.m or middle_u.shape[0] != T.m
-        or X.shape[1] != W or G.shape[1] != W or V.shape[1] != W or K.shape[1] != W or du.shape[2] != W
-        or psi.shape[1] != W or Ppsi.shape[1] != W or d.shape[1] != W or nu.shape[1] != W or moved.shape[1] != W
-        or tested.shape[1] != W or acting.shape[1] != W or u_first.shape[1] != W or middle_u.shape[1] != W
+        X.shape != (z + n, W) or G.shape != (z + n, W) or V.shape[1] != W or K.shape != (n, W)
+        or u_first.shape != (T.m, W) or acting.shape != (T.m, W) or middle_u.shape != (T.m, W)
+        or psi.shape != (p, W) or Ppsi.shape != (p, W) or d.shape != (p, W) or nu.shape != (p, W)
+        or moved.shape != (p, W) or tested.shape != (p, W) or du.shape != (p, T.m, W)
     ):  # fmt: skip
         raise ValueError("the buffers are for other shapes")
     X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
