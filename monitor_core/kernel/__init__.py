@@ -10,6 +10,6 @@ plain loops in their place a sample cost 2.7 times as much for one axis and 6.5 
 
 Read in this order: tables (a drive as arrays of indices and constants), state, admission (what becomes of a sample),
 sample_interval (its real interval, delayed torque, mean speed), propagate and taylor_series (A, B, C at theta, and the
-state over the interval), recursion (theta and P), supervision (P), cusum, evidence, buffers (work
-arrays), block (all of it, in a loop over samples).
+state over the interval), recursion (theta and P), supervision (P), cusum, evidence, block (all of it, in a loop over
+samples).
 """

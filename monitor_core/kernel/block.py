@@ -19,13 +19,13 @@ from monitor_core.kernel.admission import (
     hold_inputs,
     restart_predictor,
 )
-from monitor_core.kernel.buffers import Buffers
-from monitor_core.kernel.compile import arrays_are_apart, kernel, outlined, uncounted_entry
+from monitor_core.kernel.compile import entry, kernel, outlined
 from monitor_core.kernel.cusum import (
     Events,
 )
 from monitor_core.kernel.evidence import EvidenceColumns, count_until_kept
 from monitor_core.kernel.friction import MiddleSpeed, hold_friction
+from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.propagate import choose_substeps, evaluate_coefficients, evaluate_inputs, propagate
 from monitor_core.kernel.recursion import (
     correct,
@@ -49,9 +49,21 @@ from monitor_core.kernel.state import (
     kernel_constant_views,
     kernel_state_views,
 )
-from monitor_core.kernel.tables import Product, Tables
+from monitor_core.kernel.tables import Tables
+from monitor_core.kernel.taylor_series import SECTIONS
 from monitor_core.kernel.update import Work, update_estimates, update_tests
-from monitor_core.kernel.work_arrays import any_positive, clear, copy_rows, largest, put_columns, take_columns
+from monitor_core.kernel.work_arrays import (
+    any_positive,
+    copy_rows,
+    flags,
+    floats,
+    ints,
+    largest,
+    put_columns,
+    strided_product,
+    table,
+    take_columns,
+)
 
 
 class BatchSamples(NamedTuple):
@@ -126,7 +138,7 @@ def _record(lanes: Any, k: int, a0: int, w: Work, st: State, to: Trace) -> None:
             to.observed[k, i, b] = st.observed[i, a]
 
 
-@uncounted_entry
+@entry
 def run(
     lanes: Any,
     tables: Tables,
@@ -140,55 +152,51 @@ def run(
     events: Events,
     noted: EvidenceColumns,
     trace: Trace,
-    F_X: Product,
-    buffers: Buffers,
 ) -> None:
     """Run a block of samples through a batch with constants C and state F, I, ``len(lanes)`` axes at a time.
 
     ``kept_t`` (KEPT, axes) and ``kept_d`` (KEPT kept_numbers, axes) are state, too, but are seldom used.
 
-    ``lanes``: an array of a multiple of eight, or (0,); the branch for the other shape is not compiled.  ``F_X`` and
-    ``buffers``: for that number of lanes (buffers.py).
+    ``lanes``: an array of a multiple of eight, or (0,); the branch for the other shape is not compiled.
 
     Lanes beyond the last axis repeat it without samples; their results are discarded.
     """
-    arrays_are_apart()
-    T, z, W, n, p = tables, tables.p * tables.n, len(lanes), tables.n, tables.p
-    C_, F_, I_, X, G, V, series, more, K, du = buffers[:10]
-    tested = buffers.tested
-    u_first, acting, middle_u = buffers.inputs
-    psi, Ppsi, d, nu, moved = buffers.parameters
-    u, y, h, h_first, h_before, over, ago, lam, share, norm, yhat, eps, believed, S, weight = buffers.numbers
-    t, steps, terms, hit, fit, lost, until, mode, moves, learns, tracks = buffers.counts
-    # From here on the compiler knows these shapes: for one axis an index is then no product.
-    if (
-        X.shape != (z + n, W) or G.shape != (z + n, W) or V.shape[1] != W or K.shape != (n, W)
-        or u_first.shape != (T.m, W) or acting.shape != (T.m, W) or middle_u.shape != (T.m, W)
-        or psi.shape != (p, W) or Ppsi.shape != (p, W) or d.shape != (p, W) or nu.shape != (p, W)
-        or moved.shape != (p, W) or tested.shape != (p, W) or du.shape != (p, T.m, W)
-    ):  # fmt: skip
-        raise ValueError("the buffers are for other shapes")
-    X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
-    con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, n, p, T.m)
-    roles, timing = (
-        Roles(mode, moves, learns, tracks),
-        Timing(con.gap_us, con.settle_us, con.interval, con.lost_us),
-    )
-    w = Work(roles, t, y, yhat, eps, believed, S, lam, share, psi, Ppsi, moved, d, nu, hit, fit, until,
-             tested, buffers.squares)  # fmt: skip
-    # These are computed later in each sample: until then they are scratch.
-    middle = MiddleSpeed(middle_u, yhat, eps, S, believed, psi, Ppsi, moved)
-    delay = st.theta[T.late] if T.late >= 0 else con.delay
+    T, z = tables, tables.p * tables.n
+    W = 0 + len(lanes)  # not the literal 1: numba would compile what gets it once more
+    n, p, wide = T.n, T.p, 1 if len(lanes) == 1 else EIGHT
+    F_X = T.product if len(lanes) == 1 else strided_product(T.product, p, wide, W)
     for a0 in range(0, F.shape[1], W):
-        take_columns(C, a0, C_)
-        take_columns(F, a0, F_)
-        take_columns(I, a0, I_)
+        # The arrays are made here, and not passed in: so the compiler knows that they do not overlap.
+        C_, F_, I_ = take_columns(C, a0, W), take_columns(F, a0, W), take_columns(I, a0, W)
+        con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, n, p, T.m)
+        X, G, V = table(z + n, W), table(z + n, W), table(T.slots + 1, W)
+        X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
+        work, more = (
+            floats(SECTIONS * n * T.product.blocks * wide),
+            floats(max(T.product.more_slot.size, 4 * wide)),
+        )
+        psi, Ppsi, d, nu, moved = table(p, W), table(p, W), table(p, W), table(p, W), table(p, W)
+        tested, u_first, K = flags(p, W), table(T.m, W), table(n, W)
+        acting, du = table(T.m, W), table(p * T.m, W).reshape(p, T.m, W)
+        u, y, h, h_first, h_before = floats(W), floats(W), floats(W), floats(W), floats(W)
+        over, ago, lam, share, norm = floats(W), floats(W), floats(W), floats(W), floats(W)
+        yhat, eps, believed, S, weight = floats(W), floats(W), floats(W), floats(W), floats(W)
+        t, steps, terms, hit, fit, lost, until = ints(W), ints(W), ints(W), ints(W), ints(W), ints(W), ints(W)
+        mode, moves, learns, tracks = ints(W), ints(W), ints(W), ints(W)
         theta, joint, drift = st.theta, any_positive(con.joint), any_positive(con.drift)
+        delay = theta[T.late] if T.late >= 0 else con.delay
+        # These are computed later in each sample: until then they are scratch.
+        middle = MiddleSpeed(table(T.m, W), yhat, eps, S, believed, psi, Ppsi, moved)
+        roles, timing = (
+            Roles(mode, moves, learns, tracks),
+            Timing(con.gap_us, con.settle_us, con.interval, con.lost_us),
+        )
+        w = Work(roles, t, y, yhat, eps, believed, S, lam, share, psi, Ppsi, moved, d, nu, hit, fit, until, tested,
+                 (table(p, p), table(p, p), table(p, p)))  # fmt: skip
         count_until_kept(lanes, con.span, st.learned, until)
         copy_rows(con.V0, V)
         copy_rows(st.z, X)
         copy_rows(st.x, X[z:])
-        clear(psi)  # a trace has it before the first prediction, too
         # One line for each step of the recursion.
         # fmt: off
         for k in range(largest(samples.number, a0, len(lanes))):
@@ -212,16 +220,16 @@ def run(
                 if split_at_delay(lanes, T.kind, delay, st.torque_before, acting, h, h_first, u_first):
                     evaluate_inputs(lanes, T.inputs, V, u_first, du, G)
                     choose_substeps(lanes, T.A_row, con.weight, V, h_first, steps, terms, norm)
-                    propagate(lanes, F_X, V_, G_, h_first, steps, terms, X_, series, more)
+                    propagate(lanes, F_X, V_, G_, h_first, steps, terms, X_, work, more)
                 if T.late >= 0:
                     switch_torque(lanes, T.inputs, T.kind, T.late, T.p, V, delay, u_first, acting, h_first, h, X)
                 evaluate_inputs(lanes, T.inputs, V, acting, du, G)
                 if T.mean >= 0 and split_at_mean(lanes, con.interval, h_first, h, h_before, over, lost):
                     choose_substeps(lanes, T.A_row, con.weight, V, h_before, steps, terms, norm)
-                    propagate(lanes, F_X, V_, G_, h_before, steps, terms, X_, series, more)
+                    propagate(lanes, F_X, V_, G_, h_before, steps, terms, X_, work, more)
                     restart_integral(lanes, T.mean, T.n, lost, X)
                 choose_substeps(lanes, T.A_row, con.weight, V, h, steps, terms, norm)
-                propagate(lanes, F_X, V_, G_, h, steps, terms, X_, series, more)
+                propagate(lanes, F_X, V_, G_, h, steps, terms, X_, work, more)
                 predict(lanes, T.outputs, V, X, yhat, psi)
                 if T.mean >= 0:
                     divide_by_interval(lanes, over, yhat, psi)

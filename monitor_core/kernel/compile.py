@@ -11,9 +11,7 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
 from llvmlite import binding as llvm
-from llvmlite import ir
-from numba import njit, typeof, types
-from numba.extending import intrinsic
+from numba import njit, typeof
 
 # Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long
 # runs that never come: the code would be twice as long and no faster, and compiling would take a quarter longer.
@@ -54,11 +52,6 @@ def allocating(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
-def outlined_part(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """As ``outlined``, and cached by itself, as ``part``."""
-    return _compiled(function, no_cpython_wrapper=True, _nrt=False, cache=True)
-
-
 def part(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """As ``kernel``, and cached by itself, so that a process of its own can compile it (``compile_part``)."""
     return _compiled(function, no_cpython_wrapper=True, forceinline=True, _nrt=False, cache=True)
@@ -78,27 +71,3 @@ def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
     functions as well would cost an eighth of the compile time.
     """
     return _compiled(function, cache=True)
-
-
-def uncounted_entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """As ``entry``, for functions that make no arrays: half as much to compile, if many arrays travel in tuples."""
-    return _compiled(function, cache=True, _nrt=False)
-
-
-def _mark_arguments(_: Any) -> Any:
-    def code(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
-        for argument in builder.function.args:
-            if isinstance(argument.type, ir.PointerType):
-                argument.add_attribute("noalias")
-        return context.get_dummy_value()
-
-    signature: Any = types.none
-    return signature(), code
-
-
-arrays_are_apart = cast("Callable[[], None]", intrinsic(_mark_arguments))
-"""Tells the compiler that none of the arrays overlap that the function which calls this is given.
-
-Otherwise it would read them again after everything that is written into another one: a tenth of the time of a sample.
-Arrays that are only read may overlap.
-"""

@@ -18,7 +18,7 @@ import math
 from typing import Any, NamedTuple
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import kernel, outlined, outlined_part
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import power_of_two
 from monitor_core.kernel.recursion import add_products, predict
 from monitor_core.kernel.tables import COULOMB, TORQUE, FrictionTerms
@@ -60,7 +60,7 @@ def _rub(lanes: Any, kind: Ints, u_scale: Floats, v: Floats, u: Floats) -> None:
                 u[c, a] = tanh(u_scale[c, a] * v[a])
 
 
-@outlined_part
+@outlined
 def hold_friction(
     lanes: Any,
     F: FrictionTerms,

@@ -15,7 +15,7 @@ effect.
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.kernel.compile import kernel, outlined_part
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import FOUR, fused, load4, spread4, store
 from monitor_core.kernel.tables import Product
 
@@ -64,7 +64,7 @@ def _times_one(
         group += _FOUR
 
 
-@outlined_part
+@outlined
 def advance_one(
     F: Product,
     V: Floats,

@@ -1,14 +1,16 @@
 """The second half of a sample: from its innovation to theta and P, and from these to the tests.
 
-``update_tests`` is cached by itself: on a cold start a second process compiles it, while the first is still at what
-comes before it in ``run`` (parts.py).
+Each of the two functions is cached by itself: on a cold start a second process compiles them, while the first is still
+at what comes before them in ``run``.
 """
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, Roles, form_innovation
-from monitor_core.kernel.compile import kernel, part
+from monitor_core.kernel.compile import compile_part, kernel, part
 from monitor_core.kernel.cusum import (
     Events,
     TestConstants,
@@ -29,6 +31,8 @@ from monitor_core.kernel.state import (
     STARVED,
     USED,
     State,
+    constant_views,
+    state_views,
 )
 from monitor_core.kernel.supervision import (
     FloorConstants,
@@ -37,7 +41,7 @@ from monitor_core.kernel.supervision import (
     check_excitation,
     select_tests,
 )
-from monitor_core.kernel.tables import Constants
+from monitor_core.kernel.tables import Constants, Tables
 
 
 class Work(NamedTuple):
@@ -64,7 +68,7 @@ class Work(NamedTuple):
     floor: tuple[Floats, Floats, Floats]  # (p, p) each, scratch
 
 
-@kernel
+@part
 def update_estimates(lanes: Any, con: Constants, st: State, w: Work, X: Floats, drift: bool) -> None:
     """From the prediction to theta and P (eq. 11-13), or to P(0)."""
     roles, eps, S, lam, mode = w.roles, w.eps, w.S, w.lam, w.roles.mode
@@ -127,3 +131,30 @@ def _tally(lanes: Any, mode: Ints, hit: Ints, counts: Ints, last: Ints) -> None:
         counts[OUTLIER, a] += mode[a] == DOUBTED
         counts[STARVED, a] += mode[a] == IDLE
         counts[PROJECTED, a] += hit[a]
+
+
+def compile_update(
+    lanes: Any,
+    tables: Tables,
+    C: Floats,
+    F: Floats,
+    I: Ints,
+    kept_t: Ints,
+    kept_d: Floats,
+    reset: bool,
+    events: Events,
+    noted: EvidenceColumns,
+) -> None:
+    """Compile both functions for the arguments of ``run``, or load them from the cache."""
+    n, p, m, W = tables.n, tables.p, tables.m, len(lanes)
+    con, st = constant_views(C[:, :W].copy(), tables), state_views(F[:, :W].copy(), I[:, :W].copy(), n, p, m)
+    x, xs, N, k, ks = (
+        np.zeros(W),
+        np.zeros((p, W)),
+        np.zeros((p, p)),
+        np.zeros(W, np.int64),
+        np.zeros((p, W), np.int64),
+    )
+    w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
+    compile_part(update_tests, lanes, con, st, w, 0, reset, kept_t, kept_d, events, noted)
+    compile_part(update_estimates, lanes, con, st, w, xs, False)

@@ -1,7 +1,7 @@
-"""Work arrays made in the kernel, and columns moved between a bank and its lanes.
+"""Work arrays of a run, and columns moved between a bank and its lanes.
 
 Written out as loops, and allocated here only: numpy's broadcasting and its constructors, compiled wherever they are
-used, would double the time to compile a kernel.
+used, would double the time to compile the whole kernel.
 """
 
 from typing import Any
@@ -29,6 +29,12 @@ def ints(W: int) -> Ints:
 def table(rows: int, W: int) -> Floats:
     """Zeros (rows, W)."""
     return np.zeros((rows, W))
+
+
+@allocating
+def flags(rows: int, W: int) -> Ints:
+    """Zeros (rows, W)."""
+    return np.zeros((rows, W), np.int64)
 
 
 @array_function
@@ -69,20 +75,14 @@ def copy_rows(source: Floats, target: Floats) -> None:
             target[r, a] = source[r, a]
 
 
-@outlined
-def clear(values: Floats) -> None:
-    """Zeros."""
-    for r in range(values.shape[0]):
-        for a in range(values.shape[1]):
-            values[r, a] = 0.0
-
-
-@outlined
-def take_columns(bank: Any, first: int, lanes: Any) -> None:
-    """Copy columns from ``first`` on into ``lanes``; the last column is repeated where there are no more."""
-    for r in range(lanes.shape[0]):
-        for a in range(lanes.shape[1]):
-            lanes[r, a] = bank[r, min(first + a, bank.shape[1] - 1)]
+@array_function
+def take_columns(bank: Any, first: int, W: int) -> Any:
+    """A contiguous copy of W columns from ``first`` on; the last column is repeated where there are no more."""
+    out = np.empty((bank.shape[0], W), bank.dtype)
+    for r in range(bank.shape[0]):
+        for a in range(W):
+            out[r, a] = bank[r, min(first + a, bank.shape[1] - 1)]
+    return out
 
 
 @outlined

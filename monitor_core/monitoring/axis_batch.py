@@ -12,14 +12,13 @@ from monitor_core.drive.assembly import Assembly, fill, rubs, without_friction
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, run
-from monitor_core.kernel.buffers import make_buffers, product_of_lanes
 from monitor_core.kernel.cusum import Events
 from monitor_core.kernel.evidence import KEPT, EvidenceColumns, kept_numbers, noted_numbers
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
-from monitor_core.kernel.parts import compile_parts
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import constant_rows
+from monitor_core.kernel.update import compile_update
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8
@@ -172,17 +171,15 @@ class AxisBatch:
             self._noted(len(samples.t)),
             not self.settings[0].run_on,
         )
-        lanes, arrays = _lanes(len(self.models)), (self._constants, *self._parts)
-        buffers = make_buffers(self._tables, (len(arrays[0]), len(arrays[1]), len(arrays[2])), len(lanes))
         run(
-            lanes, self._tables, *arrays, *self._kept, samples, reset, events, noted, trace,
-            product_of_lanes(self._tables.product, len(lanes)), buffers,
+            _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
+            samples, reset, events, noted, trace,
         )  # fmt: skip
         return events, noted
 
-    def compile_parts(self) -> None:
-        """Compile parts of a sample only, for another process, which then compiles the whole sooner."""
-        compile_parts(
+    def compile_update(self) -> None:
+        """Compile the second half of a sample only, for another process, which then compiles the whole sooner."""
+        compile_update(
             _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
             not self.settings[0].run_on, self._events(0), self._noted(0),
         )  # fmt: skip

@@ -144,12 +144,9 @@ def add_pair(
     p: Any, waiting: Any, t_us: int, torque: float, motion: float, sample_us: int, sample: Any
 ) -> bool:
     """Take both values from one frame: they belong together, whatever the tolerance; see ``add_value``."""
-    # Not the literals: numba would compile what gets one once more.
-    a: Any = np.int64(TORQUE)
-    b: Any = np.int64(MOTION)
-    nonsense = _nonsense(p, a, torque)
+    nonsense = _nonsense(p, TORQUE, torque)
     if nonsense == FITS:
-        nonsense = _nonsense(p, b, motion)
+        nonsense = _nonsense(p, MOTION, motion)
     if nonsense != FITS:
         p.dropped[nonsense] += 2
         return False
@@ -228,8 +225,7 @@ def _nearest(p: Any, waiting: Any, kind: int, t_us: int) -> int:
 @outlined
 def _wait(p: Any, waiting: Any, kind: int, t_us: int, value: float, sample_us: int) -> None:
     if p.waiting[kind] == waiting.shape[1]:  # cannot be; nothing is lost uncounted
-        oldest: Any = np.int64(0)
-        _remove(p, waiting, kind, oldest)
+        _remove(p, waiting, kind, 0)
         p.dropped[UNPAIRED] += 1
     mine = waiting[kind, p.waiting[kind]]
     mine.t_us, mine.value, mine.sample_us = t_us, value, sample_us

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import outlined, uncounted_entry
+from monitor_core.kernel.compile import entry, outlined
 from monitor_core.sampling.controller_clocks import (
     GIVEN,
     READY,
@@ -122,7 +122,7 @@ def flush_frames(stream: Stream, samples: NDArray[np.void]) -> int:
 # Two entries for each: only axes that need the cyclic clock wait for its compilation.
 
 
-@uncounted_entry
+@entry
 def _take(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any:
     """Frames with a counter, or with times of receipt."""
     number: Any = np.int64(0)
@@ -141,7 +141,7 @@ def _take(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any
     return number
 
 
-@uncounted_entry
+@entry
 def _take_cyclic(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any:
     number: Any = np.int64(0)
     value = stream.scratch[0]
@@ -153,12 +153,12 @@ def _take_cyclic(stream: Stream, values: FrameValues, samples: NDArray[np.void])
     return number
 
 
-@uncounted_entry
+@entry
 def _flush(pairing: Pairing) -> None:
     flush_pairing(pairing.state[0], pairing.waiting)
 
 
-@uncounted_entry
+@entry
 def _flush_cyclic(stream: Stream, samples: NDArray[np.void]) -> Any:
     number: Any = np.int64(0)
     for clock in stream.clocks:
