@@ -32,9 +32,7 @@ class Innovations:
     x: Floats
 
 
-def innovations(
-    model: AxisModel, settings: Settings, record: SampleBlock, at: Sequence[int] = ()
-) -> Innovations:
+def innovations(model: AxisModel, settings: Settings, record: SampleBlock, at: Sequence[int]) -> Innovations:
     """Innovations of the predictor with nominal values, and its states just before the samples ``at``, rising."""
     frozen = replace(
         without_tests(settings),

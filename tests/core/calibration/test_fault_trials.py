@@ -14,12 +14,14 @@ from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.detection.multimodel.naming import Event
+from monitor_core.drive.structure import Output
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from tests.core.calibration.healthy_axes import plant_with, record
+from tests.core.cases import Case
 
 OWN = (Threshold(1.0, 30.0), Threshold(1.0, 12.0), Threshold(1.0, 80.0))
 PLANT = plant_with(0.0, memory=100)
@@ -103,6 +105,33 @@ def test_the_simulated_plant_is_the_model(seed: int) -> None:
     _, x = plants.run(zero, found.x, block.u[298:299], before[np.newaxis], np.zeros((1, 1)))
     y, _ = plants.run(zero, x, before, block.u[300:, np.newaxis], found.eps[300:, np.newaxis])
     assert np.abs(y[:, 0] - block.y[300:]).max() < 1e-9 * np.abs(block.y).max()
+
+
+@pytest.mark.parametrize(("delay_s", "within"), [(0.0, 1e-4), (0.002, 0.06)])
+@pytest.mark.parametrize("output", ["speed", "angle"])
+def test_the_monitor_finds_the_innovations_of_simulated_plants_again(
+    output: Output, delay_s: float, within: float, seed: int
+) -> None:
+    """Several side by side, with Coulomb friction and an offset.
+
+    A torque that acts late is the mean of both in the plant.
+    """
+    case = Case("plant", output, ("kT", "fm"), delay_s=delay_s)
+    model, settings, rng = case.model, case.settings(), np.random.default_rng(seed)
+    N, W = 1200, 3
+    k = np.arange(N)
+    u = 2.0 * np.sin(k / 40) * np.sin(k / 170) + 0.3 * rng.standard_normal(N)
+    eps = np.sqrt(settings.lam0) * rng.standard_normal((N, W))
+    start = np.zeros((W, len(model.drive.states)))
+    y, _ = Plants(model, settings, [model.nominal]).run(
+        np.zeros(W, np.int64), start, np.zeros(W), np.repeat(u[:, np.newaxis], W, axis=1), eps
+    )
+    for a in range(W):
+        found = innovations(
+            model, settings, SampleBlock(5000 * k, u, np.ascontiguousarray(y[:, a])), (N // 2,)
+        ).eps
+        apart = (found - eps[:, a])[-N // 4 :] / np.sqrt(settings.lam0)
+        assert np.sqrt(np.mean(apart**2)) < within
 
 
 def test_the_simulated_fault_is_the_plant_with_the_fault(seed: int) -> None:
