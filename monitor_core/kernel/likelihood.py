@@ -61,10 +61,8 @@ def _mark(t: int, sums: Floats, when: Ints) -> None:
     """The path of a hypothesis has fallen by a step more."""
     for j in range(when.shape[0] - 1, FIRST_MARK - 1, -1):
         for a in range(sums.shape[1]):
-            more = (
-                1 if sums[FALLEN, a] >= _STEP else 0
-            )  # as a number: a choice between two loads is no vector
-            when[j, a] += more * ((when[j - 1, a] if j > FIRST_MARK else t) - when[j, a])
+            if sums[FALLEN, a] >= _STEP:
+                when[j, a] = when[j - 1, a] if j > FIRST_MARK else t
     for a in range(sums.shape[1]):
         fallen = sums[FALLEN, a]
         sums[FALLEN, a] = 0.0 if fallen >= _STEP else fallen
