@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.identification import Record, has_wrong_sign, rigid_fit
+from monitor_core.identification import Record, has_wrong_sign, rigid_fit, wrap_of
 from service.ingest.unit_names import Quantity, current_in, unit_in, unit_of
 
 _TABLE = """
@@ -74,6 +74,8 @@ class AxisRoles(NamedTuple):
     """The torque is a current: its factor is the torque constant"""
     turned: bool
     """The torque has the wrong sign"""
+    wrap_period: float | None = None
+    """After which the angle starts again, in its own unit"""
     rivals: tuple[str, ...] = ()
     """Other columns without a name that may be the torque as well"""
 
@@ -354,8 +356,10 @@ def _pair(
     good &= np.isfinite(times)
     good[1:] &= np.diff(times) > 0
     explained, turned = 0.0, False
+    period = wrap_of(y[good]) if output == "angle" else None
     if np.count_nonzero(good) > 1:
-        record = Record(times[good], u[good], y[good], output, torque)
+        motion_of = y[good] if period is None else np.unwrap(y[good], period=period)
+        record = Record(times[good], u[good], motion_of, output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
         turned = has_wrong_sign(record)
@@ -368,6 +372,7 @@ def _pair(
         explained,
         named[torque].role == "current",
         turned,
+        period,
     )
 
 
