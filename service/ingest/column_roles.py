@@ -15,6 +15,7 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification import Record, has_wrong_sign, rigid_fit, wrap_of
+from service.ingest.time_of_day import TimeOfDay
 from service.ingest.unit_names import Quantity, current_in, unit_in, unit_of
 
 _TABLE = """
@@ -137,7 +138,7 @@ def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxy
     time, unit_s = _time(values, unit_names)
     interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s if time is not None else None
     moving = {name: v for name, v in values.items() if name != time and changes(v)}
-    t = None if time is None else np.asarray(values[time] * unit_s, np.float64)
+    t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
     named = {name: Named(role_with(name, unit_names[name]), _number(name), places[name]) for name in moving}
     axes = tuple(axes_by_values(moving, t, named))
