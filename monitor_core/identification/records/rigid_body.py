@@ -92,6 +92,7 @@ def rigid_fits(
     speed_scale: float = 1.0,
     shortest_s: float = 0.0,
     moving: bool = False,
+    min_speed: float = 0.0,
 ) -> list[Rigid | None]:
     """Fits of models with these terms, all with the window that is best for the first; None: that explains nothing.
 
@@ -106,9 +107,10 @@ def rigid_fits(
         shortest_s: length of a window at least; motions faster than a third of it are suppressed.
         moving: without standstill, where there is motion enough: friction may be anything then, and looks like the
             weight of the places at which the axis stops.
+        min_speed: with ``moving``, only where the axis is as fast as that, rad/s at the sensor.
     """
     parts = windowed_parts(records)
-    least = least_speed(parts) if moving else None
+    least = _least(parts, min_speed) if moving else None
     shortest = max(_SHORTEST, shortest_s / records[0].interval_s)
     ladder = _ladder(shortest, sum(len(part.u) for part in parts))
     fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0], least))]
@@ -134,16 +136,17 @@ class Balance(NamedTuple):
 
 
 def unexplained(
-    records: Sequence[Record], balance: Balance, speed_scale: float = 1.0
+    records: Sequence[Record], balance: Balance, speed_scale: float = 1.0, min_speed: float = 0.0
 ) -> tuple[float, float] | None:
     """Sum of squares of the windowed torque that a balance does not explain, and that of the torque about its mean.
 
-    The window is the one in which these terms, fitted, explain most; without standstill, where there is motion enough.
+    The window is the one in which these terms, fitted, explain most; without standstill, and what is slower than
+    ``min_speed`` (rad/s at the sensor), where there is motion enough.
     None: the records are too short.
     """
     parts, terms = windowed_parts(records), tuple(balance.torques)
     ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
-    for least in dict.fromkeys((least_speed(parts), None)):
+    for least in dict.fromkeys((_least(parts, min_speed), None)):
         fits = [
             (fit.explained, window)
             for window in ladder
@@ -216,6 +219,11 @@ def least_speed(parts: Sequence[Part]) -> float | None:
     speed = abs(np.concatenate([speed_of(part, AROUND) for part in parts]))
     least = _STANDS * float(np.sqrt(np.mean(speed**2)))
     return least if np.mean(speed < least) > _OFTEN else None
+
+
+def _least(parts: Sequence[Part], min_speed: float) -> float | None:
+    """The larger of that speed and ``min_speed``; None: it is zero."""
+    return max(least_speed(parts) or 0.0, min_speed) or None
 
 
 def speed_of(part: Part, half: int) -> Floats:
