@@ -32,6 +32,9 @@ WINDOWS = 4
 """Equations for each length of the window; closer ones hold nothing new."""
 _FEWEST_WINDOWS = 12
 """Lengths of the window that fit into the record."""
+_FOR_EACH = 2
+"""Lengths of the window for each term where standstill is left out: with the few that may be left, all terms together
+explain all torque."""
 _SHORTEST = 24
 """Samples in a window: sums are integrals then, to 1e-3."""
 _STRIBECK = 0.3
@@ -246,11 +249,12 @@ def _fit(
     least: float | None = None,
 ) -> Rigid | None:
     rows, torque = _equations(parts, window, speed_scale, terms, least)
-    if len(torque) < _FEWEST_WINDOWS:
+    fewest = _FEWEST_WINDOWS if least is None else _FOR_EACH * WINDOWS * rows.shape[1]
+    if len(torque) < fewest:
         return None
     scale = np.sqrt((rows**2).sum(axis=0))
     spread = float(((torque - torque.mean()) ** 2).sum())
-    if not (scale > 0).all() or spread <= 0 or len(torque) <= rows.shape[1] + 2:
+    if not (scale > 0).all() or spread <= 0:
         return None
     found, _, rank, _ = np.linalg.lstsq(rows / scale, torque, rcond=1e-8)
     if rank < rows.shape[1]:
