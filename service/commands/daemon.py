@@ -122,7 +122,7 @@ def run_daemon(
 
         def begin(port: int) -> None:
             for reader in readers.values():
-                reader.start()
+                reader.start(worker.frames_arrived)
             worker.start()
             history.start()
             if links is not None:
@@ -206,7 +206,7 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
 def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[str, CanReader]:
     readers = {}
     for bus in config.bus:
-        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].filter)
+        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].filter, config.block_s)
         reader.open()
         stack.callback(reader.close)
     return readers

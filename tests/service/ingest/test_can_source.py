@@ -226,6 +226,18 @@ def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     reader.close()
 
 
+def test_who_waits_is_told_when_frames_can_be_taken(bus_config: BusConfig) -> None:
+    reader, taken = CanReader(bus_config, [FrameFilter(STANDARD)]), list[Frame]()
+    reader.open()
+    reader.start(lambda: taken.extend(reader.take().frames()))
+    with open_bus(bus_config) as sender:
+        for k in range(5):
+            send(sender, STANDARD, bytes([k]))
+        wait_for(lambda: len(taken) == 5, reader.stats)
+    reader.close()
+    assert [frame.data for frame in taken] == [bytes([k]) for k in range(5)]
+
+
 @pytest.mark.parametrize("timestamp", [0.0, 12.5, 3e6])
 def test_a_time_that_is_not_since_1970_is_that_of_the_receipt(timestamp: float) -> None:
     message = can.Message(timestamp=timestamp, arbitration_id=1, data=b"x")
