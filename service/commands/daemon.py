@@ -1,5 +1,6 @@
 """The daemon: readers, worker, store and web are connected, started and stopped."""
 
+import gc
 import os
 import threading
 from collections.abc import Callable, Mapping
@@ -93,7 +94,7 @@ def run_daemon(
         begun = at_start(config.axes, journal.epochs, now_us())
         core = FramePipeline(config, begun.axes)
         compiled = _in_background(config, stack)
-        compiled.multimodel.add_done_callback(lambda done: None if done.exception() else complete())
+        compiled.multimodel.add_done_callback(lambda done: None if done.exception() else _settled(complete))
         readers = _open_buses(config, core, stack)
         recorder = FrameRecorder(record) if record else None
         extracts = _extracts(config)
@@ -160,6 +161,13 @@ def run_daemon(
             "a fault in the worker has stopped the daemon; the log says what"
         ) from worker.error
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _settled(complete: Callable[[], None]) -> None:
+    """Everything is loaded: a full garbage collection, which stops all threads, need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
+    complete()
 
 
 def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
