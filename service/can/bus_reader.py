@@ -25,6 +25,11 @@ _RETRY_S = 0.25
 LONGEST_RETRY_S = 5.0
 """Between two tries to open a bus"""
 _IFF_UP = 1
+_MOST_ERRORS = 100
+"""Error frames, and no other, from which on a bus counts as down"""
+_ONLY_ERRORS = (
+    "down: nothing but error frames since the last data; are bit rate, cable and termination right?"
+)
 
 
 class FrameQueue:
@@ -95,6 +100,8 @@ class CanReader:
         self._frames = 0
         self._dropped = dict.fromkeys(READER_REASONS, 0)
         self._overflow_before = 0
+        self._errors = 0
+        """Error frames since the last frame with data"""
         self._retry_s = _RETRY_S
         self.turns = 0
         """How often its loop has turned, which it does on a silent bus, too"""
@@ -161,6 +168,7 @@ class CanReader:
             block, rejected = receiver.read(self._block_frames, self._stop)
             for reason, count in rejected.items():
                 self._dropped[reason] += count
+            self._errors = 0 if block else self._errors + rejected.get("error_frame", 0)
         except (can.CanError, OSError) as error:
             self._fault(error)
         self._dropped["kernel_overflow"] = self._overflow_before + receiver.overflow
@@ -169,7 +177,8 @@ class CanReader:
             self._dropped["queue_full"] += block.size
         if block:
             self._arrived()
-        if self._state != "up":  # frames may flow again without a pause in which nothing comes
+        # Frames may flow again without a pause in which nothing comes.
+        if self._state != "up" or self._errors >= _MOST_ERRORS:
             self._look_again()
 
     def _fault(self, error: Exception) -> None:
@@ -182,10 +191,10 @@ class CanReader:
         self._state = f"down: {gone}; trying to open it again"
 
     def _look_again(self) -> None:
-        """While the bus is down: check whether the interface is back, under the same socket or a new one."""
+        """While the bus is down: check whether it is back, its interface under the same socket or a new one."""
         up = self._interface_up()
         if up:
-            self._state = "up"
+            self._state = "up" if self._errors < _MOST_ERRORS else _ONLY_ERRORS
         elif up is None:
             self._close_bus()
             self._state = "down: the interface is gone; trying to open it again"
