@@ -1,10 +1,11 @@
 """Prometheus metrics of the newest snapshot, at each scrape.
 
-prometheus_client writes what is small.  The series of the axes, about seventy an axis, are written here, in a
-seventh of its time, and only once for each snapshot.
+prometheus_client writes what is small.  The series of the axes, about seventy an axis, are written here, only once for
+each snapshot, and of those only the metrics whose numbers have changed.
 """
 
 import math
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
@@ -15,9 +16,9 @@ from prometheus_client.core import HistogramMetricFamily, InfoMetricFamily, Metr
 from prometheus_client.exposition import choose_encoder
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
-from prometheus_client.utils import floatToGoString
+from pydantic_core import to_json
 
-from monitor_core.detection import DIRECTIONS, Reach, Stage
+from monitor_core.detection import DIRECTIONS, Reach
 from monitor_core.monitoring import PRIORITIES, AlarmState, DetectorStatus, ParameterStatus
 from monitor_core.trend import Trend
 from service.pipeline.history_recording import OBSERVABILITY
@@ -190,18 +191,31 @@ class _Family(NamedTuple):
     series: Iterable[_Series]
 
 
-class _Starts(dict[tuple[str, ...], str]):
-    """The beginning of the line of each series, by its label values: made once."""
+class _Lines:
+    """The lines of a metric, which are kept: most metrics have the series of last time, and many its numbers."""
 
     def __init__(self, name: str, labels: Sequence[str]) -> None:
-        super().__init__()
         self._name, self._labels = name, labels
+        self._values: tuple[tuple[str, ...], ...] = ()
+        self._numbers: tuple[float, ...] = ()
+        self._form = self._text = ""
 
-    def __missing__(self, values: tuple[str, ...]) -> str:
+    def text(self, series: Iterable[_Series]) -> str:
+        """A line for each series."""
+        pairs = tuple(series)
+        values, numbers = tuple([v for v, _ in pairs]), tuple([n for _, n in pairs])
+        if values != self._values:
+            self._form = "".join([f"{self._start(v)} %s\n" for v in values])
+        elif numbers == self._numbers:
+            return self._text
+        self._values, self._numbers = values, numbers
+        self._text = self._form % tuple(_written(numbers)) if numbers else ""
+        return self._text
+
+    def _start(self, values: Sequence[str]) -> str:
         pairs = sorted(zip(self._labels, map(_escaped, values), strict=True))
         inner = ",".join(f'{label}="{value}"' for label, value in pairs)
-        start = self[values] = f"{self._name}{{{inner}}} " if pairs else f"{self._name} "
-        return start
+        return f"{self._name}{{{inner}}}" if pairs else self._name
 
 
 class _Writer:
@@ -209,31 +223,35 @@ class _Writer:
 
     def __init__(self, openmetrics: bool) -> None:
         self._openmetrics = openmetrics
-        self._starts: dict[str, _Starts] = {}
+        self._lines: dict[str, _Lines] = {}
+        self._lock = threading.Lock()
 
     def of_axes(self, snapshot: Snapshot, _now_us: int) -> bytes:
         """The lines of all that does not change while the snapshot is the newest one."""
         return self.text(_of_axes(snapshot))
 
     def text(self, families: Iterable[_Family]) -> bytes:
-        """The lines of families."""
-        lines = list[str]()
-        for name, series in families:
-            kind, words, labels = _FAMILIES[name]
-            total = "_total" if kind == "counter" else ""
-            family = f"axiswatch_{name}{'' if self._openmetrics else total}"
-            lines.append(f"# HELP {family} {words}\n# TYPE {family} {kind}\n")
-            starts = self._starts.setdefault(name, _Starts(f"axiswatch_{name}{total}", labels))
-            # Beyond a million, and where it is not finite, a number is written another way than Python does.
-            lines += [
-                f"{starts[values]}{float(n) if 0 <= n < 1e6 else floatToGoString(n)}\n"  # type: ignore[no-untyped-call]
-                for values, n in series
-            ]
-        return "".join(lines).encode()
+        """The lines of families, from any thread."""
+        parts = list[str]()
+        with self._lock:
+            for name, series in families:
+                kind, words, labels = _FAMILIES[name]
+                total = "_total" if kind == "counter" else ""
+                family = f"axiswatch_{name}{'' if self._openmetrics else total}"
+                lines = self._lines.setdefault(name, _Lines(f"axiswatch_{name}{total}", labels))
+                parts += (f"# HELP {family} {words}\n# TYPE {family} {kind}\n", lines.text(series))
+        return "".join(parts).encode()
+
+
+def _written(numbers: Iterable[float]) -> Sequence[str]:
+    """Numbers with all their digits: as JSON, which is much faster than by Python, but for those that it lacks."""
+    text = to_json([*map(float, numbers)], inf_nan_mode="constants").decode()
+    return text[1:-1].replace("-Infinity", "-Inf").replace("Infinity", "+Inf").split(",")
 
 
 def _escaped(value: str) -> str:
-    return value.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"")
+    """A value of a label, for a form that is filled in."""
+    return value.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"").replace("%", "%%")
 
 
 def _of_axes(snapshot: Snapshot) -> Iterator[_Family]:
@@ -281,26 +299,29 @@ def _parameters(axes: _Axes) -> Iterator[_Family]:
 
 
 def _alarms(snapshot: Snapshot) -> Iterator[_Family]:
-    axes = snapshot.axes
-    every = [(axis, cause) for axis in axes for cause in axis.causes]
-
+    axes, names = snapshot.axes, _names(snapshot)
     lasting = {  # latched, or the off-delay is not over
         (a.axis, a.parameter, a.direction)
         for a in snapshot.alarms.standing
         if a.active and a.ended_us is not None and a.kind != "forecast"
     }
-
-    sides = [(axis, cause, d) for axis, cause in every for d in DIRECTIONS]
-    named = [((a.id, cause, d), _is_open(a, cause, d, "named")) for a, cause, d in sides]
-    changed = (_is_open(a, cause, d, "changed") for a, cause, d in sides)
-    active = ((name, n or c or name in lasting) for (name, n), c in zip(named, changed, strict=True))
-    yield _Family("alarm_active", active)
-    yield _Family("alarm_named", named)
-    causes = {axis.id: _causes(axis) for axis in axes}
+    alarms = [
+        (a.id, e) for a in axes for e in a.open_alarms if e.kind != "forecast"
+    ]  # those have their own metric
+    named = {(axis, e.parameter, e.direction) for axis, e in alarms if e.stage == "named"}
+    active = lasting.union((axis, e.parameter, e.direction) for axis, e in alarms)
+    yield _Family("alarm_active", ((name, name in active) for name in names))
+    yield _Family("alarm_named", ((name, name in named) for name in names))
+    probable = ((a.id, _causes(a), a.causes) for a in axes)
     yield _Family(
         "alarm_probability",
-        (((axis.id, cause), causes[axis.id].get(cause, 0.0)) for axis, cause in every),
+        (((axis, cause), found.get(cause, 0.0)) for axis, found, causes in probable for cause in causes),
     )
+
+
+def _names(snapshot: Snapshot) -> list[tuple[str, ...]]:
+    """Every alarm that there may be: axis, cause and direction."""
+    return [(axis.id, cause, d) for axis in snapshot.axes for cause in axis.causes for d in DIRECTIONS]
 
 
 def _life_cycle(snapshot: Snapshot) -> Iterator[_Family]:
@@ -311,22 +332,13 @@ def _life_cycle(snapshot: Snapshot) -> Iterator[_Family]:
         if a.active and a.kind != "forecast":
             kept = hidden if a.life.at(snapshot.taken_us).hidden else shown
             kept.add((a.axis, a.parameter, a.direction))
-    names = [(axis.id, cause, d) for axis in snapshot.axes for cause in axis.causes for d in DIRECTIONS]
-    yield _Family("alarm_hidden", ((name, name in hidden - shown) for name in names))
+    hidden -= shown
+    yield _Family("alarm_hidden", ((name, name in hidden) for name in _names(snapshot)))
     counts = Counter({(str(c.state), str(c.priority)): c.alarms for c in alarms.states})
     counts.update((str(a.state), str(a.priority)) for a in alarms.unrecorded)
     places = [(str(s), str(p)) for s in AlarmState if s is not AlarmState.NORMAL for p in PRIORITIES]
     yield _Family("alarms", ((place, counts[place]) for place in places))
     yield _Family("alarms_not_recorded", [((), alarms.waiting)])
-
-
-def _is_open(axis: AxisSnapshot, parameter: str, direction: str, stage: Stage) -> bool:
-    return any(
-        (e.parameter, e.direction) == (parameter, direction)
-        and e.stage == stage
-        and e.kind != "forecast"  # those have their own metric
-        for e in axis.open_alarms
-    )
 
 
 def _causes(axis: AxisSnapshot) -> dict[str, float]:
