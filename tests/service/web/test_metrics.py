@@ -149,8 +149,16 @@ def test_both_formats_say_the_same(client: TestClient) -> None:
 
 def test_numbers_are_read_as_they_are(stage: Stage) -> None:
     """With all digits; what is not finite as both formats want it."""
-    axis, numbers = stage.snapshot.axes[0], (0.0, -0.25, 1 / 3, 1e-7, 999_999.5, 1e6, 1.27530e8, 1.5e300, -3e7)
-    for value, text in (*zip(numbers, repeat(None)), (math.inf, "+Inf"), (-math.inf, "-Inf"), (math.nan, "NaN")):
+    axis, numbers = (
+        stage.snapshot.axes[0],
+        (0.0, -0.25, 1 / 3, 1e-7, 999_999.5, 1e6, 1.27530e8, 1.5e300, -3e7),
+    )
+    for value, text in (
+        *zip(numbers, repeat(None)),
+        (math.inf, "+Inf"),
+        (-math.inf, "-Inf"),
+        (math.nan, "NaN"),
+    ):
         kT, *others = axis.status.parameters
         status = replace(axis.status, parameters=(replace(kT, estimate=value), *others))
         stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=status),))
