@@ -18,7 +18,7 @@ from tests.soak.test_full_bus import sending, written
 
 pytestmark = pytest.mark.bench
 
-AXES, RATE_HZ, COUNTS, WATCHED_S = 20, 1000, 2048, 20.0
+AXES, RATE_HZ, BITS, WATCHED_S = 20, 1000, 11, 20.0
 INERTIA, FRICTION = 0.01, 0.02
 
 HEAD = """\
@@ -35,7 +35,7 @@ id = {can_id:#x}
 signal = [
   {{ name = "torque", start_bit = 0, length = 16, kind = "signed", factor = 0.001 }},
   {{ name = "speed", start_bit = 16, length = 16, kind = "signed", factor = 0.01 }},
-  {{ name = "count", start_bit = 32, length = 11 }},
+  {{ name = "count", start_bit = 32, length = {bits} }},
 ]
 """
 ROBOT = """\
@@ -45,6 +45,7 @@ name = "demo"
 sample_interval_s = {interval_s}
 time = {{ counter_signal = "count" }}
 estimator = {{ torque_noise = 0.05, output_noise = 0.01 }}
+detector = {{ shadow = {shadow} }}
 model = {{ drive = "one-mass", monitor = {monitored}, nominal = {nominal} }}
 """
 AXIS = """\
@@ -62,20 +63,22 @@ def configured(
     folder: Path,
     axes: int = AXES,
     rate_hz: int = RATE_HZ,
+    bits: int = BITS,
     monitored: str = '["kT", "fm"]',
     nominal: str = NOMINAL,
+    shadow: str = "true",
 ) -> Path:
     numbers = range(1, axes + 1)
-    parts = [HEAD, *(MESSAGE.format(n=n, can_id=0x100 + n) for n in numbers)]
-    parts.append(ROBOT.format(interval_s=1 / rate_hz, monitored=monitored, nominal=nominal))
+    parts = [HEAD, *(MESSAGE.format(n=n, can_id=0x100 + n, bits=bits) for n in numbers)]
+    parts.append(ROBOT.format(interval_s=1 / rate_hz, monitored=monitored, nominal=nominal, shadow=shadow))
     parts += [AXIS.format(n=n) for n in numbers]
     (folder / "robot.toml").write_text("".join(parts), encoding="utf-8")
     return folder / "robot.toml"
 
 
-def frames(axes: int = AXES, rate_hz: int = RATE_HZ) -> FrameBlock:
+def frames(axes: int = AXES, rate_hz: int = RATE_HZ, bits: int = BITS) -> FrameBlock:
     """As many as the count has values, so that they can be repeated: the speeds are periodic."""
-    count, periods = COUNTS, {3: 40.0, 8: 15.0}
+    count, periods = 2**bits, {3: 40.0, 8: 15.0}
     turns = 2 * np.pi * np.arange(count) / count
     speed, slope = np.zeros(count), np.zeros(count)
     for number, amplitude in periods.items():
