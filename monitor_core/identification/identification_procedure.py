@@ -32,7 +32,7 @@ from monitor_core.identification.starting import (
     grow,
     masses_of,
 )
-from monitor_core.identification.verdict import Quality, Verdict, verdict_of
+from monitor_core.identification.verdict import Effect, Quality, Verdict, verdict_of
 from monitor_core.identification.warm_up import (
     LEAST_MOTION_S,
     FoundWarmUp,
@@ -160,6 +160,11 @@ class IdentificationResult:
         return nearest if abs(nearest - e.delay_s) < _SIGNIFICANT * sd else e.delay_s
 
     @property
+    def slow_left_out(self) -> float:
+        """Speed below which the motion is left out, as it sticks and slips, rad/s at the sensor; 0: none is."""
+        return self.estimate.problem.min_speed
+
+    @property
     def masses(self) -> int | None:
         """Number of masses of the identified drive; see ``masses_of``."""
         return masses_of(self.estimate.problem)
@@ -267,6 +272,9 @@ def identify(
 ) -> IdentificationResult:
     """Estimate the free parameters of a drive; simulate all records; compare with a black box.
 
+    Where most of the motion is so slow that its friction sticks and slips, and the drive does not explain it, the fit
+    is repeated without that motion, as the monitor is then to be used (``Problem.min_speed``).
+
     Args:
         problem: drive, nominal values, free parameters, predictor.
         records: to be fitted.
@@ -279,7 +287,24 @@ def identify(
             masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    report: Progress = progress or _silent
+    found = _identify(problem, records, validation, options, progress or _silent)
+    if Effect.SLOW not in found.verdict.missing:
+        return found
+    faster = replace(problem, min_speed=found.verdict.slow)
+    try:
+        again = _identify(faster, records, validation, options, progress or _silent)
+    except IdentificationError:
+        return found
+    return found if again.rejection else again
+
+
+def _identify(
+    problem: Problem,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    options: IdentificationOptions,
+    report: Progress,
+) -> IdentificationResult:
     standstill = find_standstill(records)
     if standstill is not None:
         records = standstill.records

@@ -82,6 +82,8 @@ class Problem:
             records' signals s_j; the b_j are estimated.
         slopes: where the b_j start, by name, "fm per temperature"; 0 if not given.
         interval_s: that K belongs to, s; None: the median interval of the records.
+        min_speed: errors count only where the axis is as fast at least, as in the monitor, rad/s at the sensor; the
+            state is corrected all the same.  0: all of them do.
 
     Raises:
         KeyError, ValueError: what AxisModel refuses; settings that contradict one another.
@@ -103,6 +105,7 @@ class Problem:
     varying: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     slopes: Mapping[str, float] = field(default_factory=dict)
     interval_s: float | None = None
+    min_speed: float = 0.0
 
     def __post_init__(self) -> None:
         # Monitoring none of them: a free parameter that starts at zero needs no scale, the data set it.

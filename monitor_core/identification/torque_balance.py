@@ -37,7 +37,7 @@ def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> fl
     """
     left = spread = 0.0
     for problem, records in problems:
-        found = unexplained(*_balanced(problem, records))
+        found = unexplained(*_balanced(problem, records), problem.min_speed)
         if found is None:
             return -np.inf
         left, spread = left + found[0], spread + found[1]

@@ -3,7 +3,7 @@
 One step ahead every drive predicts well.  What decides is the simulation of records that were not fitted; where there
 are none, each half of the records is simulated with values from the other half.  Where a weight acts, or Coulomb
 friction takes most of the torque, the simulation may run away, and the torque of the measured motion is compared
-instead (torque_balance.py).
+instead (torque_balance.py); so it is where slow motion is left out, which a simulation has to go through.
 """
 
 from __future__ import annotations
@@ -165,7 +165,8 @@ def verdict_of(
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
     found = Verdict(explained(traces), explained(validated), basis, ())
     ill_posed = found.quality is Quality.POOR and rubs(estimate.problem, records)
-    if ill_posed or (found.quality is not Quality.GOOD and _bears(estimate.problem, records)):
+    leaves_out = estimate.problem.min_speed > 0
+    if ill_posed or (found.quality is not Quality.GOOD and (leaves_out or _bears(estimate.problem, records))):
         fitted, other = (Share(explained_torque(tried), 0.0) for tried in (own, others or own))
         if min(fitted, other).per_cent > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)
@@ -173,7 +174,8 @@ def verdict_of(
         return found
     missing = missing_effects(estimate.problem, records)
     slow, share = slow_motion(records)
-    if share > _MOSTLY and {Effect.FAST, Effect.FRICTION_CURVE} & set(missing) and not _PARTS & set(missing):
+    sticks = share > _MOSTLY and not leaves_out
+    if sticks and {Effect.FAST, Effect.FRICTION_CURVE} & set(missing) and not _PARTS & set(missing):
         return found._replace(missing=(Effect.SLOW,), slow=slow)
     if found.measure is Measure.TORQUE:  # which shows slow motions only
         missing = tuple(effect for effect in missing if effect is not Effect.FAST)
@@ -253,7 +255,9 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     lacking = [effect for effect in _TERMS if effect not in present]
     more = [(*base, *_TERMS[effect]) for effect in lacking]
     everything = (*base, *(term for effect in lacking for term in _TERMS[effect]))
-    full, own, *others = rigid_fits(records, [everything, base, *more], problem.speed_scale, moving=True)
+    full, own, *others = rigid_fits(
+        records, [everything, base, *more], problem.speed_scale, moving=True, min_speed=problem.min_speed
+    )
     if full is None or own is None:
         return ()
     left = 1 - own.explained

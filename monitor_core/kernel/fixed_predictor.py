@@ -216,6 +216,7 @@ def predict_record(
     u: Floats,
     y: Floats,
     measured: Ints,
+    counts: Ints,
     weights: Floats,
     motion: MotionInputs,
     X: Floats,
@@ -229,8 +230,9 @@ def predict_record(
     eps: Floats,
     psi: Floats,
 ) -> bool:
-    """Prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where y was not measured.
+    """Prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where they do not count.
 
+    All errors of a ``measured`` y correct the state.
     ``step`` (N,) is the index of the held X (G, n, n + m') and dX (G, n + m', n q) that lead to the next sample,
     ``level`` (N,) the index of the outputs C (L, n), dC (L, n, q).  Where X has one input more than there are kinds,
     m' = m + 1, that is the torque of the sample before.  ``weights`` (N, s) are the inputs of that kind, in order.
@@ -262,7 +264,8 @@ def predict_record(
             eps[k] = y[k] - yhat
             if corrects:
                 _correct(K, dK, eps[k], k, psi, x, b, Z)
-        else:
+        if not counts[k]:
+            eps[k] = 0.0
             for i in range(p):
                 psi[k, i] = 0.0
         if X.shape[2] > n + m:

@@ -27,10 +27,10 @@ from service.commands.commissioning_remedies import (
     Retry,
     memories_of,
     memory_change,
+    min_speed_change,
     motion_for,
     remedy_for,
     retry,
-    standstill_change,
     watched_in,
 )
 from service.commands.identification_task import Request, drawing_of, prepare
@@ -153,7 +153,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         return replace(outcome, refusal=not_identified(report, taken))
     replace_text(order.folder / values, as_toml(report))
     refusal = "" if watched_in(report) else f"{outcome.outlook.removesuffix('.')}{taken}"
-    changes = (*memory_change(report, axis.config), *standstill_change(report, axis.config))
+    changes = (*memory_change(report, axis.config), *min_speed_change(report, axis.config))
     outcome = replace(
         outcome,
         nominal_file=values,

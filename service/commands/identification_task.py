@@ -303,6 +303,7 @@ def _problem(
             disturbance=_disturbance(kind, used, request.disturbance_s),
             loss="huber" if request.robust else "squares", varying=schedule,
             interval_s=_interval_s(axis.config.sample_interval_s, [item.record for item in used]),
+            min_speed=axis.config.min_speed or 0.0,
         )  # fmt: skip
     except ValueError as error:
         raise IdentificationError(str(error)) from None

@@ -113,9 +113,15 @@ class IdentificationReport:
             yield f"friction_speed_scale is not given: {scale:.3g} rad/s explains the records best."
 
     def _standstill(self) -> Iterator[str]:
-        """That the torque of an axis that stands is left out."""
-        found = self.result.standstill
-        if found is not None:
+        """That the torque of an axis that stands is left out, or all of its slow motion."""
+        found, slow = self.result.standstill, self.result.slow_left_out
+        if slow:
+            yield (
+                f"What is slower than {slow:.2g} rad/s is left out of the fit: its friction sticks and slips, other"
+                f" than fm and fc describe. With min_speed = {slow:.2g}, which `commission` sets, the monitor does so,"
+                " too."
+            )
+        elif found is not None:
             yield (
                 f"The axis stands {percent(found.share)} of the time, and friction holds any torque then: the fit"
                 f" leaves that torque out. With min_speed = {found.speed:.2g}, which `commission` sets, the monitor"

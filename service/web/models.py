@@ -362,6 +362,11 @@ class Drift(Body):
     level_sd: Number = Field(description="its standard deviation")
     slope_per_day: Number = Field(description="averaged over these models, in the parameter's unit per day")
     slope_per_day_sd: Number = Field(description="its standard deviation")
+    changed: Time = Field(
+        description="when the likeliest kind of change began, UTC; of a steady one the begin"
+    )
+    change: Number = Field(description="by how much it has changed since then, in the parameter's unit")
+    change_sd: Number = Field(description="its standard deviation")
     scatter: Number = Field(
         description="standard deviation of an entry about the trend, in the parameter's unit"
     )

@@ -152,7 +152,8 @@ def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
 
 def _drift(t: Trend) -> models.Drift:
     per_day = {"slope_per_day": t.slope * 86400, "slope_per_day_sd": t.slope_sd * 86400}
-    return _body(models.Drift, t, **t.probability, **per_day)
+    since = {"changed": t.change_us, "change": t.change}
+    return _body(models.Drift, t, **t.probability, **per_day, **since)
 
 
 def reach(r: Reach, now_us: int) -> models.Reach:

@@ -85,12 +85,15 @@ def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, 
 
 def fits(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
     """NRMSE of each record, per cent, where a predictor leaves these errors."""
-    return tuple(_nrmse(s.record.y, e.eps) for s, e in zip(predictor.series, errors, strict=True))
+    return tuple(
+        _nrmse(np.where(s.counts, s.record.y, np.nan), e.eps)
+        for s, e in zip(predictor.series, errors, strict=True)
+    )
 
 
 def _with_values_held(problem: Problem) -> Problem:
-    """The derivatives by the parameters are most of the work, and only initial states are fitted."""
-    return replace(problem, free=tuple(problem.varying), free_delay=False)
+    """The derivatives by the parameters are most of the work, and only initial states are fitted, to all samples."""
+    return replace(problem, free=tuple(problem.varying), free_delay=False, min_speed=0.0)
 
 
 def _free_run(problem: Problem) -> Problem:

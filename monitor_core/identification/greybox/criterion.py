@@ -181,14 +181,14 @@ def _sums(
         cost += _loss(eps, limit)
         g[columns[i]] += weighted.T @ eps
         H[np.ix_(columns[i], columns[i])] += weighted.T @ psi
-        samples += int(predictor.series[i].measured.sum())
+        samples += int(predictor.series[i].counts.sum())
     return Normal(cost, g, H, samples)
 
 
 def robust_deviation(errors: Sequence[Errors], predictor: Predictor) -> float:
     """Standard deviation of the errors from their median absolute value."""
-    measured = [e.eps[s.measured > 0] for e, s in zip(errors, predictor.series, strict=True)]
-    return float(1.4826 * np.median(np.abs(np.concatenate(measured))))
+    counted = [e.eps[s.counts > 0] for e, s in zip(errors, predictor.series, strict=True)]
+    return float(1.4826 * np.median(np.abs(np.concatenate(counted))))
 
 
 def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturbance | None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
 from monitor_core.identification.predictor.middle_speed import MiddleSpeed, middle_speed
@@ -31,7 +32,7 @@ from monitor_core.samples import forward_fill
 
 
 class Errors(NamedTuple):
-    """Errors of one record: eps (N,) and psi (N, shared + n), zero where y was not measured.
+    """Errors of one record: eps (N,) and psi (N, shared + n), zero where they do not count.
 
     ``good``: all values are finite.
     """
@@ -71,7 +72,10 @@ class Predictor:
         names = [signal for _, signal in self.layout.varying]
         late = whole_intervals(problem.delay_s, self.interval_s)
         self._whole_s = late * self.interval_s
-        self.series = [series(record, names, late, [signal for _, signal in torques]) for record in records]
+        self.series = [
+            series(record, names, late, [signal for _, signal in torques], problem.min_speed)
+            for record in records
+        ]
         start = self.layout.point(self.layout.start())
         self.d = AxisModel(acting, start.values, ()).balance()
         self._structure = Structure(acting, self.layout.free, self.d)
@@ -212,7 +216,7 @@ class Predictor:
         dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
         eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
         good = predict_record(
-            s.step, s.level, s.u, s.y, s.measured, s.weights, motion, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
+            s.step, s.level, s.u, s.y, s.measured, s.counts, s.weights, motion, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
         )  # fmt: skip
         return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
 
@@ -364,6 +368,7 @@ class Series:
     u: Floats  # (N,)
     y: Floats  # (N,) zero where not measured
     measured: Ints  # (N,) 0 or 1
+    counts: Ints  # (N,) 0 or 1: whether it was measured, and its error counts
     step: Ints  # (N,) which of the pairs leads to the next sample
     level: Ints  # (N,) which of the levels applies
     pairs: Ints  # (G, 2) interval in us, level
@@ -385,31 +390,46 @@ class Series:
         return np.concatenate(of_levels)[np.argsort(np.concatenate(places))]
 
 
-def series(record: Record, signals: Sequence[str], late: int = 0, torques: Sequence[str] = ()) -> Series:
+def series(
+    record: Record,
+    signals: Sequence[str],
+    late: int = 0,
+    torques: Sequence[str] = (),
+    min_speed: float = 0.0,
+) -> Series:
     """Prepare a record, with its torque ``late`` samples later.  Times are rounded to microseconds, as in the monitor.
 
-    Parameters follow ``signals``, level by level; ``torques`` are inputs at each sample.
+    Parameters follow ``signals``, level by level; ``torques`` are inputs at each sample.  Errors count where the axis
+    is as fast as ``min_speed``.
 
     Raises:
-        ValueError: it lacks a signal, or nothing of it was measured; intervals too different for a shift.
+        ValueError: it lacks a signal, or nothing of it was measured, or all of it is slower; intervals too different
+            for a shift.
     """
     if not record.measured.any():
         raise ValueError(f"{record.name or 'record'}: no output was measured")
     if missing := [name for name in (*signals, *torques) if name not in record.signals]:
         raise ValueError(f"{record.name or 'record'}: no signal {missing[0]!r}")
     values, level = _levels([record.signals[name] for name in signals], len(record))
-    intervals = np.diff(np.rint(record.t * 1e6).astype(np.int64))
+    t_us = np.rint(record.t * 1e6).astype(np.int64)
+    intervals = np.diff(t_us)
     keys, step = np.unique(intervals * len(values) + level[:-1], return_inverse=True)
     pairs = np.stack(np.divmod(keys, len(values)), axis=1)
     y = np.where(record.measured, record.y, 0.0)
     measured = record.measured.astype(np.int64)
+    counts = measured
+    if min_speed > 0:
+        fast = MeasuredSpeed(record.quantity).take(t_us, record.y).speed >= min_speed
+        if not fast.any():
+            raise ValueError(f"{record.name or 'record'}: the axis is nowhere as fast as {min_speed:g} rad/s")
+        counts = measured * fast
     if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
         raise ValueError(
             f"{record.name or 'record'}: the torque is late by more than one interval, and those differ"
         )
     u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
     weights = _filled([record.signals[name] for name in torques], len(record))
-    return Series(record, u, y, measured, np.append(step, 0), level, pairs, values, weights)
+    return Series(record, u, y, measured, counts, np.append(step, 0), level, pairs, values, weights)
 
 
 def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:

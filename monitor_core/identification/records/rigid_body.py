@@ -32,6 +32,9 @@ WINDOWS = 4
 """Equations for each length of the window; closer ones hold nothing new."""
 _FEWEST_WINDOWS = 12
 """Lengths of the window that fit into the record."""
+_FOR_EACH = 2
+"""Lengths of the window for each term where standstill is left out: with the few that may be left, all terms together
+explain all torque."""
 _SHORTEST = 24
 """Samples in a window: sums are integrals then, to 1e-3."""
 _STRIBECK = 0.3
@@ -92,6 +95,7 @@ def rigid_fits(
     speed_scale: float = 1.0,
     shortest_s: float = 0.0,
     moving: bool = False,
+    min_speed: float = 0.0,
 ) -> list[Rigid | None]:
     """Fits of models with these terms, all with the window that is best for the first; None: that explains nothing.
 
@@ -106,9 +110,10 @@ def rigid_fits(
         shortest_s: length of a window at least; motions faster than a third of it are suppressed.
         moving: without standstill, where there is motion enough: friction may be anything then, and looks like the
             weight of the places at which the axis stops.
+        min_speed: with ``moving``, only where the axis is as fast as that, rad/s at the sensor.
     """
     parts = windowed_parts(records)
-    least = least_speed(parts) if moving else None
+    least = _least(parts, min_speed) if moving else None
     shortest = max(_SHORTEST, shortest_s / records[0].interval_s)
     ladder = _ladder(shortest, sum(len(part.u) for part in parts))
     fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0], least))]
@@ -134,16 +139,17 @@ class Balance(NamedTuple):
 
 
 def unexplained(
-    records: Sequence[Record], balance: Balance, speed_scale: float = 1.0
+    records: Sequence[Record], balance: Balance, speed_scale: float = 1.0, min_speed: float = 0.0
 ) -> tuple[float, float] | None:
     """Sum of squares of the windowed torque that a balance does not explain, and that of the torque about its mean.
 
-    The window is the one in which these terms, fitted, explain most; without standstill, where there is motion enough.
+    The window is the one in which these terms, fitted, explain most; without standstill, and what is slower than
+    ``min_speed`` (rad/s at the sensor), where there is motion enough.
     None: the records are too short.
     """
     parts, terms = windowed_parts(records), tuple(balance.torques)
     ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
-    for least in dict.fromkeys((least_speed(parts), None)):
+    for least in dict.fromkeys((_least(parts, min_speed), None)):
         fits = [
             (fit.explained, window)
             for window in ladder
@@ -218,6 +224,11 @@ def least_speed(parts: Sequence[Part]) -> float | None:
     return least if np.mean(speed < least) > _OFTEN else None
 
 
+def _least(parts: Sequence[Part], min_speed: float) -> float | None:
+    """The larger of that speed and ``min_speed``; None: it is zero."""
+    return max(least_speed(parts) or 0.0, min_speed) or None
+
+
 def speed_of(part: Part, half: int) -> Floats:
     """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
     return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
@@ -238,11 +249,12 @@ def _fit(
     least: float | None = None,
 ) -> Rigid | None:
     rows, torque = _equations(parts, window, speed_scale, terms, least)
-    if len(torque) < _FEWEST_WINDOWS:
+    fewest = _FEWEST_WINDOWS if least is None else _FOR_EACH * WINDOWS * rows.shape[1]
+    if len(torque) < fewest:
         return None
     scale = np.sqrt((rows**2).sum(axis=0))
     spread = float(((torque - torque.mean()) ** 2).sum())
-    if not (scale > 0).all() or spread <= 0 or len(torque) <= rows.shape[1] + 2:
+    if not (scale > 0).all() or spread <= 0:
         return None
     found, _, rank, _ = np.linalg.lstsq(rows / scale, torque, rcond=1e-8)
     if rank < rows.shape[1]:

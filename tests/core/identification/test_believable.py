@@ -157,7 +157,7 @@ def test_a_weight_that_takes_hardly_any_torque_is_looked_for_after_springs(
     assert missing_effects(Problem(one_mass(), VALUES, ALL, speed_scale=SCALE), [borne]) == missing
 
 
-def test_an_axis_that_mostly_creeps_is_named(seed: int) -> None:
+def creeping(seed: int) -> Record:
     """As a wrist that welds: friction that sticks and slips takes all torque."""
     rng, s = np.random.default_rng(seed), np.linspace(0, 1, round(1 / H))
     y, stuck = [np.zeros(1)], [np.zeros(1)]
@@ -173,7 +173,11 @@ def test_an_axis_that_mostly_creeps_is_named(seed: int) -> None:
     u = VALUES["J"] * np.gradient(speed, H) + VALUES["fv"] * speed + VALUES["fc"] * np.tanh(speed / 0.01)
     t = np.asarray(H * np.arange(angle.size))
     measured = angle + 2e-5 * rng.standard_normal(angle.size)
-    slow = Record(t, u + np.concatenate(stuck), measured, "angle", "axis")
+    return Record(t, u + np.concatenate(stuck), measured, "angle", "axis")
+
+
+def test_an_axis_that_mostly_creeps_is_named(seed: int) -> None:
+    slow = creeping(seed)
     problem = Problem(one_mass(), VALUES, ALL, speed_scale=0.01)
     estimate = fit(problem, [slow])
     verdict = verdict_of(estimate, [slow], [], traces_of(estimate.problem, [slow]), ())
@@ -181,6 +185,16 @@ def test_an_axis_that_mostly_creeps_is_named(seed: int) -> None:
     assert verdict.quality is not Quality.GOOD
     assert verdict.missing == (Effect.SLOW,)
     assert 0.02 < verdict.slow < 0.1
+
+
+def test_an_axis_that_mostly_creeps_is_identified_from_its_faster_motion(seed: int) -> None:
+    problem = Problem(one_mass(), VALUES, ALL, speed_scale=0.01)
+    result = identify(problem, [creeping(seed)], (), IdentificationOptions(start="values"))
+    J = result.estimate.values["J"]
+    print(result.verdict, J)
+    assert 0.02 < result.slow_left_out < 0.1
+    assert result.verdict.quality is Quality.GOOD
+    assert pytest.approx(VALUES["J"], rel=0.05) == J
 
 
 def test_the_speed_scale_is_found(seed: int) -> None:

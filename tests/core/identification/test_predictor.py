@@ -204,6 +204,22 @@ def test_gravity_of_a_measured_angle_that_a_free_ratio_scales(seed: int) -> None
     check_gradients(Predictor(as_monitor(case), [case_record(seed, case, 200)], None), 3e-6)
 
 
+def test_what_is_slow_corrects_the_state_but_does_not_count(seed: int) -> None:
+    """All other errors and gradients are the same to the last bit."""
+    case = BY_NAME["speed-drift"]
+    rec, problem = case_record(seed, case, 400), as_monitor(case)
+    least = float(np.median(abs(rec.y)))
+    predictors = (
+        Predictor(replace(problem, min_speed=speed), [rec], problem.disturbance) for speed in (0.0, least)
+    )
+    (every,), (fast,) = (predictor.errors(predictor.start()) for predictor in predictors)
+    counts = abs(rec.y) >= least
+    np.testing.assert_array_equal(fast.eps, np.where(counts, every.eps, 0.0))
+    np.testing.assert_array_equal(fast.psi, np.where(counts[:, None], every.psi, 0.0))
+    with pytest.raises(ValueError, match="nowhere as fast as 1e"):
+        Predictor(replace(problem, min_speed=1e9), [rec], None)
+
+
 def test_a_signal_that_was_not_measured_everywhere_keeps_its_value(seed: int) -> None:
     rec = reference_record(seed, 100)
     smooth, holes = np.linspace(1.0, 2.0, 100), np.repeat(np.linspace(1.0, 2.0, 100)[::10], 10)

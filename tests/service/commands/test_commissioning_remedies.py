@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.identification import Effect, Obstacle, Rejection, Watched
 from service.commands.axis_commissioning import not_identified
-from service.commands.commissioning_remedies import memories_of, memory_change, retry, standstill_change
+from service.commands.commissioning_remedies import memories_of, memory_change, min_speed_change, retry
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
 from service.config.commissioned import Correction, corrected
@@ -47,6 +47,7 @@ def report(
         memory_s=5.0,
         verdict=SimpleNamespace(missing=missing, slow=0.1),
         estimate=estimate,
+        slow_left_out=0.0,
     )
     return SimpleNamespace(rejection=rejection, result=result)
 
@@ -196,14 +197,17 @@ def test_an_axis_that_often_stands_is_monitored_from_a_speed_on(tmp_path: Path) 
     _, axis = configured(TEXT, NAME, tmp_path)
     stands = report(KT)
     stands.result.standstill = SimpleNamespace(speed=0.03456, share=0.6)
-    (change,) = standstill_change(stands, axis.config)
+    (change,) = min_speed_change(stands, axis.config)
     assert change.change == "min_speed = 0.035"
     changed = corrected(TEXT, NAME, [change])
     _, axis = configured(changed, NAME, tmp_path)
     assert axis.config.min_speed == 0.035
-    assert standstill_change(stands, axis.config) == ()
-    stands.result.standstill = None
-    assert standstill_change(stands, configured(TEXT, NAME, tmp_path)[1].config) == ()
+    assert min_speed_change(stands, axis.config) == ()
+    stands.result.slow_left_out = 1.234
+    (change,) = min_speed_change(stands, configured(TEXT, NAME, tmp_path)[1].config)
+    assert change.change == "min_speed = 1.2"
+    stands.result.slow_left_out, stands.result.standstill = 0.0, None
+    assert min_speed_change(stands, configured(TEXT, NAME, tmp_path)[1].config) == ()
 
 
 def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:

@@ -5,8 +5,8 @@ import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord } from "./ask";
 import { moment, percent, zone } from "./format";
 import { useLive } from "./live";
-import { AlarmWords, Meaning, meaningOf } from "./alarm_words";
-import { arrow, axisLink, numberWithUnit, Time, Words } from "./marks";
+import { AlarmWords, Meaning, meaningOf, Reached } from "./alarm_words";
+import { arrow, axisLink, numberWithUnit, Time } from "./marks";
 import { t } from "./texts";
 
 export function AlarmPage({ id }: { id: string }) {
@@ -35,7 +35,7 @@ export function AlarmPage({ id }: { id: string }) {
         <span class="no-print"><AlarmButtons alarm={alarm} done={refresh} /> <button type="button" onClick={() => print()}>{t.print}</button></span>
       </div>
       <p class="sentence"><AlarmWords alarm={alarm} /></p>
-      {alarm.reaches.map((reach) => <p key={reach.name} class="sentence"><Words>{reach.words}</Words></p>)}
+      {alarm.reaches.map((reach) => <p key={reach.name} class="sentence"><Reached reach={reach} from={alarm.updated} /></p>)}
       <div class="columns">
         <section>
           <h2>{t.found}</h2>

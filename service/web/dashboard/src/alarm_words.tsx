@@ -1,5 +1,5 @@
 // An alarm in one sentence: in the language of the page, or as the daemon says it, in English.
-import type { Alarm } from "./ask";
+import type { Alarm, Body } from "./ask";
 import { unit } from "./format";
 import { Words } from "./marks";
 import { t } from "./texts";
@@ -10,6 +10,12 @@ export const alarmSentence = (alarm: Alarm): string => t.sentence(alarm, unit(al
 export function AlarmWords({ alarm }: { alarm: Alarm }) {
   const own = t.sentence(alarm, unit(alarm.unit));
   return own === null ? <Words>{alarm.words}</Words> : <bdi>{own}</bdi>;
+}
+
+/** When a limit is reached, counted from a time, in a sentence. */
+export function Reached({ reach, from }: { reach: Body<"Reach">; from: string }) {
+  const own = t.reach(reach, unit(reach.unit), from);
+  return own === null ? <Words>{reach.words}</Words> : <bdi>{own}</bdi>;
 }
 
 /** The meaning of a parameter; those of the drives of the library are in the language of the page. */

@@ -1,6 +1,7 @@
 // The slow trend of each parameter of an axis: hourly or daily means, the trend with its forecast band, the limits.
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
+import { unit } from "./format";
 import { Words } from "./marks";
 import { Plot } from "./plot";
 import { rangeOf } from "./series";
@@ -35,6 +36,13 @@ export function Trends({ id }: { id: string }) {
   );
 }
 
+function Course({ p }: { p: Body<"LongTermHistory"> }) {
+  const own = t.course(p, unit(p.unit));
+  if (own === null) return <Words>{[p.words, ...p.limits.map((limit) => limit.words)].join("; ")}</Words>;
+  const from = p.drift?.time ?? new Date().toISOString();
+  return <bdi>{[own, ...p.limits.map((limit) => t.reach(limit, unit(limit.unit), from))].join("; ")}</bdi>;
+}
+
 const MEAN = { colour: "text" };
 const FORECAST = { colour: "text", dash: [6, 4] };
 const NOMINAL = { colour: "quiet", dash: [2, 3] };
@@ -47,7 +55,7 @@ function TrendPanel({ p }: { p: Body<"LongTermHistory"> }) {
   const [shown, show] = useState<[number, number] | null>(null);
   return (
     <div class="panel trend">
-      <p><b><bdi>{p.name}</bdi></b>: <Words>{[p.words, ...p.limits.map((limit) => limit.words)].join("; ")}</Words></p>
+      <p><b><bdi>{p.name}</bdi></b>: <Course p={p} /></p>
       <Plot label={t.trendPlot(p.name)} height={180} time={c.time} range={shown ?? range} onRange={show}
         columns={[c.low, c.high, c.nominal, c.trend, c.mean, ...c.limits]} band={[0, 1]}
         lines={[HIDDEN, HIDDEN, NOMINAL, FORECAST, MEAN, ...c.limits.map(() => LIMIT)]}

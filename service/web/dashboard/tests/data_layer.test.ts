@@ -66,7 +66,7 @@ describe("an alarm in a sentence", () => {
     expect(meaningOf("viscous friction of the motor")).toBe("viscous friction of the motor");
   });
 
-  test("is German in German, but for forecasts", () => {
+  test("is German in German", () => {
     choose("de");
     const unit = "N\u202fm\u202fs/rad";
     expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %) über dem Nennwert`);
@@ -76,9 +76,46 @@ describe("an alarm in a sentence", () => {
       .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %) über dem Nennwert; gleich sähe aus: fc`);
     expect(alarmSentence(changed({ parameter: "delay", size: 0.0005, nominal: 0 }))).toContain("kommt 0,5 ms zu spät");
     expect(alarmSentence(changed({ doubt: "still", inside_calibration: false }))).toMatch(/keine Bewegung.*; außerhalb/);
-    expect(alarmSentence(changed({ reaches: [{}] }))).toBe("as the daemon says it");
+    const reach = {
+      name: "fm", limit: 0.09, unit: "N m s/rad", above: true, state: "ahead", low: "2026-03-13T00:00:00Z", high: "2026-03-21T00:00:00Z", words: "",
+    };
+    expect(alarmSentence(changed({ reaches: [reach], updated: "2026-03-01T00:00:00Z" })))
+      .toBe(`fm erreicht 0,09 ${unit} in 12 bis 20 Tagen; jetzt: fm liegt 0,018 ${unit} (30 %) über dem Nennwert`);
     expect(meaningOf("reciprocal of: inertia of the arm")).toBe("Kehrwert von: Trägheit des Arms");
     expect(meaningOf("friction of my drive")).toBe("friction of my drive");
+    choose("en");
+  });
+});
+
+describe("the course of a parameter in German", () => {
+  const history = (drift: object | null): Body<"LongTermHistory"> =>
+    ({ name: "fm", unit: "1", words: "", limits: [], drift }) as unknown as Body<"LongTermHistory">;
+  const drift = {
+    time: "1970-01-02T00:00:00Z", changed: "1970-01-01T12:00:00Z", steady: 0, drift: 0, step: 0, both: 0, level: 0.0612345, level_sd: 0.000123,
+    slope_per_day: -0.00123, slope_per_day_sd: 0.0001, change: 0.0123, change_sd: 0.001,
+  };
+  const course = (changes: object): string | null => t.course(history({ ...drift, ...changes }), "");
+  beforeEach(() => {
+    globalThis.document = { documentElement: {} } as unknown as Document;
+    choose("de");
+  });
+
+  test("is a sentence for each kind of course", () => {
+    expect(t.course(history(null), "")).toContain("zu wenig Daten");
+    expect(course({ drift: 0.95 })).toBe("fm driftet um 0,0012 ± 0,0001 pro Tag nach unten");
+    expect(course({ both: 0.95 })).toBe("fm driftet um 0,0012 ± 0,0001 pro Tag nach unten, seit einer Änderung etwa 12 Stunden vor dem Ende");
+    expect(course({ steady: 0.95 })).toBe("fm ist stetig: 0,06123 ± 0,00012");
+    expect(course({ step: 0.95 })).toBe("fm ist etwa 12 Stunden vor dem Ende auf einmal um 0,012 ± 0,001 gestiegen");
+    expect(course({ steady: 0.6, drift: 0.38, step: 0.02 })).toBe("fm: stetig oder Drift, 60:38; im Mittel um 0,0012 ± 0,0001 pro Tag nach unten");
+  });
+
+  test("says when a limit is reached", () => {
+    const reach = { name: "fm", limit: 0.09, unit: "1", above: true, state: "far", low: "1970-01-31T00:00:00Z", high: null, words: "" } as const;
+    const from = "1970-01-01T00:00:00Z";
+    expect(t.reach(reach, "", from)).toBe("fm = 0,09 ist nicht in Sicht: nicht innerhalb von 30 Tagen");
+    expect(t.reach({ ...reach, state: "open" }, "", from)).toBe("fm erreicht 0,09 in 30 Tagen oder später, vielleicht nie");
+    const beyond = { ...reach, state: "beyond", low: "1970-01-01T00:00:00Z", high: "1970-01-01T12:00:00Z" } as const;
+    expect(t.reach(beyond, "", "1970-01-02T00:00:00Z")).toBe("fm liegt seit 12 bis 24 Stunden über 0,09");
     choose("en");
   });
 });

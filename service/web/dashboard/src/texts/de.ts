@@ -1,6 +1,6 @@
-// German. Messages, trends and which parameters cannot be distinguished are sentences of the daemon, English in every
-// language.
-import type { Alarm, Parameter } from "../ask";
+// German. Messages and which parameters cannot be distinguished are sentences of the daemon, English in every language.
+import type { Alarm, Body, Parameter } from "../ask";
+import { moment, unit as unitOf } from "../format";
 import type { Texts } from "./en";
 
 const comma = (digits: string): string => digits.replace(".", ",");
@@ -79,15 +79,72 @@ function fact(alarm: Alarm, unit: string): string {
 }
 
 const SURE = 0.95;
+const LIKELY = 0.9;
 
-/** Wie im Dienst (service/texts.py); Vorhersagen bleiben dessen Satz. */
+// --- Wie im Dienst (service/texts.py) ---------------------------------------------------------------------------------
+
+/** Jede mit der längsten Zeit, die in ihr angegeben wird, in Sekunden. */
+const SPANS: [number, string, number][] = [
+  [1, "Sekunden", 120], [60, "Minuten", 7200], [3600, "Stunden", 72 * 3600], [86400, "Tagen", 730 * 86400],
+  [365.25 * 86400, "Jahren", Infinity],
+];
+const DATED_MS = 1e12;
+
+const amount = (value: number | null, unit: string, length = 4): string =>
+  [comma(String(Number((value ?? NaN).toPrecision(length)))), unit].filter(Boolean).join(" ");
+
+/** 12 bis 20 Tagen, in der Einheit der letzten. */
+function times(...seconds: number[]): string {
+  const last = seconds.at(-1) ?? 0;
+  const [scale, name] = SPANS.find(([, , most]) => last <= most) ?? [1, "Sekunden"];
+  return `${seconds.map((s) => comma((s / scale).toFixed(s / scale >= 9.95 ? 0 : 1).replace(/\.0$/, ""))).join(" bis ")} ${name}`;
+}
+
+function reach(r: Body<"Reach">, unit: string, from: string): string {
+  const [start, low] = [Date.parse(from), Date.parse(r.low)];
+  const high = r.high === null ? null : Date.parse(r.high);
+  const after = (at: number): number => Math.max(0, (at - start) / 1000);
+  const limit = amount(r.limit, unit);
+  if (r.state === "beyond") {
+    const [first, last] = [moment(low), moment(high ?? low)];
+    const dated = first === last ? `seit ${first}` : `seit einem Zeitpunkt zwischen ${first} und ${last}`;
+    const ago = `seit ${times(Math.max(0, (start - (high ?? low)) / 1000), Math.max(0, (start - low) / 1000))}`;
+    return `${r.name} liegt ${low >= DATED_MS ? dated : ago} ${r.above ? "über" : "unter"} ${limit}`;
+  }
+  if (r.state === "far") return `${r.name} = ${limit} ist nicht in Sicht: nicht innerhalb von ${times(after(low))}`;
+  if (high === null) return `${r.name} erreicht ${limit} in ${times(after(low))} oder später, vielleicht nie`;
+  return `${r.name} erreicht ${limit} in ${times(after(low), Math.max(after(low), after(high)))}`;
+}
+
+function course(p: Body<"LongTermHistory">, unit: string): string {
+  const t = p.drift;
+  if (t === null) return `${p.name}: noch zu wenig Daten für eine Drift`;
+  const [steady, step, both] = [t.steady ?? 0, t.step ?? 0, t.both ?? 0];
+  const drift = (t.drift ?? 0) + both;
+  const slope = t.slope_per_day ?? NaN;
+  const perDay = `${amount(Math.abs(slope), unit, 2)} ± ${amount(t.slope_per_day_sd, "", 2)} pro Tag`;
+  const way = slope > 0 ? "oben" : "unten";
+  const changed = Date.parse(t.changed);
+  const when = changed >= DATED_MS ? `um ${moment(changed)}` : `etwa ${times((Date.parse(t.time) - changed) / 1000)} vor dem Ende`;
+  if (drift >= LIKELY) return `${p.name} driftet um ${perDay} nach ${way}${both > drift - both ? `, seit einer Änderung ${when}` : ""}`;
+  if (steady >= LIKELY) return `${p.name} ist stetig: ${amount(t.level, unit)} ± ${amount(t.level_sd, "", 2)}`;
+  const size = `${amount(Math.abs(t.change ?? NaN), unit, 2)} ± ${amount(t.change_sd, "", 2)}`;
+  if (step >= LIKELY) return `${p.name} ist ${when} auf einmal um ${size} ${(t.change ?? 0) > 0 ? "gestiegen" : "gefallen"}`;
+  const kinds: [string, number][] = [["stetig", steady], ["Drift", drift], ["Sprung", step]];
+  const likely = kinds.sort((a, b) => b[1] - a[1]).filter(([, share]) => share >= 0.05);
+  const shares = likely.map(([, share]) => (100 * share).toFixed(0)).join(":");
+  return `${p.name}: ${likely.map(([kind]) => kind).join(" oder ")}, ${shares}; im Mittel um ${perDay} nach ${way}`;
+}
+
 function sentence(alarm: Alarm, unit: string): string | null {
   const outside = alarm.inside_calibration === false ? "; außerhalb der Bedingungen der Kalibrierung ausgelöst" : "";
-  if (alarm.reaches.length > 0) return null;
   if (alarm.stage === "changed") {
     return `etwas hat sich geändert, auf den ersten Blick ${alarm.parameter}; Ursache und Größe sind noch nicht bekannt${outside}`;
   }
   const words = fact(alarm, unit);
+  if (alarm.reaches.length > 0) {
+    return [...alarm.reaches.map((r) => reach(r, unitOf(r.unit), alarm.updated)), `jetzt: ${words}`].join("; ");
+  }
   const doubts: Record<string, string> = {
     several: `mehr als ein Parameter hat sich geändert, oder keiner; am nächsten liegt ${alarm.parameter}: ${words}`,
     model: `das Modell gilt nicht mehr, wie bei einem Sensorfehler; am nächsten liegt ${alarm.parameter}: ${words}`,
@@ -157,6 +214,8 @@ export const de: Texts = {
   more: (n) => `${n} weitere`,
   showMore: "mehr zeigen",
   sentence,
+  reach,
+  course,
   meaning,
   reciprocal: (words) => `Kehrwert von: ${words}`,
   progress: (state, doneS, lengthS) =>

@@ -1,5 +1,5 @@
 // English, as are the sentences of the daemon itself.
-import type { Alarm, Axis } from "../ask";
+import type { Alarm, Axis, Body } from "../ask";
 
 export const en = {
   skip: "Skip to the content",
@@ -28,6 +28,10 @@ export const en = {
   showMore: "show more",
   /** An alarm in one sentence; null: as the daemon says it. */
   sentence: (_alarm: Alarm, _unit: string): string | null => null,
+  /** When a limit is reached, counted from a time; null: as the daemon says it. */
+  reach: (_reach: Body<"Reach">, _unit: string, _from: string): string | null => null,
+  /** The course of a parameter over its long-term history; null: as the daemon says it. */
+  course: (_history: Body<"LongTermHistory">, _unit: string): string | null => null,
   /** The meaning of a parameter; null: as the daemon says it. */
   meaning: (_text: string): string | null => null,
   reciprocal: (meaning: string) => `reciprocal of: ${meaning}`,
