@@ -136,6 +136,8 @@ def _skew(size: float, nominal: float) -> str:
         way, acts = "later than usual" if size > 0 else "earlier than usual", _ms(now)
     else:
         way, acts = "late" if size > 0 else "early", "that much"
+    if not math.isfinite(size):
+        return f"the torque frame is {way}, by how much is not known"
     side = "after" if now > 0 else "before"
     return f"the torque frame is {_ms(size)} {way}: the torque acts {acts} {side} its sample"
 

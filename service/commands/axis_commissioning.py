@@ -18,7 +18,7 @@ import numpy as np
 
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.excitation import ExcitationError
-from monitor_core.identification import IdentificationError
+from monitor_core.identification import IdentificationError, turning_weight
 from monitor_core.modeling import ModelError
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
@@ -121,10 +121,13 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             task = prepare(config, axis, order.records, [], request)
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
             load = partial(link_load, text, axis.id, order.records, order.folder)
+            turn = partial(turning_weight, task.estimation[0].record)
             guessed = order.shorten and not tried  # by what is first, whatever the axis is
             for part in (task.lively_part(), task) if guessed else (task,):
                 report = part.run(provenance, _within("identify", progress))
-                again = None if schedule and report.rejection else retry(report, text, axis, tried, load)
+                again = (
+                    None if schedule and report.rejection else retry(report, text, axis, tried, load, turn)
+                )
                 if report.rejection and again:  # all of the records would not explain it either
                     break
             tried.append(axis.config.model.drive)

@@ -11,7 +11,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import COSINE, SINE, Term, split_name
-from monitor_core.identification import Effect, Obstacle, Record
+from monitor_core.identification import Effect, Obstacle, Record, TurningWeight
 from service.commands.checked_axis import fastest
 from service.commands.link_load import LinkLoad
 from service.commands.planned_motion import MotionRequest
@@ -73,11 +73,12 @@ def retry(
     axis: NamedAxis,
     tried: Collection[str] = (),
     links: Callable[[], LinkLoad | None] = lambda: None,
+    turn: Callable[[], TurningWeight | None] = lambda: None,
 ) -> Retry | None:
     """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
 
     ``text``: of the configuration that it was made with; ``tried``: the drives before; ``links``: finds what the weight
-    of links follows; None: the torque shows none.
+    of links follows, ``turn`` how far a weight turns with the motion; None: the torque does not show it.
     """
     watched = watched_in(report)
     if report.rejection or not watched:
@@ -94,10 +95,18 @@ def retry(
             return None
         name, drive = other
         why = report.rejection or "nothing could be watched"
-        change = Correction(
-            ("model", "drive"), name, f"as {axis.config.model.drive} it was not identified: {why}"
-        )
-        return Retry(with_drive(text, axis.id, name, drive.monitor, drive.values), (change,))
+        changes = [
+            Correction(("model", "drive"), name, f"as {axis.config.model.drive} it was not identified: {why}")
+        ]
+        if (
+            bears_weight
+            and "r" not in axis.config.model.nominal
+            and (ratio := _gear_ratio(turn())) is not None
+        ):
+            reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet says it"
+            changes.append(Correction(("model", "nominal", "r"), ratio, reason))
+            drive = drive._replace(values={**drive.values, "r": ratio})
+        return Retry(with_drive(text, axis.id, name, drive.monitor, drive.values), tuple(changes))
     bases = {split_name(name)[0] for name in watched}
     scheduled, torques = report.result.options.scheduled, report.result.estimate.drive.constant_torques()
     # What a weight takes is an input, if it is not monitored.
@@ -106,6 +115,11 @@ def retry(
         return None
     # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
     return Retry(monitoring(text, axis.id, watched), ())
+
+
+def _gear_ratio(found: TurningWeight | None) -> float | None:
+    """By the turn of the weight; None: the angle is that of the arm, or nothing tells."""
+    return None if found is None or found.least < 1 < found.most else float(f"{found.ratio:.3g}")
 
 
 def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:

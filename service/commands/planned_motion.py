@@ -64,14 +64,19 @@ class MotionRequest(NamedTuple):
 def torque_columns(axis: NamedAxis) -> dict[str, float]:
     """Columns of the torque in the file of a motion, with what they are of it: N m, and the current that makes it.
 
-    A current without a torque constant is the torque of the configuration, whose unit is then A.
+    A current without a torque constant is the torque of the configuration, whose unit is then A.  A part of
+    the rated torque that nobody has put into N m stays what the records have: as N m it would be far too large.
     """
     from service.ingest.column_roles import role_of  # which loads what takes a second, for every command
+    from service.ingest.unit_names import unit_in
 
     source = axis.config.torque
     if source.kT_Nm_per_A is not None:
         return {"torque_Nm": 1.0, "current_A": 1.0 / source.kT_Nm_per_A}
     name = source.column if axis.config.records_only else source.signal
+    unit = unit_in(name or "", "torque")
+    if unit is not None and unit.factor is None and abs(source.factor) == 1:
+        return {"torque_as_recorded": 1.0 / source.factor}
     return {"current_A" if name and role_of(name) == "current" else "torque_Nm": 1.0}
 
 

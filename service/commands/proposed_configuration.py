@@ -181,7 +181,8 @@ def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) 
     remark = f"{axis.sureness}; {remark}" if remark else axis.sureness
     yield f"torque = {_column(axis.torque, sign * factor)}  # {remark}"
     factor, remark = _factor(axis.motion, motion, axis.output)
-    yield f"{axis.output} = {_column(axis.motion, factor)}" + (f"  # {remark}" if remark else "")
+    source = _column(axis.motion, factor, axis.wrap_period)
+    yield f"{axis.output} = {source}" + (f"  # {remark}" if remark else "")
 
 
 def _factor(column: str, unit: str, quantity: Quantity) -> tuple[float, str]:
@@ -201,9 +202,10 @@ _BY_HAND: Mapping[Quantity, str] = {
 }
 
 
-def _column(column: str, factor: float) -> str:
+def _column(column: str, factor: float, wrap_period: float | None = None) -> str:
     words = "" if factor == 1 else f", factor = {factor:.10g}"
-    return f"{{ column = {_quoted(column)}{words} }}"
+    wraps = "" if wrap_period is None else f", wrap_period = {wrap_period:.10g}"
+    return f"{{ column = {_quoted(column)}{words}{wraps} }}"
 
 
 # --- An axis on a bus -------------------------------------------------------------------------------------------------

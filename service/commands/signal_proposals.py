@@ -94,7 +94,7 @@ def first_review(config: Config, axis: NamedAxis, record: str) -> Review:
 
 def _first(checked: Checked, used: tuple[str, ...]) -> tuple[Correction | None, tuple[str, ...]]:
     """The first correction, or what no correction mends."""
-    new = next(_of(_TIME_CHECKS, checked), None)
+    new = next(_of(_FIRST_CHECKS, checked), None)
     if new is not None:
         return new, ()
     wrong = tuple(faults(checked, used))
@@ -317,5 +317,6 @@ def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
 
 
 _Check = Callable[[Checked], Iterator[Correction]]
-_TIME_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches)
-_SIGNAL_CHECKS: tuple[_Check, ...] = (_wrap, by_name, _sign, by_ratio, by_weight, by_inertia, by_speed)
+_FIRST_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches, _wrap)
+"""Before faults are looked for: an angle that jumps back looks like one that is stuck in between."""
+_SIGNAL_CHECKS: tuple[_Check, ...] = (by_name, _sign, by_ratio, by_weight, by_inertia, by_speed)

@@ -68,7 +68,7 @@ def _shared_torque(config: Config) -> Iterator[str]:
         torque, bus = axis.config.torque, axis.config.bus
         if torque.column is not None:
             used.setdefault((f"column {torque.column}",), []).append(axis.id)
-        if torque.signal is not None:
+        if torque.signal:
             used.setdefault((f"signal {torque.signal} of {torque.message}", bus), []).append(axis.id)
     for (where, *_), axes in used.items():
         if len(axes) > 1:

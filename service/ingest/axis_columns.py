@@ -13,6 +13,7 @@ from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, SignalConfig, Source
 from service.ingest.quantities import HeldColumns
 from service.ingest.table_files import Rows
+from service.ingest.time_of_day import TimeOfDay
 
 _LATEST_US = 2.0**62
 
@@ -40,6 +41,7 @@ class AxisColumns:
         self._time, self._time_unit_us = config.time.column, 1e6 * config.time.factor
         self._interval_us = config.sample_interval_s * 1e6
         self._last_us: int | None = None
+        self._day = TimeOfDay()
         self.dropped = dict.fromkeys(DROP_REASONS, 0)
 
     def wanted(self) -> dict[str, str]:
@@ -84,7 +86,7 @@ class AxisColumns:
     def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
         """Times [us], rounded once to whole ones."""
         if self._time is not None:
-            return np.rint(rows.columns[self._time] * self._time_unit_us)
+            return np.rint(self._day.continuous(rows.columns[self._time] * self._time_unit_us))
         return np.rint(np.arange(first_row, first_row + count, dtype=np.float64) * self._interval_us)
 
     def _increasing(self, t_us: Ints) -> Bools:

@@ -14,10 +14,11 @@ import numpy as np
 from monitor_core.arrays import Bools
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
-from service.config.schema import Config, NamedAxis, Source
+from service.config.schema import Config, NamedAxis, Source, TimeConfig
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.records import LogRecord, is_table, samples_of
 from service.ingest.table_files import Rows, check_columns, open_table
+from service.ingest.time_of_day import TimeOfDay
 from service.ingest.torn_rows import ahead, torn
 from service.ingest.unwrap import AMBIGUOUS, turns_of
 
@@ -152,21 +153,23 @@ def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progre
         blocks.append(block)
         progress(block.done)
     rows = Rows({n: np.concatenate([np.zeros(0), *(b.columns[n] for b in blocks)]) for n in names}, 1.0)
-    refused = _refused(rows, columns, axis.config.time.column)
+    refused = _refused(rows, columns, axis.config.time)
     samples = columns.samples(rows, 0, ~np.any(list(refused.values()), axis=0))
     counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
     counts["unreadable"] = len(table.left_out)
     return AxisRecord(samples, columns.dropped | counts, table.left_out)
 
 
-def _refused(rows: Rows, columns: AxisColumns, time: str | None) -> dict[str, Bools]:
+def _refused(rows: Rows, columns: AxisColumns, time: TimeConfig) -> dict[str, Bools]:
     """Which rows (N,) cannot be trusted, by reason; a missing number is not absurd."""
     absurd = columns.absurd(*columns.quantities(rows))
     for values in rows.columns.values():
         absurd |= abs(values) > _NO_NUMBER
-    beside = torn(np.column_stack([column for name, column in rows.columns.items() if name != time]), absurd)
+    beside = torn(
+        np.column_stack([column for name, column in rows.columns.items() if name != time.column]), absurd
+    )
     late = np.zeros(len(absurd), np.bool_)
-    if time is not None:
-        times = rows.columns[time]
+    if time.column is not None:
+        times = TimeOfDay().continuous(rows.columns[time.column] * 1e6 * time.factor)
         late = ahead(times, ~absurd & ~beside & np.isfinite(times))
     return {"absurd": absurd, "torn": beside, "ahead": late}

@@ -14,7 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.identification import Record, has_wrong_sign, rigid_fit
+from monitor_core.identification import Record, has_wrong_sign, rigid_fit, wrap_of
+from service.ingest.time_of_day import TimeOfDay
 from service.ingest.unit_names import Quantity, current_in, unit_in, unit_of
 
 _TABLE = """
@@ -74,6 +75,8 @@ class AxisRoles(NamedTuple):
     """The torque is a current: its factor is the torque constant"""
     turned: bool
     """The torque has the wrong sign"""
+    wrap_period: float | None = None
+    """After which the angle starts again, in its own unit"""
     rivals: tuple[str, ...] = ()
     """Other columns without a name that may be the torque as well"""
 
@@ -135,7 +138,7 @@ def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxy
     time, unit_s = _time(values, unit_names)
     interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s if time is not None else None
     moving = {name: v for name, v in values.items() if name != time and changes(v)}
-    t = None if time is None else np.asarray(values[time] * unit_s, np.float64)
+    t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
     named = {name: Named(role_with(name, unit_names[name]), _number(name), places[name]) for name in moving}
     axes = tuple(axes_by_values(moving, t, named))
@@ -354,8 +357,10 @@ def _pair(
     good &= np.isfinite(times)
     good[1:] &= np.diff(times) > 0
     explained, turned = 0.0, False
+    period = wrap_of(y[good]) if output == "angle" else None
     if np.count_nonzero(good) > 1:
-        record = Record(times[good], u[good], y[good], output, torque)
+        motion_of = y[good] if period is None else np.unwrap(y[good], period=period)
+        record = Record(times[good], u[good], motion_of, output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
         turned = has_wrong_sign(record)
@@ -368,6 +373,7 @@ def _pair(
         explained,
         named[torque].role == "current",
         turned,
+        period,
     )
 
 

@@ -95,7 +95,7 @@ def motion_step(outcome: Outcome, config: Path) -> str:
     given = (
         "angle_reference_rad is the angle to follow"
         if "--as" in outcome.excite
-        else "torque_Nm is the torque to give, or current_A its current"
+        else "torque_Nm is the torque to give, or current_A its current, torque_as_recorded in the unit of the records"
     )
     return (
         f"{lost} in {plan} ({outcome.motion_s:.0f} s, within the torque, speed and angle of the records; its column"

@@ -157,6 +157,9 @@ def test_one_torque_of_two_axes_is_noted(directory: Path) -> None:
     output = " ".join(call("check").output.split())
     assert "column torque is the torque of each of them; give each axis its own" in output
     assert "each of them" not in check(CONFIG / "axiswatch.toml").output
+    own = again.replace('column = "torque"', 'column = "torque 2"')
+    (directory / "axis.toml").write_text("[[robot.axis]]".join([robot, axis, own]), encoding="utf-8")
+    assert "each of them" not in call("check").output
 
 
 @pytest.mark.usefixtures("directory")

@@ -93,6 +93,7 @@ CARRIES = "the axis carries {} weight than at its commissioning: another payload
         (("delay", 0.0005, 0.001, "s"), USUAL.format("0.5 ms later", "1.5 ms after")),
         (("delay", -0.002, 0.001, "s"), USUAL.format("2 ms earlier", "1 ms before")),
         (("delay", -0.0005, 0.001, "s"), USUAL.format("0.5 ms earlier", "0.5 ms after")),
+        (("delay", float("-inf"), 0.0, "s"), "the torque frame is early, by how much is not known"),
         (("load", 0.306, 1.0, "1"), CARRIES.format("31 % more")),
         (("load", -0.14, 1.0, "1"), CARRIES.format("14 % less")),
         (("load", float("-inf"), 1.0, "1"), CARRIES.format("less")),

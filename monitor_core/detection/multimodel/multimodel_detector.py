@@ -37,6 +37,7 @@ from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event, Share
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.drive.structure import DELAY
 from monitor_core.settings import Settings
 
 SCHEMA = 2
@@ -109,11 +110,13 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
             _DEFAULTS[shared] = default_hypotheses(model, settings)
         hypotheses = _DEFAULTS[shared]
         return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), limits.samples))
+    # A skew to which healthy records point is in the axis and not in its model, as where the drive filters its torque.
+    # How well it explains them varies with the motion and with any fault, which then would be called a skew.
+    own = [limit for limit in limits.own if not (limit.cause == DELAY and limit.allowance > 0)]
     found = [
-        replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike)
-        for limit in limits.own
+        replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike) for limit in own
     ]
-    h, allowance = (np.array([getattr(limit, name) for limit in limits.own]) for name in ("h", "allowance"))
+    h, allowance = (np.array([getattr(limit, name) for limit in own]) for name in ("h", "allowance"))
     return HypothesisBank(model, settings, found, h, allowance)
 
 

@@ -71,7 +71,15 @@ def turning_weight(record: Record) -> TurningWeight | None:
     first, last = int(as_good[0]), int(as_good[-1])
     if first == 0 or last == len(trials) - 1:
         return None
-    return TurningWeight(float(trials[best]), float(trials[first - 1]), float(trials[last + 1]))
+    return TurningWeight(_least(trials, left, best), float(trials[first - 1]), float(trials[last + 1]))
+
+
+def _least(trials: Floats, left: Floats, best: int) -> float:
+    """Where the parabola through the best trial and its neighbours is least."""
+    before, at, after = left[best - 1 : best + 2]
+    return float(
+        trials[best] + (trials[best + 1] - trials[best]) * (before - after) / 2 / (before - 2 * at + after)
+    )
 
 
 def _trials(extent: float) -> Floats:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import Record, link_weights
+from monitor_core.identification import Record, link_weights, turning_weight
 
 ANGLES = ("q1", "q2", "q3", "q4")
 RATE_HZ, SECONDS = 100, 60.0
@@ -53,6 +54,17 @@ def test_the_links_are_found(own: str, torque: Torque, terms: set[str], seed: in
     assert found is not None
     assert set(found.terms) == terms
     assert found.explained > max(0.8, found.before)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_how_far_a_weight_turns_is_found(number: int, seed: int) -> None:
+    """Of the angle of a motor before a gear of 1/81; the steps of the trials alone are a tenth of it."""
+    rec = recorded(lambda q: 8 * np.cos(2 * q["q2"] + 0.4), np.random.default_rng(seed + number))
+    found = turning_weight(replace(rec, y=162 * rec.y))
+    assert found is not None
+    print(1 / found.ratio, 1 / found.most, 1 / found.least)
+    assert found.least < 1 / 81 < found.most
+    assert pytest.approx(1 / 81, rel=0.1) == found.ratio
 
 
 @pytest.mark.parametrize("number", range(2))

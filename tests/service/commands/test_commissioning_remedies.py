@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification import Effect, Obstacle, Rejection, Watched
+from monitor_core.identification import Effect, Obstacle, Rejection, TurningWeight, Watched
 from service.commands.axis_commissioning import not_identified
 from service.commands.commissioning_remedies import memories_of, memory_change, min_speed_change, retry
 from service.commands.link_load import LinkLoad
@@ -91,7 +91,7 @@ def test_where_the_torque_shows_a_weight_the_drive_gets_one(drive: str, tmp_path
     assert again is not None
     _, axis = configured(again.text, NAME, tmp_path)
     assert axis.config.model.drive == f"{drive}-weight"
-    assert axis.config.model.nominal["kT"] == 2
+    assert dict(axis.config.model.nominal) == {"kT": 2, "r": 1}
     without_angle = text.replace("angle =", "speed =")
     other = retry(found, without_angle, configured(without_angle, NAME, tmp_path)[1])
     assert other is not None
@@ -121,6 +121,31 @@ def test_springs_come_before_a_weight_that_takes_hardly_any_torque(
     again = retry(report(rejection="poor", missing=missing), text, axis)
     assert again is not None
     assert again.words.startswith(f'model.drive = "{drive}"')
+
+
+@pytest.mark.parametrize(
+    ("given", "turn", "ratio"),
+    [
+        ("kT = 1", TurningWeight(0.01024, 0.006, 0.012), 0.0102),
+        ("kT = 1", TurningWeight(1.1, 0.8, 1.3), 1),
+        ("kT = 1", None, 1),
+        ("kT = 1, r = 0.02", TurningWeight(0.01024, 0.006, 0.012), 0.02),
+    ],
+)
+def test_a_weight_tells_the_gear_where_nobody_does(
+    given: str, turn: TurningWeight | None, ratio: float, tmp_path: Path
+) -> None:
+    """Of the angle of a motor; that of an arm turns with the weight."""
+    text = TEXT.replace("kT = 1, r = 0.01, Jg = 3.0", given)
+    if "r =" not in given:
+        text = text.replace(
+            '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
+        )
+    found = report(rejection="poor", missing=(Effect.POSE,))
+    again = retry(found, text, configured(text, NAME, tmp_path)[1], turn=lambda: turn)
+    assert again is not None
+    assert configured(again.text, NAME, tmp_path)[1].config.model.nominal["r"] == ratio
+    assert ("model.nominal.r = 0.0102" in again.words) == (ratio == 0.0102)
 
 
 def test_slow_motion_asks_for_no_other_drive(tmp_path: Path) -> None:

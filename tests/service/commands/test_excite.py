@@ -47,6 +47,8 @@ def test_the_file_is_what_the_drive_does_within_the_limits(tmp_path: Path) -> No
     ("torque", "columns_of_it"),
     [
         ('{ column = "A1_Motorstrom" }', {"current_A": 1.0}),
+        ('{ column = "A1 Istmoment [%]", factor = -1 }', {"torque_as_recorded": -1.0}),
+        ('{ column = "A1 Istmoment [%]", factor = 0.02 }', {"torque_Nm": 1.0}),
         ('{ column = "A1_Motorstrom", kT_Nm_per_A = -0.5 }', {"torque_Nm": 1.0, "current_A": -2.0}),
         ('{ column = "A1_Moment" }', {"torque_Nm": 1.0}),
     ],

@@ -31,6 +31,16 @@ def test_names_of_columns(record: Path) -> None:
     assert first.config.time.column == "Time"
 
 
+def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> None:
+    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    turned = np.column_stack([rows[:, 0], -rows[:, 1], np.degrees(rows[:, 2]) % 360])
+    np.savetxt(record, turned, "%.12g", ",", header="Time,Trq,Pos_deg", comments="")
+    assert "torque Trq, angle Pos_deg: sure" in shown("init", record)
+    (axis,) = load(Path("axis.toml")).axes
+    assert axis.config.angle is not None
+    assert (axis.config.torque.factor, axis.config.angle.wrap_period) == (-1, 360)
+
+
 def test_values_alone(record: Path) -> None:
     """Without names, times in milliseconds, one torque turned, a speed beside its angle, a wanted angle."""
     rows = np.loadtxt(record, delimiter=",", skiprows=1)

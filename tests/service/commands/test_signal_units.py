@@ -180,6 +180,27 @@ def test_an_angle_that_starts_again(period: float, tmp_path: Path, seed: int) ->
     assert found.get(("angle", "factor"), 1.0) == pytest.approx(unit)
 
 
+def test_a_table_that_stands_for_long_turns_on_and_does_not_stick(tmp_path: Path) -> None:
+    """A coarse encoder says the same all the time that the axis stands; so it does where the angle starts again."""
+    t = np.arange(30_000) * 0.004
+    rest = np.minimum(t % 10 / 4, 1.0)  # 4 s of motion, 6 s of rest
+    angle = TURN / 4 * (t // 10 + rest**3 * (10 - 15 * rest + 6 * rest**2))
+    speed = np.gradient(angle, 0.004)
+    torque = 4 * np.gradient(speed, 0.004) + 2 * np.tanh(speed / 0.01)
+    degrees = np.mod(np.rint(angle / DEGREES / 0.005) * 0.005, 360)
+    path = tmp_path / "record.csv"
+    np.savetxt(path, np.column_stack([t, torque, degrees]), "%.12g", ",", header="t,u,y", comments="")
+    text = ROBOT + axis_text("one-mass", "angle", False, J=4.0).replace('"y"', f'"y", factor = {DEGREES}')
+    looked = review(
+        text.replace(f"sample_interval_s = {H}", "sample_interval_s = 0.004"),
+        "cell.a1",
+        [str(path)],
+        tmp_path,
+    )
+    assert {c.key: c.value for c in looked.corrections}[("angle", "wrap_period")] == pytest.approx(360)
+    assert looked.faults == ()
+
+
 # --- Broken signals ---------------------------------------------------------------------------------------------------
 
 

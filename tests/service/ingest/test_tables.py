@@ -15,6 +15,7 @@ import scipy.io
 
 from monitor_core.samples import SampleBlock, concatenate
 from service.can.user_errors import RecordError
+from service.ingest.axis_records import axis_record
 from service.ingest.records import read_record
 from service.ingest.table_files import CsvTable, open_table
 from tests.service.ingest.plant import axis1, axis2, make_config, write_table
@@ -58,6 +59,22 @@ def test_columns_become_samples(tmp_path: Path, suffix: str, seed: int) -> None:
     assert np.array_equal(block.u, -2.0 * table["torque_one"] + 0.5)
     assert np.array_equal(block.y, table["angle_one"])
     assert dropped == {}
+
+
+@pytest.mark.parametrize("lost", [0, 2 * N // 3])
+def test_a_time_of_day_goes_on_after_midnight(tmp_path: Path, lost: int, seed: int) -> None:
+    """For the monitor and for identification; also where rows are missing there, and where one has no right time."""
+    table = columns(seed, 3 * N)
+    t = 86_400.0 - 0.005 * N + 0.005 * np.arange(3 * N)
+    table["t"] = t % 86_400.0
+    table["t"][100] = 0.0
+    left = np.delete(np.arange(3 * N), slice(N, N + lost))
+    write_table(tmp_path / "a.csv", {name: values[left] for name, values in table.items()})
+    config = make_config(tmp_path, timed())
+    usual = np.rint(1e6 * np.delete(t[left], 100))
+    block, _ = samples_of(tmp_path / "a.csv", tmp_path, timed())
+    assert np.array_equal(block.t_us, usual)
+    assert np.array_equal(axis_record(tmp_path / "a.csv", config, config.axes[0], ()).block.t_us, usual)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

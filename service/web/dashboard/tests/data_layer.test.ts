@@ -75,6 +75,7 @@ describe("an alarm in a sentence", () => {
     expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc"] }] })))
       .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %) über dem Nennwert; gleich sähe aus: fc`);
     expect(alarmSentence(changed({ parameter: "delay", size: 0.0005, nominal: 0 }))).toContain("kommt 0,5 ms zu spät");
+    expect(alarmSentence(changed({ parameter: "delay", size: null, nominal: 0 }))).toContain("kommt zu spät, um wie viel");
     expect(alarmSentence(changed({ doubt: "still", inside_calibration: false }))).toMatch(/keine Bewegung.*; außerhalb/);
     const reach = {
       name: "fm", limit: 0.09, unit: "N m s/rad", above: true, state: "ahead", low: "2026-03-13T00:00:00Z", high: "2026-03-21T00:00:00Z", words: "",

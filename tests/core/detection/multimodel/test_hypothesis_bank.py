@@ -312,6 +312,26 @@ def test_limits_of_a_record_say_which_hypotheses_there_are(seed: int) -> None:
         detector(seed, Limits(1e6, (Limit("nothing", 0.2, 9.0),)))
 
 
+def test_a_size_that_was_read_a_tenth_off_is_put_right_and_nothing_else_is_found(seed: int) -> None:
+    """What is left of the change is smaller than any other size of its cause."""
+    wrong = 1.1 * np.log(0.8)
+    bank = detector(seed).bank
+    bank.adopt({"kT": wrong}, None)
+    t_us, u, y = experiment(seed, {"kT": 0.8}, samples=40_000, fault_at=0)
+    named = [event for event in bank.run(t_us, u, y) if isinstance(event, CauseIdentified)]
+    assert {event.shares[0].cause for event in named} == {"kT"}
+    (size,) = bank.standing.to_array()[:, 1]
+    assert abs(size - np.log(0.8)) < abs(wrong - np.log(0.8)) / 3
+
+
+def test_a_skew_that_healthy_records_show_is_no_fault(seed: int) -> None:
+    own = tuple(Limit(DELAY, size, 9.0, allowance) for size, allowance in ((-1.0, 0.1), (1.0, 0.0)))
+    offset = Limit(TORQUE_OFFSET, 0.3, 9.0, 0.1)
+    found = detector(seed, Limits(0.0, (*own, offset))).bank
+    assert [(h.cause, h.size) for h in found.hypotheses] == [(DELAY, 1.0), (TORQUE_OFFSET, 0.3)]
+    assert found.allowance.tolist() == [0.0, 0.1]
+
+
 def test_where_there_can_be_no_bank(seed: int) -> None:
     case = BY_NAME["angle-paper"]
     with pytest.raises(ValueError, match="not stable"):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from monitor_core.detection.multimodel.active_faults import REST, SECOND, ActiveFaults
+from monitor_core.detection.multimodel.active_faults import FINER, REST, SECOND, ActiveFaults
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.naming import Share
@@ -43,12 +43,12 @@ def test_nothing_stands_at_first_and_all_may_change(standing: ActiveFaults) -> N
 
 
 def test_what_may_change_goes_on_from_what_stands(standing: ActiveFaults) -> None:
-    """kT 20 % larger: so it is in each lane but that of the way back, and other causes are less likely beside it."""
+    """kT 20 % larger: so it is in each lane but that of the way back; other causes are less likely, its steps finer."""
     join(standing, "kT", math.log(1.2))
     now, *changes, back = standing.lanes()
     assert now.factors["kT"] == pytest.approx(1.2)
     for after, before in zip(changes, HYPOTHESES, strict=True):
-        assert after.factors["kT"] == pytest.approx(1.2 * before.factors.get("kT", 1.0))
+        assert after.factors["kT"] == pytest.approx(1.2 * before.factors.get("kT", 1.0) ** FINER)
         assert after.weight == (before.weight if after.cause == "kT" else SECOND * before.weight)
     assert "kT" not in back.factors
     assert back.cause == "kT"

@@ -54,6 +54,7 @@ const share = (size: number): string => `um ${digits(Math.abs(100 * size))} % ${
 /** Moment und Bewegung gehören nicht mehr zum selben Zeitpunkt. */
 function delayed(size: number, nominal: number): string {
   const way = nominal ? (size > 0 ? "später als üblich" : "früher als üblich") : size > 0 ? "zu spät" : "zu früh";
+  if (!Number.isFinite(size)) return `der Frame des Moments kommt ${way}, um wie viel, ist nicht bekannt`;
   const acts = nominal ? ms(nominal + size) : "um so viel";
   return `der Frame des Moments kommt ${ms(size)} ${way}: das Moment wirkt ${acts} ${nominal + size > 0 ? "nach" : "vor"} seinem Messwert`;
 }
