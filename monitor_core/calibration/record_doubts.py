@@ -11,6 +11,7 @@ from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.monitoring.not_tested import SEEDING_MEMORIES, fitting_memory
+from monitor_core.monitoring.recommended_settings import time_constant
 from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed, rounded_up
 
@@ -73,6 +74,7 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
         CalibrationError: they are not or do not.
     """
     h, memory = settings.interval_s, settings.memory
+    slowest_s = time_constant(model, h, settings.K)
     tested = np.concatenate([deviations.tested for deviations in found])
     after = len(tested) - sum(deviations.seeding + deviations.gated for deviations in found)
     if not tested.any() and (uncertain := found[-1].uncertain):
@@ -85,7 +87,7 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
     if not tested.any() and after < memory:
         needed = SEEDING_MEMORIES + FEWEST + 1
         settling_s = len(found) * settings.settle_s
-        shorter, joint = fitting_memory(model, settings, (len(tested) * h - settling_s) / needed)
+        shorter, joint = fitting_memory(slowest_s, settings, (len(tested) * h - settling_s) / needed)
         ways = [f"give at least {rounded_up(settling_s + needed * memory * h):g} s that move the axis"]
         if shorter is not None:
             ways.append(f"set memory_s = {shorter:g}{' and joint_state = true' if joint else ''}")
@@ -109,7 +111,7 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
         # With another memory another part of the records is taken to find P(0).
         usable_s = (tested_samples + SEEDING_MEMORIES * memory * len(found)) * h
         shorter, joint = fitting_memory(
-            model, settings, usable_s / (FEWEST + SEEDING_MEMORIES * len(found) + 1)
+            slowest_s, settings, usable_s / (FEWEST + SEEDING_MEMORIES * len(found) + 1)
         )
         way = (
             ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -35,6 +36,7 @@ from monitor_core.monitoring.axis_status import (
     unidentifiable_words,
 )
 from monitor_core.monitoring.not_tested import NotTested, Remedy, remedy
+from monitor_core.monitoring.recommended_settings import time_constant
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
@@ -375,7 +377,12 @@ class AxisMonitor:
         seed_left, counts = int(self.batch.state.seed_left[self.lane]), self.batch.state.counts[:, self.lane]
         if not seed_left or self.alarm_source == "multimodel":
             return None
-        return remedy(self.model, self.settings, seed_left, int(counts[SEEDING] + counts[USED]))
+        return remedy(self._slowest_s, self.settings, seed_left, int(counts[SEEDING] + counts[USED]))
+
+    @cached_property
+    def _slowest_s(self) -> float:
+        """Slowest time constant of the predictor; to find it takes longer than all else of a status."""
+        return time_constant(self.model, self.settings.interval_s, self.settings.K)
 
     def _nu(self, i: int, P_ii: float) -> float:
         return self._alpha1[i] * math.sqrt(self.settings.lam0 * P_ii) + float(

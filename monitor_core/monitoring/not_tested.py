@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.recommended_settings import MIN_MEMORY_SAMPLES, shortest_memory
 from monitor_core.settings import NAMING_MEMORIES, Settings
 from monitor_core.wording import rounded_down
@@ -50,10 +49,13 @@ class Remedy:
     joint_state: bool
 
 
-def remedy(model: AxisModel, settings: Settings, seed_left: int, moved_samples: int) -> Remedy:
-    """What would help an axis that has moved for so many samples, with ``seed_left`` left until P(0) is found."""
+def remedy(slowest_s: float, settings: Settings, seed_left: int, moved_samples: int) -> Remedy:
+    """What would help an axis that has moved for so many samples, with ``seed_left`` left until P(0) is found.
+
+    ``slowest_s``: the slowest time constant of its predictor.
+    """
     h, memories = settings.interval_s, SEEDING_MEMORIES + TEST_MEMORIES
-    memory_s, joint = fitting_memory(model, settings, moved_samples * h / memories)
+    memory_s, joint = fitting_memory(slowest_s, settings, moved_samples * h / memories)
     return Remedy(
         memory_now_s=settings.memory * h,
         seeding_s=settings.seed_updates * h,
@@ -64,14 +66,12 @@ def remedy(model: AxisModel, settings: Settings, seed_left: int, moved_samples: 
     )
 
 
-def fitting_memory(model: AxisModel, settings: Settings, most_s: float) -> tuple[float | None, bool]:
-    """A memory up to ``most_s`` that the predictor of these settings allows, and whether it needs joint_state = true.
+def fitting_memory(slowest_s: float, settings: Settings, most_s: float) -> tuple[float | None, bool]:
+    """A memory up to ``most_s`` that a predictor with this time constant allows; whether it needs joint_state = true.
 
     None: there is none.
     """
     memory_s = rounded_down(most_s)
-    least_s = max(
-        shortest_memory(model, settings, joint_state=True), MIN_MEMORY_SAMPLES * settings.interval_s
-    )
-    needs_joint = memory_s < shortest_memory(model, settings, joint_state=False)
+    least_s = max(shortest_memory(slowest_s, joint_state=True), MIN_MEMORY_SAMPLES * settings.interval_s)
+    needs_joint = memory_s < shortest_memory(slowest_s, joint_state=False)
     return (memory_s if memory_s >= least_s else None), needs_joint

@@ -108,7 +108,7 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         ValueError: an option out of range.
     """
     K, lam0 = _gain(model, interval_s, options)
-    lam, slowest_s = options.forgetting(interval_s), _time_constant(model, interval_s, K)
+    lam, slowest_s = options.forgetting(interval_s), time_constant(model, interval_s, K)
     memory_s, joint = interval_s / (1 - lam), options.joint_state
     _check_memory(model, interval_s, options, memory_s, slowest_s)
     settle_s = options.settling_time_s
@@ -146,7 +146,7 @@ class ShortMemory:
 
 def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None) -> ShortMemory | None:
     """Whether the memory of these settings is short compared with the predictor; ``joint_state`` as in the options."""
-    slowest = _time_constant(model, settings.interval_s, settings.K)
+    slowest = time_constant(model, settings.interval_s, settings.K)
     memory = settings.memory * settings.interval_s
     chosen = joint_state is not None
     needed = AMPLE_MEMORY * slowest * (JOINT_STATE_SHARE if settings.joint_state and chosen else 1)
@@ -155,7 +155,7 @@ def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None)
     return ShortMemory(memory, slowest, needed, settings.joint_state and not chosen)
 
 
-def _time_constant(model: AxisModel, interval_s: float, K: Sequence[float]) -> float:
+def time_constant(model: AxisModel, interval_s: float, K: Sequence[float]) -> float:
     """Slowest time constant [s] of the predictor with filter gain K; empty: output error."""
     gain = np.array(K) if K else np.zeros(len(model.drive.states))
     return slowest_time_constant(model, gain, interval_s)
@@ -186,12 +186,8 @@ def _gains_after_gaps(
     return gains_after(model, *noises) if np.allclose(computed, K, rtol=1e-3, atol=0) else ()
 
 
-def shortest_memory(model: AxisModel, settings: Settings, joint_state: bool) -> float:
-    """Shortest memory [s] with which the estimates do not run away, with the predictor of these settings."""
-    return _shortest(_time_constant(model, settings.interval_s, settings.K), joint_state)
-
-
-def _shortest(slowest_s: float, joint_state: bool) -> float:
+def shortest_memory(slowest_s: float, joint_state: bool) -> float:
+    """Shortest memory [s] with which the estimates do not run away, by the predictor's slowest time constant [s]."""
     return MIN_MEMORY * slowest_s * (JOINT_STATE_SHARE if joint_state else 1)
 
 
@@ -207,11 +203,11 @@ def _check_memory(
         raise SettingsError(
             "the predictor is not stable: give another gain, or torque_noise and output_noise"
         )
-    least = _shortest(slowest_s, bool(o.joint_state))
+    least = shortest_memory(slowest_s, bool(o.joint_state))
     if memory_s >= least:
         return
     ways = [f"raise memory_s to {rounded_up(least):g}"]
-    if not o.joint_state and memory_s >= _shortest(slowest_s, joint_state=True):
+    if not o.joint_state and memory_s >= shortest_memory(slowest_s, joint_state=True):
         ways.insert(0, "set joint_state = true")
     if noise := _faster_noise(model, interval_s, o, memory_s):
         ways.append(f"raise torque_noise to {noise:g}, which makes the predictor faster")
@@ -234,6 +230,6 @@ def _faster_noise(model: AxisModel, interval_s: float, o: MonitoringOptions, mem
     for factor in _NOISIER:
         noise = rounded_up(factor * o.torque_noise)
         K, _ = filter_gain(model, interval_s, noise, o.output_noise)
-        if memory_s >= _shortest(slowest_time_constant(model, K, interval_s), bool(o.joint_state)):
+        if memory_s >= shortest_memory(slowest_time_constant(model, K, interval_s), bool(o.joint_state)):
             return noise
     return None

@@ -204,7 +204,8 @@ def _message(known: MessageSet, name: str) -> Message:
     except CodingError as error:
         raise DescriptionError(f"{known.source} is wrong about this message: {error}") from None
     key = key_of_message(message)
-    for other in known.messages:
+    alike = known.messages if known.masks else [m for m in known.messages if m.frame_id == message.frame_id]
+    for other in alike:
         own = key_of_message(other)
         if other is not message and (own.record_id ^ key.record_id) & known.mask(key) & known.mask(own) == 0:
             raise DescriptionError(

@@ -133,6 +133,7 @@ def run_daemon(
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             systemd.ready()
+            gc.freeze()
             ready(url)
 
         pages = setup = None
@@ -180,6 +181,10 @@ def needs_cyclic_clock(config: Config) -> bool:
     return any(axis.config.time.clock == "cyclic" for axis in config.axes)
 
 
+_LONGEST_LOAD_S = 5.0
+"""For which a stop waits for a kernel that is being loaded."""
+
+
 def _in_background(config: Config, stack: ExitStack) -> Compiled:
     """Compile the kernel, or load it from its cache, during the start: that of the estimates first.
 
@@ -188,7 +193,6 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     """
     compiled = Compiled(Future(), Future())
     filler = EARLY if EARLY.begun else CacheFiller()
-    stack.callback(filler.stop)
 
     def compile_kernel() -> None:
         try:
@@ -207,7 +211,11 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
                 if not done.done():
                     done.set_exception(error)
 
-    threading.Thread(target=compile_kernel, name="compiler", daemon=True).start()
+    thread = threading.Thread(target=compile_kernel, name="compiler", daemon=True)
+    thread.start()
+    # What it loads has finalizers: at the end of the program Python goes through their list, which must not grow then.
+    stack.callback(thread.join, _LONGEST_LOAD_S)
+    stack.callback(filler.stop)
     return compiled
 
 

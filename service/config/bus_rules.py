@@ -251,8 +251,11 @@ def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
 def counters_beside_values(config: Config) -> Iterator[Finding]:
     """A sample counter is in the message of the torque or of the motion."""
     wrong = {finding.path for finding in message_names(config)}
+    by_axis: dict[int, list[_Use]] = {}
+    for use in _values(config):
+        by_axis.setdefault(id(use.axis), []).append(use)
     for counter in _counters(config):
-        values = [use for use in _values(config) if use.axis is counter.axis]
+        values = by_axis.get(id(counter.axis), [])
         if len(values) < 2 or wrong & {use.message_path for use in (*values, counter)}:
             continue
         messages = dict.fromkeys(value.message for value in values)

@@ -31,6 +31,9 @@ from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot
 LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
 """Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
 long as the samples of a block."""
+LEAST_PAUSE = 10
+"""Between two snapshots that somebody looks at, times what it takes to make them, 0.1 s for a thousand axes; at most
+``UNSEEN_S``."""
 
 MOST_FRAMES = 10_000
 """Frames of a bus in one block, so that a backlog does not keep the snapshots waiting."""
@@ -197,8 +200,7 @@ class Worker:
         self.error: BaseException | None = None
         """The fault that ended the thread."""
         self._looked_at = False
-        self._published = self._snapshot(self._news(now_us()))
-        self._published_s = perf_counter()
+        self._replace(self._news(now_us()))
 
     @property
     def snapshot(self) -> Snapshot:
@@ -362,14 +364,16 @@ class Worker:
         """Replace the snapshot where it is old, or does not show what people wait for."""
         news = self._news(self._now_us())
         age_s = perf_counter() - self._published_s
-        if (
-            at_once
-            or age_s >= (LOOKED_AT_S if self._looked_at else UNSEEN_S)
-            or news.differs(self._published)
-        ):
+        due_s = min(UNSEEN_S, max(LOOKED_AT_S, LEAST_PAUSE * self._making_s)) if self._looked_at else UNSEEN_S
+        if at_once or age_s >= due_s or news.differs(self._published):
             self._looked_at = False
-            self._published = self._snapshot(news)
-            self._published_s = perf_counter()
+            self._replace(news)
+
+    def _replace(self, news: _News) -> None:
+        start = perf_counter()
+        self._published = self._snapshot(news)
+        self._published_s = perf_counter()
+        self._making_s = self._published_s - start
 
     def _news(self, now_us: int) -> _News:
         history, buses = self._history.state(), tuple(bus.snapshot() for bus in self._buses)

@@ -89,21 +89,25 @@ def packed(rows: Rows) -> list[bytes]:
     return [(a if n == 1 else b).tobytes() for n, (a, b) in zip(rows.n, texts, strict=True)]
 
 
-def unpacked(found: Sequence[tuple[int, int, bytes]]) -> Rows:
+def unpacked(found: Iterable[tuple[int, int, bytes]]) -> Rows:
     """Rows from begin, count and numbers of each in the file; those that are damaged are left out."""
-    if not found:
+    t, n, cells = list[int](), list[int](), list[bytes]()
+    for begin, count, numbers in found:  # thousands of tuples at once would keep the garbage collector busy
+        t.append(begin)
+        n.append(count)
+        cells.append(numbers)
+    if not t:
         return NO_ROWS
-    t, n, cells = zip(*found, strict=True)
     counts = np.array(n, np.int64)
     alone, sizes = counts == 1, np.fromiter(map(len, cells), np.int64, len(cells))
     sound = (sizes == np.where(alone, _SINGLE.itemsize, _SEVERAL.itemsize)) & (counts > 0)
     if not sound.all():
-        return unpacked([row for row, known in zip(found, sound, strict=True) if known])
+        return unpacked(compress(zip(t, n, cells, strict=True), sound))
     mean, low, high = (np.empty((len(counts), _Q)) for _ in range(3))
-    single = np.frombuffer(b"".join(compress(cells, alone)), _SINGLE)
-    several = np.frombuffer(b"".join(compress(cells, ~alone)), _SEVERAL)
-    for column, name in ((mean, "mean"), (low, "low"), (high, "high")):
-        column[alone], column[~alone] = single["mean"], several[name]
+    for which, kind, names in ((alone, _SINGLE, ("mean",) * 3), (~alone, _SEVERAL, ("mean", "low", "high"))):
+        rows = np.frombuffer(b"".join(compress(cells, which)), kind)
+        for column, name in zip((mean, low, high), names, strict=True):
+            column[which] = rows[name]
     return Rows(np.array(t, np.int64), counts, mean, low, high)
 
 

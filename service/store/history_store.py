@@ -150,7 +150,7 @@ class HistoryView:
         """The rows of a series that begin at or after ``since_s`` and before ``until_s``, the first ``most``."""
         query = f"SELECT t, n, cells FROM {table} WHERE series = ? AND t >= ? AND t < ? ORDER BY t LIMIT ?"
         values = [series, since_s, until_s, -1 if most is None else most]
-        return unpacked(self._connection.execute(query, values).fetchall())
+        return unpacked(self._connection.execute(query, values))
 
 
 def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: Series) -> int:
@@ -168,7 +168,7 @@ def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, ro
     query = f"SELECT ?, n, cells FROM {table} WHERE series = ? AND t = ?"
     keys = enumerate(zip(owners.tolist(), new.t.tolist(), strict=True))
     answers = (connection.execute(query, (k, *key)).fetchone() for k, key in keys)
-    known = unpacked([row for row in answers if row is not None])
+    known = unpacked(row for row in answers if row is not None)
     if len(known.n):
         place = known.t
         both = joined([known._replace(t=new.t[place]), new])

@@ -15,6 +15,7 @@ from service.pipeline.baselines import (
     BaselineError,
     BaselineUnavailableError,
 )
+from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.web import metrics, models, views
 from service.web.access import ForbiddenError, Scope, needs
@@ -103,7 +104,10 @@ def _api(state: AppState) -> APIRouter:
 def _axes(state: AppState) -> APIRouter:
     api = APIRouter()
 
-    every = Latest(lambda taken, now_us: views.axes(taken, now_us).model_dump_json().encode(), _LONGEST_S)
+    def written(taken: Snapshot, now_us: int) -> bytes:
+        return views.axes_json(taken, [views.axis_json(a, now_us) for a in taken.axes])
+
+    every = Latest(written, _LONGEST_S)
 
     @api.get("/axes", summary="All axes", response_model=models.Axes)
     def axes() -> Response:

@@ -14,7 +14,6 @@ from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.alarm_transitions import RecordedTransition
 from service.store.database import StoreError
 from service.store.journal import RecordedAlarm
-from service.texts import iso
 from service.web import models, views
 from service.web.app_state import AppState
 from service.web.problem_details import described
@@ -49,7 +48,7 @@ class AxisTexts:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._snapshot: Snapshot | None = None
-        self._texts: dict[str, str] = {}
+        self._texts: dict[str, bytes] = {}
 
     def event(self, snapshot: Snapshot, axes: list[AxisSnapshot], now_us: int) -> str:
         """The body of models.Axes with some of the axes of a snapshot."""
@@ -58,9 +57,8 @@ class AxisTexts:
                 self._snapshot, self._texts = snapshot, {}
             for axis in axes:
                 if axis.id not in self._texts:
-                    self._texts[axis.id] = views.axis(axis, now_us).model_dump_json()
-            texts = ",".join(self._texts[axis.id] for axis in axes)
-        return f'{{"taken":"{iso(snapshot.taken_us)}","axes":[{texts}]}}'
+                    self._texts[axis.id] = views.axis_json(axis, now_us)
+            return views.axes_json(snapshot, [self._texts[axis.id] for axis in axes]).decode()
 
 
 class Stream:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from pydantic_core import to_json
 
 from monitor_core.arrays import Floats, Ints
 from service.store.history_query import Course, HistoryAnswer
@@ -25,6 +26,10 @@ _UNITS = {
     "threshold": "{} samples",
     "observability": "1",
 }
+
+_MOST = 300
+_POWERS = np.array([float(f"1e{k}") for k in range(_MOST + 1)])
+"""Each as exact as it can be, so that a quotient has no more digits than it was rounded to"""
 
 
 def history_json(axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]) -> bytes:
@@ -110,8 +115,14 @@ def _parameter(course: Course, monitored: Mapping[str, tuple[str, float]]) -> It
 
 def numbers(column: Floats, digits: int = 7) -> str:
     """Numbers of a JSON list, with as many digits as they are kept with; null where they are not finite."""
-    written = np.where(np.isfinite(column), column, np.nan).tolist()
-    return (",".join([f"%.{digits}g"] * len(written)) % tuple(written)).replace("nan", "null")
+    finite = np.where(np.isfinite(column), column, 0.0)
+    # Rounded as numbers: pydantic writes one with few digits ten times as fast as Python does with "%.7g".
+    exponent = np.log10(abs(finite), where=finite != 0, out=np.zeros(len(finite)))
+    places = (digits - 1 - np.floor(exponent)).astype(int)
+    scale, large = _POWERS[np.clip(places, 0, _MOST)], _POWERS[np.clip(-places, 0, _MOST)]
+    rounded = np.rint(finite * scale / large) / scale * large
+    text = to_json(np.where(np.isfinite(column), rounded, np.nan).tolist(), inf_nan_mode="null").decode()
+    return f"{text[1:-1]},".replace(".0,", ",")[:-1]
 
 
 def _times(t: Ints) -> list[str]:

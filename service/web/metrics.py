@@ -1,10 +1,11 @@
 """Prometheus metrics of the newest snapshot, at each scrape.
 
-prometheus_client writes what is small.  The series of the axes, about seventy an axis, are written here, in a
-seventh of its time, and only once for each snapshot.
+prometheus_client writes what is small.  The series of the axes, about seventy an axis, are written here, only once for
+each snapshot, and of those only the metrics whose numbers have changed.
 """
 
 import math
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
@@ -15,11 +16,10 @@ from prometheus_client.core import HistogramMetricFamily, InfoMetricFamily, Metr
 from prometheus_client.exposition import choose_encoder
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
-from prometheus_client.utils import floatToGoString
+from pydantic_core import to_json
 
-from monitor_core.detection import DIRECTIONS, Reach, Stage
-from monitor_core.monitoring import PRIORITIES, AlarmState, DetectorStatus, ParameterStatus
-from monitor_core.trend import Trend
+from monitor_core.detection import DIRECTIONS, Reach
+from monitor_core.monitoring import PRIORITIES, AlarmState
 from service.pipeline.history_recording import OBSERVABILITY
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.web.app_state import VERSION, Latest, age_s, sample_age_s
@@ -126,7 +126,8 @@ _FAMILIES = {
     for name, words in group.items()
 }
 
-_Series = tuple[tuple[str, ...], float]
+_Labels = tuple[str, ...]
+_NONE: Sequence[_Labels] = [()]
 _Axes = tuple[AxisSnapshot, ...]
 
 
@@ -184,24 +185,36 @@ class _Small(Collector):
 
 
 class _Family(NamedTuple):
-    """A metric: its name without the prefix, label values and number of each series."""
+    """A metric: its name without the prefix; of each series its label values and its number."""
 
     name: str
-    series: Iterable[_Series]
+    labels: Sequence[_Labels]
+    numbers: Sequence[float]
 
 
-class _Starts(dict[tuple[str, ...], str]):
-    """The beginning of the line of each series, by its label values: made once."""
+class _Lines:
+    """The lines of a metric, which are kept: most metrics have the series of last time, and many its numbers."""
 
     def __init__(self, name: str, labels: Sequence[str]) -> None:
-        super().__init__()
         self._name, self._labels = name, labels
+        self._values: Sequence[_Labels] = []
+        self._numbers: Sequence[float] = []
+        self._form = self._text = ""
 
-    def __missing__(self, values: tuple[str, ...]) -> str:
+    def text(self, values: Sequence[_Labels], numbers: Sequence[float]) -> str:
+        """A line for each series."""
+        if values != self._values:
+            self._form = "".join([f"{self._start(v)} %s\n" for v in values])
+        elif numbers == self._numbers:
+            return self._text
+        self._values, self._numbers = values, numbers
+        self._text = self._form % tuple(_written(numbers)) if numbers else ""
+        return self._text
+
+    def _start(self, values: Sequence[str]) -> str:
         pairs = sorted(zip(self._labels, map(_escaped, values), strict=True))
         inner = ",".join(f'{label}="{value}"' for label, value in pairs)
-        start = self[values] = f"{self._name}{{{inner}}} " if pairs else f"{self._name} "
-        return start
+        return f"{self._name}{{{inner}}}" if pairs else self._name
 
 
 class _Writer:
@@ -209,31 +222,35 @@ class _Writer:
 
     def __init__(self, openmetrics: bool) -> None:
         self._openmetrics = openmetrics
-        self._starts: dict[str, _Starts] = {}
+        self._lines: dict[str, _Lines] = {}
+        self._lock = threading.Lock()
 
     def of_axes(self, snapshot: Snapshot, _now_us: int) -> bytes:
         """The lines of all that does not change while the snapshot is the newest one."""
         return self.text(_of_axes(snapshot))
 
     def text(self, families: Iterable[_Family]) -> bytes:
-        """The lines of families."""
-        lines = list[str]()
-        for name, series in families:
-            kind, words, labels = _FAMILIES[name]
-            total = "_total" if kind == "counter" else ""
-            family = f"axiswatch_{name}{'' if self._openmetrics else total}"
-            lines.append(f"# HELP {family} {words}\n# TYPE {family} {kind}\n")
-            starts = self._starts.setdefault(name, _Starts(f"axiswatch_{name}{total}", labels))
-            # Beyond a million, and where it is not finite, a number is written another way than Python does.
-            lines += [
-                f"{starts[values]}{float(n) if 0 <= n < 1e6 else floatToGoString(n)}\n"  # type: ignore[no-untyped-call]
-                for values, n in series
-            ]
-        return "".join(lines).encode()
+        """The lines of families, from any thread."""
+        parts = list[str]()
+        with self._lock:
+            for name, values, numbers in families:
+                kind, words, labels = _FAMILIES[name]
+                total = "_total" if kind == "counter" else ""
+                family = f"axiswatch_{name}{'' if self._openmetrics else total}"
+                lines = self._lines.setdefault(name, _Lines(f"axiswatch_{name}{total}", labels))
+                parts += (f"# HELP {family} {words}\n# TYPE {family} {kind}\n", lines.text(values, numbers))
+        return "".join(parts).encode()
+
+
+def _written(numbers: Iterable[float]) -> Sequence[str]:
+    """Numbers with all their digits: as JSON, which is much faster than by Python, but for those that it lacks."""
+    text = to_json([*map(float, numbers)], inf_nan_mode="constants").decode()
+    return text[1:-1].replace("-Infinity", "-Inf").replace("Infinity", "+Inf").split(",")
 
 
 def _escaped(value: str) -> str:
-    return value.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"")
+    """A value of a label, for a form that is filled in."""
+    return value.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"").replace("%", "%%")
 
 
 def _of_axes(snapshot: Snapshot) -> Iterator[_Family]:
@@ -245,88 +262,84 @@ def _of_axes(snapshot: Snapshot) -> Iterator[_Family]:
     yield from _trends(snapshot.axes)
     yield from _buses(snapshot)
     history = snapshot.history
-    yield _Family("history_waiting_points", [((), history.waiting)])
-    yield _Family("history_dropped_points", (((reason,), n) for reason, n in history.dropped.items()))
+    yield _Family("history_waiting_points", _NONE, [history.waiting])
+    yield _Family(
+        "history_dropped_points", [(reason,) for reason in history.dropped], [*history.dropped.values()]
+    )
 
 
 def _ages(snapshot: Snapshot, now_us: int) -> Iterator[_Family]:
     # +Inf before the first sample: the rule for a silent axis then also covers one that was never received.
-    ages = ((a.id, sample_age_s(a, now_us)) for a in snapshot.axes)
-    yield _Family("last_sample_age_seconds", (((axis,), math.inf if s is None else s) for axis, s in ages))
-    yield _Family("snapshot_age_seconds", [((), age_s(snapshot.taken_us, now_us))])
+    ages = [math.inf if (s := sample_age_s(a, now_us)) is None else s for a in snapshot.axes]
+    yield _Family("last_sample_age_seconds", _ids(snapshot.axes), ages)
+    yield _Family("snapshot_age_seconds", _NONE, [age_s(snapshot.taken_us, now_us)])
     saved = snapshot.checkpoint_us
-    yield _Family("checkpoint_age_seconds", [] if saved is None else [((), age_s(saved, now_us))])
+    yield _Family("checkpoint_age_seconds", *(([], []) if saved is None else (_NONE, [age_s(saved, now_us)])))
 
 
-def _by_reason(name: str, counts: Iterable[tuple[str, Mapping[str, int]]]) -> _Family:
-    return _Family(name, (((owner, reason), n) for owner, numbers in counts for reason, n in numbers.items()))
+def _ids(axes: _Axes) -> list[_Labels]:
+    return [(axis.id,) for axis in axes]
+
+
+def _by_reason(name: str, owners: Iterable[str], counts: Sequence[Mapping[str, int]]) -> _Family:
+    labels = [(owner, reason) for owner, numbers in zip(owners, counts, strict=True) for reason in numbers]
+    return _Family(name, labels, [n for numbers in counts for n in numbers.values()])
 
 
 def _parameters(axes: _Axes) -> Iterator[_Family]:
-    known = [((axis.id, p.name), p) for axis in axes for p in axis.status.parameters]
-
-    def gauge(name: str, value: Callable[[ParameterStatus], float]) -> _Family:
-        return _Family(name, ((labels, value(p)) for labels, p in known))
-
-    yield gauge("parameter_estimate", lambda p: p.estimate)
-    yield gauge("parameter_nominal", lambda p: p.nominal)
-    yield gauge("parameter_standard_deviation", lambda p: p.standard_deviation)
-    yield gauge("parameter_p_diagonal", lambda p: p.p_diagonal)
-    yield gauge("parameter_observed", lambda p: OBSERVABILITY[p.observation])
-    yield gauge("parameter_tested", lambda p: p.tested)
-    yield gauge("parameter_tested_seconds", lambda p: p.tested_s)
-    g = ((labels, {"up": p.g_up, "down": p.g_down}) for labels, p in known)
-    yield _Family("cusum", (((*labels, d), by_side[d]) for labels, by_side in g for d in DIRECTIONS))
-    yield gauge("cusum_threshold", lambda p: p.h)
+    labels = [(axis.id, p.name) for axis in axes for p in axis.status.parameters]
+    known = [p for axis in axes for p in axis.status.parameters]
+    yield _Family("parameter_estimate", labels, [p.estimate for p in known])
+    yield _Family("parameter_nominal", labels, [p.nominal for p in known])
+    yield _Family("parameter_standard_deviation", labels, [p.standard_deviation for p in known])
+    yield _Family("parameter_p_diagonal", labels, [p.p_diagonal for p in known])
+    yield _Family("parameter_observed", labels, [OBSERVABILITY[p.observation] for p in known])
+    yield _Family("parameter_tested", labels, [p.tested for p in known])
+    yield _Family("parameter_tested_seconds", labels, [p.tested_s for p in known])
+    sides = [(*pair, d) for pair in labels for d in DIRECTIONS]
+    yield _Family("cusum", sides, [g for p in known for g in (p.g_up, p.g_down)])
+    yield _Family("cusum_threshold", labels, [p.h for p in known])
 
 
 def _alarms(snapshot: Snapshot) -> Iterator[_Family]:
-    axes = snapshot.axes
-    every = [(axis, cause) for axis in axes for cause in axis.causes]
-
+    axes, names = snapshot.axes, _names(snapshot)
     lasting = {  # latched, or the off-delay is not over
         (a.axis, a.parameter, a.direction)
         for a in snapshot.alarms.standing
         if a.active and a.ended_us is not None and a.kind != "forecast"
     }
+    alarms = [
+        (a.id, e) for a in axes for e in a.open_alarms if e.kind != "forecast"
+    ]  # those have their own metric
+    named = {(axis, e.parameter, e.direction) for axis, e in alarms if e.stage == "named"}
+    active = lasting.union((axis, e.parameter, e.direction) for axis, e in alarms)
+    yield _Family("alarm_active", names, [name in active for name in names])
+    yield _Family("alarm_named", names, [name in named for name in names])
+    causes = [(a.id, cause) for a in axes for cause in a.causes]
+    probable = {(a.id, cause): p for a in axes for cause, p in _causes(a).items()}
+    yield _Family("alarm_probability", causes, [probable.get(cause, 0.0) for cause in causes])
 
-    sides = [(axis, cause, d) for axis, cause in every for d in DIRECTIONS]
-    named = [((a.id, cause, d), _is_open(a, cause, d, "named")) for a, cause, d in sides]
-    changed = (_is_open(a, cause, d, "changed") for a, cause, d in sides)
-    active = ((name, n or c or name in lasting) for (name, n), c in zip(named, changed, strict=True))
-    yield _Family("alarm_active", active)
-    yield _Family("alarm_named", named)
-    causes = {axis.id: _causes(axis) for axis in axes}
-    yield _Family(
-        "alarm_probability",
-        (((axis.id, cause), causes[axis.id].get(cause, 0.0)) for axis, cause in every),
-    )
+
+def _names(snapshot: Snapshot) -> list[_Labels]:
+    """Every alarm that there may be: axis, cause and direction."""
+    return [(axis.id, cause, d) for axis in snapshot.axes for cause in axis.causes for d in DIRECTIONS]
 
 
 def _life_cycle(snapshot: Snapshot) -> Iterator[_Family]:
     """What persons and the configuration have done about the alarms."""
     alarms = snapshot.alarms
-    shown, hidden = set[tuple[str, ...]](), set[tuple[str, ...]]()
+    shown, hidden = set[_Labels](), set[_Labels]()
     for a in (*alarms.standing, *alarms.unrecorded):
         if a.active and a.kind != "forecast":
             kept = hidden if a.life.at(snapshot.taken_us).hidden else shown
             kept.add((a.axis, a.parameter, a.direction))
-    names = [(axis.id, cause, d) for axis in snapshot.axes for cause in axis.causes for d in DIRECTIONS]
-    yield _Family("alarm_hidden", ((name, name in hidden - shown) for name in names))
+    hidden, names = hidden - shown, _names(snapshot)
+    yield _Family("alarm_hidden", names, [name in hidden for name in names])
     counts = Counter({(str(c.state), str(c.priority)): c.alarms for c in alarms.states})
     counts.update((str(a.state), str(a.priority)) for a in alarms.unrecorded)
     places = [(str(s), str(p)) for s in AlarmState if s is not AlarmState.NORMAL for p in PRIORITIES]
-    yield _Family("alarms", ((place, counts[place]) for place in places))
-    yield _Family("alarms_not_recorded", [((), alarms.waiting)])
-
-
-def _is_open(axis: AxisSnapshot, parameter: str, direction: str, stage: Stage) -> bool:
-    return any(
-        (e.parameter, e.direction) == (parameter, direction)
-        and e.stage == stage
-        and e.kind != "forecast"  # those have their own metric
-        for e in axis.open_alarms
-    )
+    yield _Family("alarms", places, [counts[place] for place in places])
+    yield _Family("alarms_not_recorded", _NONE, [alarms.waiting])
 
 
 def _causes(axis: AxisSnapshot) -> dict[str, float]:
@@ -339,55 +352,53 @@ def _causes(axis: AxisSnapshot) -> dict[str, float]:
 
 
 def _detectors(axes: _Axes) -> Iterator[_Family]:
-    def gauge(name: str, value: Callable[[DetectorStatus], float]) -> _Family:
-        return _Family(name, (((a.id, d.name), value(d)) for a in axes for d in a.status.detectors))
-
-    yield gauge("detector_alarms", lambda d: d.alarms)
-    yield gauge("detector_evidence", lambda d: d.evidence)
+    labels = [(a.id, d.name) for a in axes for d in a.status.detectors]
+    known = [d for a in axes for d in a.status.detectors]
+    yield _Family("detector_alarms", labels, [d.alarms for d in known])
+    yield _Family("detector_evidence", labels, [d.evidence for d in known])
 
 
 def _samples(axes: _Axes) -> Iterator[_Family]:
-    yield _Family("innovation_variance", (((a.id,), a.status.innovation_variance) for a in axes))
-    yield _Family("axis_gated", (((a.id,), bool(a.gated_by)) for a in axes))
-    yield _Family("axis_epoch", (((a.id,), a.epoch.number) for a in axes))
-    yield _Family("axis_learning", (((a.id,), a.epoch.state == "learning") for a in axes))
-    yield _Family("axis_out_of_service", (((a.id,), a.out_of_service is not None) for a in axes))
-    yield _Family("axis_verifying", (((a.id,), a.epoch.state == "verifying") for a in axes))
-    heats = ((a.id, a.heat) for a in axes)
-    yield _Family("axis_heat_watts", (((axis,), heat.heat_w) for axis, heat in heats if heat is not None))
-    yield _Family("samples", (((a.id,), a.status.samples) for a in axes))
-    yield _by_reason("samples_by_fate", ((a.id, a.status.counters) for a in axes))
-    yield _by_reason("values_dropped", ((a.id, a.dropped) for a in axes))
-    yield _by_reason("clock_restarts", ((a.id, a.clock) for a in axes))
-    scatters = ((a.id, a.stamps.scatter_s) for a in axes)
-    yield _Family("stamp_scatter_seconds", (((axis,), s) for axis, s in scatters if s is not None))
+    ids, names = _ids(axes), [a.id for a in axes]
+    yield _Family("innovation_variance", ids, [a.status.innovation_variance for a in axes])
+    yield _Family("axis_gated", ids, [bool(a.gated_by) for a in axes])
+    yield _Family("axis_epoch", ids, [a.epoch.number for a in axes])
+    yield _Family("axis_learning", ids, [a.epoch.state == "learning" for a in axes])
+    yield _Family("axis_out_of_service", ids, [a.out_of_service is not None for a in axes])
+    yield _Family("axis_verifying", ids, [a.epoch.state == "verifying" for a in axes])
+    heats = [(a.id, a.heat) for a in axes if a.heat is not None]
+    yield _Family("axis_heat_watts", [(axis,) for axis, _ in heats], [heat.heat_w for _, heat in heats])
+    yield _Family("samples", ids, [a.status.samples for a in axes])
+    yield _by_reason("samples_by_fate", names, [a.status.counters for a in axes])
+    yield _by_reason("values_dropped", names, [a.dropped for a in axes])
+    yield _by_reason("clock_restarts", names, [a.clock for a in axes])
+    scatters = [(a.id, s) for a in axes if (s := a.stamps.scatter_s) is not None]
+    yield _Family("stamp_scatter_seconds", [(axis,) for axis, _ in scatters], [s for _, s in scatters])
 
 
 def _trends(axes: _Axes) -> Iterator[_Family]:
     """Slope, its standard deviation, the probability of a drift, and the times at which limits are reached."""
     known = [(a, p, p.trend) for a in axes for p in a.trends if p.trend is not None]
-
-    def gauge(name: str, value: Callable[[Trend], float]) -> _Family:
-        return _Family(name, (((a.id, p.name), value(t)) for a, p, t in known))
-
-    yield gauge("parameter_slope", lambda t: t.slope)
-    yield gauge("parameter_slope_standard_deviation", lambda t: t.slope_sd)
-    yield gauge("parameter_drift_probability", lambda t: t.probability["drift"] + t.probability["both"])
+    labels, trends = [(a.id, p.name) for a, p, _ in known], [t for *_, t in known]
+    yield _Family("parameter_slope", labels, [t.slope for t in trends])
+    yield _Family("parameter_slope_standard_deviation", labels, [t.slope_sd for t in trends])
+    probability = [t.probability["drift"] + t.probability["both"] for t in trends]
+    yield _Family("parameter_drift_probability", labels, probability)
     reaches = [
         ((a.id, r.name, "upper" if r.above else "lower"), a, p, t, r) for a, p, t in known for r in p.reaches
     ]
+    ends = [
+        ((*limit, bound), (t_us - t.time_us) / 1e6)
+        for limit, _, _, t, r in reaches
+        for bound, t_us in (("low", r.low_us), ("high", r.high_us))
+        if t_us is not None
+    ]
+    yield _Family("limit_reached_seconds", [end for end, _ in ends], [s for _, s in ends])
+    limits = [limit for limit, *_ in reaches]
     yield _Family(
-        "limit_reached_seconds",
-        (
-            ((*labels, bound), (t_us - t.time_us) / 1e6)
-            for labels, _, _, t, r in reaches
-            for bound, t_us in (("low", r.low_us), ("high", r.high_us))
-            if t_us is not None
-        ),
+        "limit_alarm_active", limits, [_is_limit_alarm_open(a, p.name, r) for _, a, p, _, r in reaches]
     )
-    alarms = ((labels, _is_limit_alarm_open(a, p.name, r)) for labels, a, p, _, r in reaches)
-    yield _Family("limit_alarm_active", alarms)
-    yield _Family("histories_lost", (((a.id,), a.histories_lost) for a in axes))
+    yield _Family("histories_lost", _ids(axes), [a.histories_lost for a in axes])
 
 
 def _is_limit_alarm_open(axis: AxisSnapshot, parameter: str, reach: Reach) -> bool:
@@ -400,13 +411,15 @@ def _is_limit_alarm_open(axis: AxisSnapshot, parameter: str, reach: Reach) -> bo
 
 
 def _buses(snapshot: Snapshot) -> Iterator[_Family]:
-    yield _Family("bus_up", (((b.name,), b.up) for b in snapshot.buses))
-    yield _Family("frames", (((b.name,), b.frames) for b in snapshot.buses))
-    yield _by_reason("frames_dropped", ((b.name, b.dropped) for b in snapshot.buses))
+    buses, names = snapshot.buses, [(b.name,) for b in snapshot.buses]
+    yield _Family("bus_up", names, [b.up for b in buses])
+    yield _Family("frames", names, [b.frames for b in buses])
+    yield _by_reason("frames_dropped", [b.name for b in buses], [b.dropped for b in buses])
 
 
 def _of_links(links: Sequence[LinkSnapshot]) -> Iterator[_Family]:
-    yield _Family("link_connected", (((link.name,), link.connected) for link in links))
-    yield _Family("link_pending", (((link.name,), link.pending) for link in links))
-    yield _Family("link_delivered", (((link.name,), link.delivered) for link in links))
-    yield _by_reason("link_given_up", ((link.name, link.given_up) for link in links))
+    names = [(link.name,) for link in links]
+    yield _Family("link_connected", names, [link.connected for link in links])
+    yield _Family("link_pending", names, [link.pending for link in links])
+    yield _Family("link_delivered", names, [link.delivered for link in links])
+    yield _by_reason("link_given_up", [link.name for link in links], [link.given_up for link in links])

@@ -18,7 +18,7 @@ from tests.soak.test_full_bus import sending, written
 
 pytestmark = pytest.mark.bench
 
-AXES, RATE_HZ, COUNTS, WATCHED_S = 20, 1000, 2048, 20.0
+AXES, RATE_HZ, BITS, WATCHED_S = 20, 1000, 11, 20.0
 INERTIA, FRICTION = 0.01, 0.02
 
 HEAD = """\
@@ -35,17 +35,18 @@ id = {can_id:#x}
 signal = [
   {{ name = "torque", start_bit = 0, length = 16, kind = "signed", factor = 0.001 }},
   {{ name = "speed", start_bit = 16, length = 16, kind = "signed", factor = 0.01 }},
-  {{ name = "count", start_bit = 32, length = 11 }},
+  {{ name = "count", start_bit = 32, length = {bits} }},
 ]
 """
 ROBOT = """\
 [[robot]]
 name = "demo"
 [robot.defaults]
-sample_interval_s = 0.001
-time = { counter_signal = "count" }
-estimator = { torque_noise = 0.05, output_noise = 0.01 }
-model = { drive = "one-mass", monitor = ["kT", "fm"], nominal = { J = 0.01, fm = 0.02, fc = 0.0, tau0 = 0.0, kT = 1 } }
+sample_interval_s = {interval_s}
+time = {{ counter_signal = "count" }}
+estimator = {{ torque_noise = 0.05, output_noise = 0.01 }}
+detector = {{ shadow = {shadow} }}
+model = {{ drive = "one-mass", monitor = {monitored}, nominal = {nominal} }}
 """
 AXIS = """\
 [[robot.axis]]
@@ -55,29 +56,42 @@ speed = {{ message = "drive{n}", signal = "speed" }}
 """
 
 
-def configured(folder: Path) -> Path:
-    parts = [HEAD, *(MESSAGE.format(n=n, can_id=0x100 + n) for n in range(1, AXES + 1))]
-    parts += [ROBOT, *(AXIS.format(n=n) for n in range(1, AXES + 1))]
+NOMINAL = "{ J = 0.01, fm = 0.02, fc = 0.0, tau0 = 0.0, kT = 1 }"
+
+
+def configured(
+    folder: Path,
+    axes: int = AXES,
+    rate_hz: int = RATE_HZ,
+    bits: int = BITS,
+    monitored: str = '["kT", "fm"]',
+    nominal: str = NOMINAL,
+    shadow: str = "true",
+) -> Path:
+    numbers = range(1, axes + 1)
+    parts = [HEAD, *(MESSAGE.format(n=n, can_id=0x100 + n, bits=bits) for n in numbers)]
+    parts.append(ROBOT.format(interval_s=1 / rate_hz, monitored=monitored, nominal=nominal, shadow=shadow))
+    parts += [AXIS.format(n=n) for n in numbers]
     (folder / "robot.toml").write_text("".join(parts), encoding="utf-8")
     return folder / "robot.toml"
 
 
-def frames() -> FrameBlock:
+def frames(axes: int = AXES, rate_hz: int = RATE_HZ, bits: int = BITS) -> FrameBlock:
     """As many as the count has values, so that they can be repeated: the speeds are periodic."""
-    count, periods = COUNTS, {3: 40.0, 8: 15.0}
+    count, periods = 2**bits, {3: 40.0, 8: 15.0}
     turns = 2 * np.pi * np.arange(count) / count
     speed, slope = np.zeros(count), np.zeros(count)
     for number, amplitude in periods.items():
         speed += amplitude * np.sin(number * turns)
-        slope += amplitude * np.cos(number * turns) * 2 * np.pi * number * RATE_HZ / count
+        slope += amplitude * np.cos(number * turns) * 2 * np.pi * number * rate_hz / count
     torque = INERTIA * slope + FRICTION * speed
     data = np.zeros((count, 8), np.uint8)
     columns = [np.rint(torque / 0.001), np.rint(speed / 0.01), np.arange(count)]
     for k, column in enumerate(columns):
         data[:, 2 * k : 2 * k + 2] = column.astype("<i2").view(np.uint8).reshape(-1, 2)
-    ids = np.tile(0x101 + np.arange(AXES), count)
-    t_us = np.repeat(np.arange(count) * 1_000_000 // RATE_HZ, AXES)
-    return FrameBlock.from_columns(t_us, ids, np.full(len(ids), 8), np.repeat(data, AXES, axis=0))
+    ids = np.tile(0x101 + np.arange(axes), count)
+    t_us = np.repeat(np.arange(count) * 1_000_000 // rate_hz, axes)
+    return FrameBlock.from_columns(t_us, ids, np.full(len(ids), 8), np.repeat(data, axes, axis=0))
 
 
 def test_twenty_thousand_frames_a_second(tmp_path: Path, say: Say) -> None:

@@ -9,6 +9,9 @@ import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm, Reach
+from service.store.alarm_transitions import Note
+from service.texts import iso
+from service.web import models, views
 from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, with_status
 
 
@@ -51,6 +54,20 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert (second["id"], second["last_sample"], second["last_sample_age_s"]) == ("demo.axis2", None, None)
     assert second["stamps"] == {"clock": "receipt", "scatter_s": None, "interval_s": None}
     assert second["detectors"][0]["leading"] is None
+
+
+def test_axes_are_written_as_their_model_is(client: TestClient, stage: Stage) -> None:
+    first, second = stage.snapshot.axes
+    kT, *others = first.status.parameters
+    status = replace(first.status, parameters=(replace(kT, estimate=math.nan, g_up=math.inf), *others))
+    away = replace(
+        second, out_of_service=Note(stage.now_us, "anna", "new gearbox"), gated_by="mode = 2", heat=None
+    )
+    stage.snapshot = replace(stage.snapshot, axes=(replace(first, status=status), away))
+    axes = [views.axis(a, stage.now_us) for a in stage.snapshot.axes]
+    assert axes[0].parameters[0].estimate is None
+    expected = models.Axes(taken=iso(stage.snapshot.taken_us), axes=axes)
+    assert client.get("/api/v1/axes").text == expected.model_dump_json()
 
 
 def test_all_axes_are_written_once_a_second_and_for_each_snapshot(client: TestClient, stage: Stage) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import socket
 import subprocess
 import urllib.error
@@ -10,6 +11,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,6 @@ import pytest
 from fastapi.testclient import TestClient
 from prometheus_client.openmetrics import parser as openmetrics
 from prometheus_client.parser import text_string_to_metric_families
-from prometheus_client.utils import floatToGoString
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
@@ -146,15 +147,34 @@ def test_both_formats_say_the_same(client: TestClient) -> None:
     assert "# TYPE axiswatch_samples counter\naxiswatch_samples_total{" in text
 
 
-def test_numbers_are_written_as_prometheus_does(stage: Stage) -> None:
-    axis = stage.snapshot.axes[0]
-    for value in (0.0, -0.25, 1e-7, 999_999.5, 1e6, 1.27530e8, 1.5e300, -3e7, math.inf, -math.inf, math.nan):
+def test_numbers_are_read_as_they_are(stage: Stage) -> None:
+    """With all digits; what is not finite as both formats want it."""
+    axis, numbers = (
+        stage.snapshot.axes[0],
+        (0.0, -0.25, 1 / 3, 1e-7, 999_999.5, 1e6, 1.27530e8, 1.5e300, -3e7),
+    )
+    for value, text in (
+        *zip(numbers, repeat(None)),
+        (math.inf, "+Inf"),
+        (-math.inf, "-Inf"),
+        (math.nan, "NaN"),
+    ):
         kT, *others = axis.status.parameters
         status = replace(axis.status, parameters=(replace(kT, estimate=value), *others))
         stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=status),))
-        written = floatToGoString(value)  # type: ignore[no-untyped-call]
-        line = f'axiswatch_parameter_estimate{{axis="demo.axis1",parameter="kT"}} {written}\n'
-        assert line in own(stage)
+        (line,) = re.findall(r'^axiswatch_parameter_estimate{.*parameter="kT"} (.*)$', own(stage), re.M)
+        assert line == text if text else float(line) == value
+
+
+def test_what_is_kept_of_a_snapshot_follows_axes_and_numbers(stage: Stage) -> None:
+    metrics = Metrics(lambda: stage.snapshot, lambda: stage.now_us, lambda: stage.links)
+    axis = stage.snapshot.axes[0]
+    for axes in ((axis,), (replace(axis, id="100 %s"), axis), (replace(axis, id="a"),), (), (axis,)):
+        for variance in (1.0, 1.0, 2.0):
+            status = replace(axis.status, innovation_variance=variance)
+            stage.snapshot = replace(stage.snapshot, axes=tuple(replace(a, status=status) for a in axes))
+            kept, _ = metrics.scrape("")
+            assert kept.decode().split("# HELP process_")[0] == own(stage)
 
 
 def test_the_ages_grow_while_the_worker_hangs(stage: Stage) -> None:
