@@ -17,7 +17,7 @@ motion in between, begins with what the pause has left of its heat; any other on
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -36,6 +36,8 @@ from monitor_core.identification.warm_up_search import Search, chosen, heat_cour
 
 LEAST_MOTION_S = 180.0
 """Records with less motion are not searched for a warm-up."""
+_A_LITTLE = 0.01
+"""Of a friction: by that it changes, to see whether all of it falls"""
 _STANDS = 0.05
 """Of the root mean square of the speed: an axis that is slower stands."""
 
@@ -98,12 +100,26 @@ def find_warm_up(
     if fit is None:
         return None
     slopes = {names[i]: (float(s), float(sd)) for i, s, sd in zip(fit.which, fit.slopes, fit.sd, strict=True)}
+    if not _falls(found, slopes, records):
+        return None
     errors = model_errors(windows, fit.which, carried, start)
     known = {names[i]: float(errors[i]) for i in index if math.isfinite(errors[i])}
     starts, model = tuple(fit.starts.tolist()), ThermalModel(fit.tau_s, fm, fc, 1.0)
     heats = [with_heat(record, model, start) for record, start in zip(records, starts, strict=True)]
     largest = max(float(record.signals[HEAT].max()) for record in heats)
     return FoundWarmUp(replace(model, largest=largest), slopes, starts, known)
+
+
+def _falls(found: Estimate, slopes: Mapping[str, tuple[float, float]], records: Sequence[Record]) -> bool:
+    """Whether friction falls as the axis warms up, at the root mean square of its speed, as that of a gear does.
+
+    What rises in a record is no warm-up, but something else that has changed on the way, as where the axis moves.
+    """
+    step = _A_LITTLE * min(abs(found.values[name] / slope) for name, (slope, _) in slopes.items())
+    warmer = {name: found.values[name] + step * slope for name, (slope, _) in slopes.items()}
+    cold, warm = (np.array(braking(found.drive, {**found.values, **more})) for more in ({}, warmer))
+    speed = math.sqrt(float(np.mean(np.concatenate([speeds_of(record)[0] for record in records]) ** 2)))
+    return bool((warm - cold) @ (speed, 1.0) < 0)
 
 
 def following(

@@ -17,6 +17,7 @@ from tests.core.warming import Warming, WarmingPlant
 
 STEADY = Warming(fm=0.0, fc=0.0, stribeck=0.0)
 QUICK = Warming(fast_s=60.0, slow_s=150.0)
+RISING = replace(QUICK, fm=-0.2, fc=-0.1, stribeck=0.0)
 FOLLOWERS = ("fm", "fc")
 
 
@@ -42,6 +43,11 @@ def test_friction_that_falls_is_found_with_its_time_constant(seed: int) -> None:
 def test_friction_that_is_steady_follows_nothing(seed: int) -> None:
     record, constant = recorded(seed, STEADY)
     assert moving_s([record]) > LEAST_MOTION_S
+    assert find_warm_up(constant, [record], FOLLOWERS) is None
+
+
+def test_friction_that_rises_is_no_warm_up(seed: int) -> None:
+    record, constant = recorded(seed, RISING)
     assert find_warm_up(constant, [record], FOLLOWERS) is None
 
 
