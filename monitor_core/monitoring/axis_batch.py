@@ -73,6 +73,7 @@ class AxisBatch:
         self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
         """Bounds of theta (p, W), each: the models' own, drawn in to where the predictors are stable."""
         judged = named.lower, named.upper, self.state.P_nom
+        self._untraced = self._trace(0)
         self._judges = tuple(EvidenceBuilder(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
         for a, (model, setting) in pairs:
             fill(named, a, constants_of(assembly, model, setting))
@@ -111,7 +112,7 @@ class AxisBatch:
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(self._samples(t_us, u, y, count, shift, gate, weight), self._trace(0))
+        return self._run(self._samples(t_us, u, y, count, shift, gate, weight), self._untraced)
 
     def run_traced(
         self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
@@ -135,7 +136,7 @@ class AxisBatch:
         shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
     ) -> list[tuple[int, Crossing]]:  # fmt: skip
         """As ``run``, but only the events that a test crossed its threshold, those of each axis in order of time."""
-        events, _ = self._advance(self._samples(t_us, u, y, count, shift, gate, weight), self._trace(0))
+        events, _ = self._advance(self._samples(t_us, u, y, count, shift, gate, weight), self._untraced)
         return [self._event(events, k) for k in range(int(events.filled[0]))]
 
     def _samples(

@@ -458,6 +458,8 @@ _Interpret = Callable[[_E, Sequence[Alarm]], Iterable[Alarm]]
 
 def _last_open(samples: SampleBlock) -> int:
     """Time of the last sample that no gate leaves out, and whose conditions are known [us]; NEVER: none."""
+    if samples.gate is None and samples.shift is None:
+        return int(samples.t_us[-1]) if samples.size else NEVER
     is_open = np.ones(samples.size, np.bool_) if samples.gate is None else samples.gate
     if samples.shift is not None:
         is_open = is_open & np.isfinite(samples.shift).all(axis=1)

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import entry, outlined
 from monitor_core.sampling.controller_clocks import (
     GIVEN,
@@ -52,23 +51,20 @@ class Stream(NamedTuple):
 
 
 HAS_TORQUE, HAS_MOTION, HAS_COUNT = 1, 2, 4
-"""Bits of ``FrameValues.has``"""
+"""Bits of ``has`` of a FRAME"""
 
 
-class FrameValues(NamedTuple):
-    """The values in frames of an axis, in the order of receipt; each (N,)."""
-
-    places: Ints
-    """In their block"""
-    received_us: Ints
-    torque: Floats
-    """N m"""
-    motion: Floats
-    """rad or rad/s"""
-    counter: Floats
-    """Of the sample counter"""
-    has: NDArray[np.uint8]
-    """Which of them a frame has"""
+FRAME = np.dtype(
+    [
+        ("place", "i8"),  # in its block
+        ("received_us", "i8"),
+        ("torque", "f8"),  # N m
+        ("motion", "f8"),  # rad or rad/s
+        ("counter", "f8"),
+        ("has", "u1"),
+    ]
+)
+"""The values in a frame of an axis, and which of them it has"""
 
 
 def new_scratch() -> NDArray[np.void]:
@@ -91,21 +87,18 @@ def compile_stream(cyclic: bool = False) -> None:
     clock = (cyclic_clock if cyclic else partial(counter_clock, bits=1))(1.0)
     pairing = new_pairing(1.0, 0.1, 1.0, 1.0, (1.0, 1.0))
     kind = CYCLIC if cyclic else RECEIPT
-    stream, none = Stream(kind, (clock, clock), pairing, new_meter(1.0), new_scratch()), np.zeros(0)
-    values = FrameValues(
-        none.astype(np.int64), none.astype(np.int64), none, none, none, none.astype(np.uint8)
-    )
+    stream = Stream(kind, (clock, clock), pairing, new_meter(1.0), new_scratch())
     samples = room_for_samples(stream, 0)
-    take_frames(stream, values, samples)
+    take_frames(stream, np.zeros(0, FRAME), samples)
     flush_frames(stream, samples)
 
 
-def take_frames(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> int:
+def take_frames(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -> int:
     """Take frames in the order of receipt; returns how many samples are complete.
 
     Args:
         stream: of the axis.
-        values: of the frames.
+        values: of the frames (N,), of FRAME.
         samples: room for the samples (at least N and those that wait), of SAMPLE.
     """
     return int((_take_cyclic if stream.clock == CYCLIC else _take)(stream, values, samples))
@@ -123,16 +116,16 @@ def flush_frames(stream: Stream, samples: NDArray[np.void]) -> int:
 
 
 @entry
-def _take(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any:
+def _take(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -> Any:
     """Frames with a counter, or with times of receipt."""
     number: Any = np.int64(0)
     value = stream.scratch[0]
-    for k in range(len(values.places)):
+    for k in range(len(values)):
         if not _read_frame(stream, values, k):
             continue
         sample_us: Any = np.int64(NO_TIME)
-        if stream.clock == COUNTER and values.has[k] & HAS_COUNT != 0:
-            sample_us, reason = count_time(stream.clocks[0].state[0], value.received_us, values.counter[k])
+        if stream.clock == COUNTER and values[k].has & HAS_COUNT != 0:
+            sample_us, reason = count_time(stream.clocks[0].state[0], value.received_us, values[k].counter)
             if reason != GIVEN:
                 stream.pairing.state[0].dropped[reason] += value.has_torque + value.has_motion
                 continue
@@ -142,10 +135,10 @@ def _take(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any
 
 
 @entry
-def _take_cyclic(stream: Stream, values: FrameValues, samples: NDArray[np.void]) -> Any:
+def _take_cyclic(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -> Any:
     number: Any = np.int64(0)
     value = stream.scratch[0]
-    for k in range(len(values.places)):
+    for k in range(len(values)):
         if _read_frame(stream, values, k):
             clock = stream.clocks[1] if value.has_motion else stream.clocks[0]
             read_cycle(clock.state[0], clock.values, value)
@@ -171,11 +164,11 @@ def _flush_cyclic(stream: Stream, samples: NDArray[np.void]) -> Any:
 
 
 @outlined
-def _read_frame(stream: Stream, values: FrameValues, k: int) -> bool:
+def _read_frame(stream: Stream, values: NDArray[np.void], k: int) -> bool:
     """The values of a frame into the record of the last one; whether there are any."""
-    has, value = values.has[k], stream.scratch[0]
-    value.place, value.received_us = values.places[k], values.received_us[k]
-    value.torque, value.motion = values.torque[k], values.motion[k]
+    frame, value = values[k], stream.scratch[0]
+    value.place, value.received_us, has = frame.place, frame.received_us, frame.has
+    value.torque, value.motion = frame.torque, frame.motion
     value.has_torque, value.has_motion = has & HAS_TORQUE != 0, has & HAS_MOTION != 0
     if value.has_motion:
         frame_received(stream.meter[0], value.received_us)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import threading
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +14,7 @@ import can
 
 from service.can.bus import BusSettings, open_bus
 from service.can.frames import NO_FRAMES, FrameBlock, FrameFilter, concatenate_frames
-from service.can.receivers import BLOCK_FRAMES, Receiver, reader_of, receiver_of
+from service.can.receivers import BLOCK_FRAMES, BLOCK_S, Receiver, reader_of, receiver_of
 from service.can.user_errors import BusError
 
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
@@ -25,6 +25,11 @@ _RETRY_S = 0.25
 LONGEST_RETRY_S = 5.0
 """Between two tries to open a bus"""
 _IFF_UP = 1
+_MOST_ERRORS = 100
+"""Error frames, and no other, from which on a bus counts as down"""
+_ONLY_ERRORS = (
+    "down: nothing but error frames since the last data; are bit rate, cable and termination right?"
+)
 
 
 class FrameQueue:
@@ -79,12 +84,15 @@ class CanReader:
     """Reads one bus until it is closed; recovers when the bus goes down, disappears or comes back.
 
     Call ``open`` first where a bus that cannot be opened is an error; otherwise the thread keeps trying.  ``wanted``:
-    the frames to let through; None: all.
+    the frames to let through; None: all.  ``block_s``: the time in which frames are collected, as far as the kernel can
+    keep them.
     """
 
-    def __init__(self, config: BusSettings, wanted: Iterable[FrameFilter] | None) -> None:
+    def __init__(
+        self, config: BusSettings, wanted: Iterable[FrameFilter] | None, block_s: float = BLOCK_S
+    ) -> None:
         self._config, self._wanted = config, None if wanted is None else tuple(wanted)
-        self._queue = FrameQueue(config.queue_frames)
+        self._queue, self._block_s = FrameQueue(config.queue_frames), min(block_s, BLOCK_S)
         self._block_frames = min(BLOCK_FRAMES, config.queue_frames // 4)
         self._bus: can.BusABC | None = None
         self._receiver: Receiver | None = None
@@ -92,11 +100,14 @@ class CanReader:
         self._frames = 0
         self._dropped = dict.fromkeys(READER_REASONS, 0)
         self._overflow_before = 0
+        self._errors = 0
+        """Error frames since the last frame with data"""
         self._retry_s = _RETRY_S
         self.turns = 0
         """How often its loop has turned, which it does on a silent bus, too"""
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
+        self._arrived: Callable[[], object] = lambda: None
 
     def open(self) -> None:
         """Open the bus now.
@@ -106,11 +117,13 @@ class CanReader:
         """
         self._bus = open_bus(self._config, self._wanted)
         self._receiver = receiver_of(self._bus)
+        self._receiver.block_s = self._block_s
         self._overflow_before = self._dropped["kernel_overflow"]
         self._state = "up" if self._interface_up() is not False else self._words("the interface is down")
 
-    def start(self) -> None:
-        """Start reading."""
+    def start(self, arrived: Callable[[], object] = lambda: None) -> None:
+        """Start reading; ``arrived`` is called when frames have come, by the reader's thread."""
+        self._arrived = arrived
         self._thread = threading.Thread(target=self._run, name=f"reader-{self._config.name}", daemon=True)
         self._thread.start()
 
@@ -155,13 +168,17 @@ class CanReader:
             block, rejected = receiver.read(self._block_frames, self._stop)
             for reason, count in rejected.items():
                 self._dropped[reason] += count
+            self._errors = 0 if block else self._errors + rejected.get("error_frame", 0)
         except (can.CanError, OSError) as error:
             self._fault(error)
         self._dropped["kernel_overflow"] = self._overflow_before + receiver.overflow
         self._frames += block.size
         if block and not self._queue.put(block):
             self._dropped["queue_full"] += block.size
-        if self._state != "up":  # frames may flow again without a pause in which nothing comes
+        if block:
+            self._arrived()
+        # Frames may flow again without a pause in which nothing comes.
+        if self._state != "up" or self._errors >= _MOST_ERRORS:
             self._look_again()
 
     def _fault(self, error: Exception) -> None:
@@ -174,10 +191,10 @@ class CanReader:
         self._state = f"down: {gone}; trying to open it again"
 
     def _look_again(self) -> None:
-        """While the bus is down: check whether the interface is back, under the same socket or a new one."""
+        """While the bus is down: check whether it is back, its interface under the same socket or a new one."""
         up = self._interface_up()
         if up:
-            self._state = "up"
+            self._state = "up" if self._errors < _MOST_ERRORS else _ONLY_ERRORS
         elif up is None:
             self._close_bus()
             self._state = "down: the interface is gone; trying to open it again"

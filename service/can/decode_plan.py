@@ -100,6 +100,8 @@ class _SignalPlan:
         self._place = _Place(signal)
         self._signed, self._float = signal.is_signed, signal.conversion.is_float
         self._scale, self._offset = _numbers_of(signal)
+        kind = self._signed, self._float, self._scale, self._offset
+        self.layout = signal.start, signal.length, signal.byte_order, *kind
         self._factor, self._added = _real(self._scale), _real(self._offset)
         self._is_raw = self._scale == 1 and self._offset == 0
         self._is_large = _beyond_floats(signal, self._scale, self._offset)
@@ -159,6 +161,8 @@ class MessagePlan:
         self._signals = tuple(ordered.values())
         self.multiplexed = any(signal.pages is not None for signal in self._signals)
         """Whether a frame may be without a signal, or have an unknown page"""
+        self.layout = (self.length, *(signal.layout for signal in self._signals))
+        """Frames of messages of equal layout, that are not multiplexed, can be decoded together."""
         may_overflow = any(signal.may_overflow for signal in self._signals)
         self._quiet = partial(np.errstate, all="ignore") if may_overflow else nullcontext
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Ints
 from service.can.decode_plan import Column, MessagePlan
@@ -27,6 +29,16 @@ class Decoded(NamedTuple):
     """By name, each (N,)"""
 
 
+class _Kin(NamedTuple):
+    """Messages with signals at the same places, as those of the axes of a robot mostly have."""
+
+    plan: MessagePlan
+    keys: list[FrameKey]
+
+
+_NO_ID = 0xFFFFFFFF
+
+
 class Decoder:
     """Decodes the wanted signals of a bus."""
 
@@ -34,7 +46,6 @@ class Decoder:
         self.known = known
         self._messages: dict[FrameKey, Message] = {}
         self._wanted: dict[FrameKey, tuple[str, ...]] = {}
-        self._plans: dict[FrameKey, MessagePlan] = {}
         self._sync: dict[FrameKey, SyncCycle] = {}
         self.dropped = dict.fromkeys(FRAME_REASONS, 0)
         """Frames by reason"""
@@ -49,7 +60,8 @@ class Decoder:
         key = key_of_message(found)
         self._messages[key] = found
         self._wanted[key] = tuple(dict.fromkeys((*self._wanted.get(key, ()), signal)))
-        self._plans.pop(key, None)
+        for stale in ("_kin", "_ranks"):
+            self.__dict__.pop(stale, None)
         if (sync := self.known.sync.get(key)) is not None:
             self._sync.setdefault(sync, SyncCycle(sync))
         return key
@@ -67,45 +79,87 @@ class Decoder:
     def decode(self, frames: FrameBlock) -> dict[FrameKey, Decoded]:
         """The wanted signals in these frames, by message; counts the frames where some or all are missing."""
         found: dict[FrameKey, Decoded] = {}
-        left, ids = frames.size, np.ascontiguousarray(frames.ids)  # looked at for each message
-        left -= sum(cycle.take(frames) for cycle in self._sync.values())
-        for key in self._messages:
-            mask = self.known.masks.get(key)
-            alike = ids if mask is None else ids & np.uint32(mask | EXTENDED)
-            wanted = key.record_id if mask is None else key.record_id & (mask | EXTENDED)
-            places = (alike == wanted).nonzero()[0]
+        left = frames.size - sum(cycle.take(frames) for cycle in self._sync.values())
+        for kin, places, counts in self._sorted(np.ascontiguousarray(frames.ids)):
+            left -= places.size
             if places.size:
-                left -= places.size
-                decoded = self._decoded(key, frames, places)
-                if decoded.places.size:
-                    found[key] = decoded
+                self._decode(kin, frames, places, counts, found)
         self.dropped["unwanted"] += left
         return found
 
-    def _decoded(self, key: FrameKey, frames: FrameBlock, places: Ints) -> Decoded:
-        t_us = frames.t_us[places]
-        if (sync := self.known.sync.get(key)) is not None:
-            t_us = self._sync[sync].times_us(key, frames, places)
-        if key not in self._plans:
-            self._plans[key] = MessagePlan(self._messages[key], self._wanted[key])
-        plan = self._plans[key]
-        long = frames.lengths[places] >= plan.length
+    @cached_property
+    def _kin(self) -> tuple[_Kin, ...]:
+        """All messages; first those of which every bit of the id counts."""
+        found: dict[object, _Kin] = {}
+        for key, message in sorted(self._messages.items(), key=lambda item: item[0] in self.known.masks):
+            plan = MessagePlan(message, self._wanted[key])
+            alone = plan.multiplexed or key in self.known.masks
+            found.setdefault(key if alone else plan.layout, _Kin(plan, [])).keys.append(key)
+        return tuple(found.values())
+
+    @cached_property
+    def _ranks(self) -> tuple[NDArray[np.uint32], NDArray[np.int16]]:
+        """Ids, increasing, and which messages of ``_kin`` they belong to; the last one is none."""
+        keys = [key for kin in self._kin for key in kin.keys if key not in self.known.masks]
+        ids = np.array([*(key.record_id for key in keys), _NO_ID], np.uint32)
+        ranks = ids.argsort()
+        return ids[ranks], ranks.astype(np.int16)
+
+    def _sorted(self, ids: NDArray[np.uint32]) -> Iterator[tuple[_Kin, Ints, Ints]]:
+        """The places of the frames of messages that are decoded together, message by message, and how many each has."""
+        known, ranks = self._ranks
+        at = known.searchsorted(ids)
+        rank = np.where(known[at] == ids, ranks[at], ranks[-1])
+        places, counts = rank.argsort(kind="stable"), np.bincount(rank, minlength=len(ranks))
+        first = begin = 0
+        for kin in self._kin:
+            if (mask := self.known.masks.get(kin.keys[0])) is not None:
+                mask |= EXTENDED
+                alike = (ids & np.uint32(mask) == kin.keys[0].record_id & mask).nonzero()[0]
+                yield kin, alike, np.array([alike.size])
+                continue
+            own = counts[first : first + len(kin.keys)]
+            end = begin + int(own.sum())
+            yield kin, places[begin:end], own
+            first, begin = first + len(kin.keys), end
+
+    def _decode(
+        self, kin: _Kin, frames: FrameBlock, places: Ints, counts: Ints, found: dict[FrameKey, Decoded]
+    ) -> None:
+        """Decode the frames at these places (N,), so many of each message one after the other."""
+        plan, part, ends = kin.plan, frames.select(places), counts.cumsum()
+        t_us = np.ascontiguousarray(part.t_us)
+        for k, key in enumerate(kin.keys):
+            if counts[k] and (sync := self.known.sync.get(key)) is not None:
+                own = slice(ends[k] - counts[k], ends[k])
+                t_us[own] = self._sync[sync].times_us(key, frames, places[own])
+        long = part.lengths >= plan.length
         if short := places.size - int(np.count_nonzero(long)):
             self.dropped["too_short"] += short
-            places, t_us = places[long], t_us[long]
-        if not places.size:
-            return Decoded(places, np.zeros(0, np.int64), {})
-        signals, known = plan.decode(frames.data[places])
-        if not plan.multiplexed:
-            return Decoded(places, t_us, signals)
-        present = np.array([column.present for column in signals.values()]) & known
-        self.dropped["undecodable"] += int(np.count_nonzero(~known))
-        self.dropped["signal_absent"] += int(np.count_nonzero(known & ~present.all(axis=0)))
-        some = present.any(axis=0)
-        if not some.all():
-            places, t_us = places[some], t_us[some]
+            places, t_us, part = places[long], t_us[long], part.select(long)
+            ends = np.concatenate([[0], long.cumsum()])[ends]
+            if not places.size:
+                return
+        signals, known = plan.decode(part.data)
+        if plan.multiplexed:
+            present = np.array([column.present for column in signals.values()]) & known
+            self.dropped["undecodable"] += int(np.count_nonzero(~known))
+            self.dropped["signal_absent"] += int(np.count_nonzero(known & ~present.all(axis=0)))
+            some = present.any(axis=0)
+            places, t_us, ends = places[some], t_us[some], some.cumsum()[-1:]
             signals = {name: Column(c.values[some], c.present[some]) for name, c in signals.items()}
-        return Decoded(places, t_us, signals)
+        begin = 0
+        for key, end in zip(kin.keys, ends.tolist(), strict=True):
+            if end > begin:
+                own = slice(begin, end)
+                always = known[own]
+                columns = [
+                    Column(values[own], always if present is known else present[own])
+                    for values, present in signals.values()
+                ]
+                names = self._wanted[key]
+                found[key] = Decoded(places[own], t_us[own], dict(zip(names, columns, strict=True)))
+            begin = end
 
 
 class SyncCycle:

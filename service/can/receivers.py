@@ -26,8 +26,8 @@ from service.can.frames import EXTENDED, FD_BYTES, NO_FRAMES, Frame, FrameBlock
 
 Rejected = Literal["error_frame", "remote_frame"]
 
-BLOCK_FRAMES, BLOCK_S = 256, 0.02
-"""Frames of a block at most, and the time in which they are collected"""
+BLOCK_FRAMES, BLOCK_S = 256, 0.03
+"""Frames of a block at most, and the longest time in which they are collected: a kernel may keep only 555"""
 _IDLE_S = 0.1
 # A clock that says a time before 2000 does not count from 1970 (some adapters count from power-on).
 _EARLIEST_S = 946_684_800
@@ -51,6 +51,8 @@ class Receiver:
 
     name = "python-can"
     """As shown to the user"""
+    block_s = BLOCK_S
+    """In which frames are collected"""
     overflow = 0
     """Frames that the kernel dropped because they were not read fast enough"""
 
@@ -87,7 +89,7 @@ class Receiver:
             else:
                 frames.append(frame)
             now = time.monotonic()
-            end = end or now + BLOCK_S
+            end = end or now + self.block_s
             left_s = end - now
         return Received(FrameBlock.from_frames(frames), rejected)
 
@@ -156,7 +158,7 @@ class _MMsgHdr(ctypes.Structure):
 class BlockReceiver(Receiver):
     """Reads the socket of a bus in blocks, with kernel time stamps and the kernel's counter of drops.
 
-    Frames wait in the kernel while a block is collected, so this thread runs fifty times a second and not once for each
+    Frames wait in the kernel while a block is collected, so this thread runs once in a block and not once for each
     frame; their time stamps are those of their receipt.  ``message``: what a message of the socket looks like.
     """
 
@@ -184,7 +186,7 @@ class BlockReceiver(Receiver):
         if not self._more:
             if not self._poll.poll(1000 * _IDLE_S):
                 return _NOTHING
-            stop.wait(BLOCK_S)
+            stop.wait(self.block_s)
         return self._now(most)
 
     def _now(self, most: int) -> Received:

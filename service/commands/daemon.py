@@ -94,9 +94,7 @@ def run_daemon(
         begun = at_start(config.axes, journal.epochs, now_us())
         core = FramePipeline(config, begun.axes)
         compiled = _in_background(config, stack)
-        compiled.multimodel.add_done_callback(lambda done: None if done.exception() else complete())
-        # What the start has made stays.  A collection that looks at all of it takes 0.1 s, in which nothing else runs.
-        compiled.multimodel.add_done_callback(lambda _: gc.freeze())
+        compiled.multimodel.add_done_callback(lambda done: None if done.exception() else _settled(complete))
         readers = _open_buses(config, core, stack)
         recorder = FrameRecorder(record) if record else None
         extracts = _extracts(config)
@@ -125,7 +123,7 @@ def run_daemon(
 
         def begin(port: int) -> None:
             for reader in readers.values():
-                reader.start()
+                reader.start(worker.frames_arrived)
             worker.start()
             history.start()
             if links is not None:
@@ -164,6 +162,13 @@ def run_daemon(
             "a fault in the worker has stopped the daemon; the log says what"
         ) from worker.error
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _settled(complete: Callable[[], None]) -> None:
+    """Everything is loaded: a full garbage collection, which stops all threads, need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
+    complete()
 
 
 def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
@@ -217,7 +222,7 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
 def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[str, CanReader]:
     readers = {}
     for bus in config.bus:
-        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].filter)
+        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].filter, config.block_s)
         reader.open()
         stack.callback(reader.close)
     return readers

@@ -160,8 +160,9 @@ class ServiceConfig(Table):
     state_dir: FilePath = Field(Path("state"), validate_default=True)
     """folder of the alarm journal and the checkpoints, relative to the configuration file; default under systemd: its
     StateDirectory"""
-    block_s: Real = Field(0.1, ge=0.01, le=1.0)
-    """time in which frames are collected before estimates follow them [s]"""
+    block_s: Real | None = Field(None, ge=0.01, le=1.0)
+    """time in which frames are collected before estimates follow them [s]; default: 30 sample intervals of the fastest
+    axis, 0.03 to 0.1"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
     history_interval_s: Positive = Field(10.0, le=3600)
@@ -423,6 +424,13 @@ class Config(Table):
     """robots, [[robot]]"""
 
     _completed = model_validator(mode="before")(completed)
+
+    @property
+    def block_s(self) -> float:
+        """Time in which frames are collected [s]: each block costs the same, so it is to have some samples."""
+        if self.service.block_s is not None:
+            return self.service.block_s
+        return min(max(0.03, 30 * min(axis.config.sample_interval_s for axis in self.axes)), 0.1)
 
     @property
     def axes(self) -> tuple[NamedAxis, ...]:

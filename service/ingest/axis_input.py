@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core import sampling
-from monitor_core.arrays import Floats
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
@@ -40,6 +39,8 @@ class AxisInput:
         self.held = [HeldSignal(source, decoder) for source in signals]
         """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
+        self.keys = {self.torque.key, self.motion.key}
+        """The frames that carry values of this axis"""
         interval_s, kind = config.sample_interval_s, sampling.RECEIPT
         clocks = sampling.counter_clock(interval_s, 1), sampling.counter_clock(interval_s, 1)
         message, signal = config.time.counter_message, config.time.counter_signal
@@ -58,14 +59,12 @@ class AxisInput:
             )
         except IngestError as error:
             raise IngestError(f"axis {axis.id}: {error}") from None
+        bits = sampling.HAS_TORQUE, sampling.HAS_MOTION, sampling.HAS_COUNT
+        self._columns = tuple(zip(self.sampled, ("torque", "motion", "counter"), bits, strict=False))
+        """Each quantity with its column and its bit in FRAME"""
         self._stream = sampling.Stream(
             kind, clocks, pairing, sampling.new_meter(interval_s), sampling.new_scratch()
         )
-
-    @property
-    def keys(self) -> set[FrameKey]:
-        """The frames that carry values of this axis."""
-        return {self.torque.key, self.motion.key}
 
     @property
     def sampled(self) -> tuple[Quantity, ...]:
@@ -100,27 +99,20 @@ class AxisInput:
             return self._block(sampling.room_for_samples(self._stream, 0)[:0], decoded)
         values = parts[0]
         if len(parts) > 1:
-            order = np.argsort(np.concatenate([part.places for part in parts]))
-            values = sampling.FrameValues(
-                *(np.concatenate(columns)[order] for columns in zip(*parts, strict=True))
-            )
-        samples = sampling.room_for_samples(self._stream, len(values.places))
+            values = np.concatenate(parts)
+            values = values[values["place"].argsort()]
+        samples = sampling.room_for_samples(self._stream, len(values))
         return self._block(samples[: sampling.take_frames(self._stream, values, samples)], decoded)
 
-    def _values(self, key: FrameKey, found: Decoded) -> sampling.FrameValues:
+    def _values(self, key: FrameKey, found: Decoded) -> NDArray[np.void]:
         """The values in the frames of a message."""
-        has = np.zeros(len(found.places), np.uint8)
-
-        def values(quantity: Quantity | None, bit: int) -> Floats:
-            if quantity is None or quantity.key != key:
-                return np.zeros(len(has))
-            column, present = quantity.column(found.signals)
-            np.add(has, bit, out=has, where=present)  # each bit once
-            return column
-
-        torque, motion = values(self.torque, sampling.HAS_TORQUE), values(self.motion, sampling.HAS_MOTION)
-        counter = values(self.counter, sampling.HAS_COUNT)
-        return sampling.FrameValues(found.places, found.t_us, torque, motion, counter, has)
+        values = np.zeros(len(found.places), sampling.FRAME)
+        values["place"], values["received_us"] = found.places, found.t_us
+        for quantity, name, bit in self._columns:
+            if quantity.key == key:
+                values[name], present = quantity.column(found.signals)
+                values["has"] += np.uint8(bit) * present  # each bit once
+        return values
 
     def flush(self) -> SampleBlock | None:
         """End of the frames: the samples of held values; values without a partner are counted."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Set
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,6 +39,10 @@ Observer = Callable[[str, SampleBlock, AxisTrace], None]
 """Gets the samples of each axis, and what was computed at each of them."""
 
 
+_BLOCKS_AT_ONCE = 8
+"""For a multi-model detector; after the start those of some seconds may wait for the compiler."""
+
+
 class Heat(NamedTuple):
     """How warm an axis is, as the friction power that would keep it so, and its standard deviation [W]."""
 
@@ -65,8 +70,8 @@ class AxisMonitors:
         sources = {a: d.alarm_source for a, d in enumerate(detectors)}
         self._fleet = Fleet(models, settings, multimodel, sources) if axes else Fleet.of_monitors(())
         self.by_id: Mapping[str, AxisMonitor] = dict(zip(self._ids, self._fleet.monitors, strict=True))
-        self._deferred: list[tuple[str, SampleBlock]] | None = None
-        """Axis and samples that wait for its multi-model detector; None: none waits"""
+        self._deferred: dict[str, list[SampleBlock]] | None = None
+        """Samples that wait for the multi-model detectors, by axis; None: they take them at once"""
         self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
         keys = [
             self.epochs[axis.id].key(monitor.history_key)
@@ -109,7 +114,7 @@ class AxisMonitors:
         for a, update in self._fleet.update(blocks, traced=observer is not None, multimodel=together).items():
             axis_id, monitor = self._ids[a], self._fleet.monitors[a]
             if self._deferred is not None and monitor.multimodel is not None:
-                self._deferred.append((axis_id, monitor.judged(blocks[a])))
+                self._deferred.setdefault(axis_id, []).append(monitor.judged(blocks[a]))
             self.trends.take(axis_id, update.readings)
             self.epochs[axis_id].take(update.readings)
             if observer is not None and update.trace is not None:
@@ -118,16 +123,17 @@ class AxisMonitors:
         return changed
 
     def defer_multimodel(self) -> None:
-        """Let the samples wait for the multi-model detectors from now on, until ``resume_multimodel``."""
-        self._deferred = []
+        """Let the samples wait for the multi-model detectors from now on, each time until ``update_multimodel``."""
+        self._deferred = {}
 
-    def resume_multimodel(self) -> list[AxisAlarm]:
+    def update_multimodel(self) -> list[AxisAlarm]:
         """Let the multi-model detectors take the samples that waited, in order; returns the alarms that changed."""
-        deferred, self._deferred = self._deferred or (), None
+        deferred, self._deferred = self._deferred or {}, {}
         return [
             AxisAlarm(axis_id, change.alarm)
-            for axis_id, block in deferred
-            for change in self.by_id[axis_id].update_multimodel(block)
+            for axis_id, blocks in deferred.items()
+            for _, alike in groupby(enumerate(blocks), _alike)
+            for change in self.by_id[axis_id].update_multimodel(concatenate([block for _, block in alike]))
         ]
 
     def change(self, axis_ids: Sequence[str], made: AxisMonitors) -> None:
@@ -152,12 +158,14 @@ class AxisMonitors:
         self._waiting = (self._waiting - replaced | made._waiting) & set(axis_ids)
         self._widening = (self._widening - replaced | made._widening) & set(axis_ids)
         if self._deferred is not None:
-            self._deferred = [d for d in self._deferred if d[0] in self.by_id and d[0] not in replaced]
+            self._deferred = {
+                a: d for a, d in self._deferred.items() if a in self.by_id and a not in replaced
+            }
 
     @property
     def deferred_samples(self) -> int:
         """Number of samples that wait for a multi-model detector."""
-        return sum(block.size for _, block in self._deferred or ())
+        return sum(block.size for blocks in (self._deferred or {}).values() for block in blocks)
 
     def _part(self, axis_id: str, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
         """The first samples, with the nominal values and the gate that their conditions require; and the others."""
@@ -235,6 +243,15 @@ class AxisMonitors:
         empty = np.zeros(0)
         for detector in self.multimodel[:1]:
             detector.bank.run(np.zeros(0, np.int64), empty, empty)
+
+
+def _alike(at: tuple[int, SampleBlock]) -> tuple[object, ...]:
+    """What numbered blocks share that can be taken at once: their arrays, and not too long a time.
+
+    An alarm that is raised and ends within one block would only be seen to end.
+    """
+    number, block = at
+    return number // _BLOCKS_AT_ONCE, *(values is None for values in block)
 
 
 def _change(own: dict[str, Any], new: Mapping[str, Any], axis_ids: Sequence[str], replaced: Set[str]) -> None:

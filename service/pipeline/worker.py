@@ -18,6 +18,7 @@ import structlog
 from monitor_core.monitoring import AlarmRules
 from service.can.bus_reader import ReaderStats
 from service.can.frames import FrameBlock
+from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot, AxisAlarm, alarm_rules, quantities
@@ -36,6 +37,9 @@ LEAST_PAUSE = 10
 
 MOST_FRAMES = 10_000
 """Frames of a bus in one block, so that a backlog does not keep the snapshots waiting."""
+
+JUDGE_S = 0.1
+"""Time between two turns of the multi-model detectors: one for several blocks costs little more than one for each."""
 
 MOST_DEFERRED = 100_000
 """Samples that may wait for the multi-model detectors, some seconds of computation; then frames wait, too."""
@@ -180,7 +184,8 @@ class Worker:
         self._pipeline, self._buses, self._recording = pipeline, buses, recording
         self._alarms, self._checkpointer, self._compiled = alarms, checkpointer, compiled
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
-        self._block_s = config.service.block_s
+        self._block_s = config.block_s
+        self._judge_s = 0.0
         self._time = ProcessingTime()
         pipeline.monitors.defer_multimodel()
         self._history = history
@@ -188,6 +193,7 @@ class Worker:
         self._actions = deque[_Action[Any]]()
         self._started_us = now_us()
         self._stop = threading.Event()
+        self._arrived, self._arrived_s = threading.Event(), 0.0
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self.turns = 0
         """How often its loop has turned: frames may be missing, but it turns after each ``block_s``"""
@@ -209,10 +215,16 @@ class Worker:
     def stop(self) -> None:
         """Process the waiting frames, save the monitors, end the thread; what waits to be done is cancelled."""
         self._stop.set()
+        self._arrived.set()
         if self._thread.is_alive():
             self._thread.join()
         while self._actions:
             self._actions.popleft().done.cancel()
+
+    def frames_arrived(self) -> None:
+        """Tell it that frames wait in a reader; from any thread."""
+        self._arrived_s = perf_counter()
+        self._arrived.set()
 
     def between_blocks(self, action: Callable[[], T]) -> Future[T]:
         """Have an action done by the worker's thread, between two blocks of samples; from any thread.
@@ -261,15 +273,24 @@ class Worker:
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
+                begun_s = perf_counter()
                 busy = self._tick()
                 self.turns += 1
                 if not busy:
-                    self._stop.wait(self._block_s)
+                    self._await_frames(begun_s + self._block_s)
             self._finish()
         except BaseException as error:
             self.error = error
             log.critical("the worker has failed; the daemon stops", exc_info=True)
             self._on_failure()
+
+    def _await_frames(self, due_s: float) -> None:
+        """Until a reader, which passes frames on at least each BLOCK_S, has done so at about that time."""
+        early_s = due_s - min(self._block_s, BLOCK_S) / 2
+        self._stop.wait(early_s - perf_counter())
+        self._arrived.clear()
+        if self._arrived_s < early_s and not self._stop.is_set():
+            self._arrived.wait(2 * BLOCK_S)
 
     def _tick(self) -> bool:
         """Process one block; returns whether frames may still wait."""
@@ -297,15 +318,21 @@ class Worker:
         self._compiled.estimates.result()
         start = perf_counter()
         self._now_us()  # if the clock was set, this is known before the frames with the new times
-        if self._compiled.multimodel.done():
-            self._compiled.multimodel.result()
-            self._record(self._pipeline.monitors.resume_multimodel())
         counts = [self._take(bus) for bus in self._buses]
         self._record(self._pipeline.update())
+        if start >= self._judge_s:
+            self._judge()
         self._record(self._pipeline.monitors.trends.update(1))
         if any(counts):
             self._time.observe(perf_counter() - start)
         return any(count >= MOST_FRAMES for count in counts)
+
+    def _judge(self) -> None:
+        """Let the multi-model detectors take the samples that wait for them."""
+        if self._compiled.multimodel.done():
+            self._compiled.multimodel.result()
+            self._record(self._pipeline.monitors.update_multimodel())
+            self._judge_s = perf_counter() + JUDGE_S
 
     def _record(self, changes: Iterable[AxisAlarm]) -> None:
         changes = list(changes)
@@ -325,6 +352,7 @@ class Worker:
             self._pipeline.flush()
             self._record(self._pipeline.update())
             self._record(self._pipeline.monitors.trends.update())
+            self._judge()
         if left := self._pipeline.monitors.deferred_samples:
             log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
         for view in self._views.values():

@@ -175,6 +175,25 @@ def test_remote_and_error_frames_are_counted(tmp_path: Path) -> None:
     assert stats.dropped == {"queue_full": 0, "kernel_overflow": 0, "error_frame": 1, "remote_frame": 1}
 
 
+def test_a_bus_with_nothing_but_error_frames_is_down(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1()).bus[0]
+    with reading(config) as reader, open_bus(config) as sender:
+        error = can.Message(arbitration_id=0x100, is_extended_id=False, is_error_frame=True)
+        send(sender, STANDARD, b"x")
+        wait_for(lambda: reader.stats().frames == 1, reader.stats)
+        for _ in range(99):
+            sender.send(error)
+        wait_for(lambda: reader.stats().dropped["error_frame"] == 99, reader.stats)
+        assert reader.stats().up
+        sender.send(error)
+        wait_for(lambda: not reader.stats().up, reader.stats)
+        assert reader.stats().state.startswith(
+            "down: nothing but error frames since the last data; are bit rate"
+        )
+        send(sender, STANDARD, b"x")
+        wait_for(lambda: reader.stats().up, reader.stats)
+
+
 def test_what_does_not_fit_is_counted(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1(), queue_frames=100).bus[0]
     with reading(config) as reader, open_bus(config) as sender:
@@ -224,6 +243,18 @@ def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     wait_for(lambda: "cannot open udp_multicast" in reader.stats().state, reader.stats)
     assert not reader.stats().up
     reader.close()
+
+
+def test_who_waits_is_told_when_frames_can_be_taken(bus_config: BusConfig) -> None:
+    reader, taken = CanReader(bus_config, [FrameFilter(STANDARD)]), list[Frame]()
+    reader.open()
+    reader.start(lambda: taken.extend(reader.take().frames()))
+    with open_bus(bus_config) as sender:
+        for k in range(5):
+            send(sender, STANDARD, bytes([k]))
+        wait_for(lambda: len(taken) == 5, reader.stats)
+    reader.close()
+    assert [frame.data for frame in taken] == [bytes([k]) for k in range(5)]
 
 
 @pytest.mark.parametrize("timestamp", [0.0, 12.5, 3e6])

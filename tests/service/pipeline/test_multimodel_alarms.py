@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 from monitor_core.detection import Alarm
@@ -160,3 +161,27 @@ def test_open_alarms_of_the_other_detector_are_taken_over(
     assert [(e.raised_us, e.parameter) for e in second.open("demo.axis2")] == [(before.raised_us, "fm")]
     third = start(watched(tmp_path, alarm_source="cusum"), journal, checkpoints)
     assert [e.raised_us for e in third.open("demo.axis2")] == [before.raised_us]
+
+
+def test_samples_of_several_blocks_at_once_change_nothing(tmp_path: Path, seed: int) -> None:
+    """As the worker passes them on; while the axis is not judged, they have a gate."""
+    config = watched(tmp_path, 1)
+    (at_once, together), changes = (FramePipeline(config), FramePipeline(config)), list[AxisAlarm]()
+    together.monitors.defer_multimodel()
+    for number, block in enumerate(blocks(config, ENDS_S, seed, FAULTS[:1], BLOCK_S)):
+        for core in (at_once, together):
+            core.monitors.by_id["demo.axis1"].judge(number % 7 != 2)
+            core.take("can0", block)
+            changes += core.update()
+        if number % 5 == 4:
+            assert together.monitors.deferred_samples
+            changes += together.monitors.update_multimodel()
+    changes += together.monitors.update_multimodel()
+    assert not together.monitors.deferred_samples
+    assert {change.alarm.parameter for change in changes} == {"kT"}
+    banks = [core.monitors.multimodel[0].bank.to_arrays() for core in (at_once, together)]
+    for name, values in banks[0].items():
+        np.testing.assert_array_equal(values, banks[1][name])
+    alarms, same = (core.monitors.by_id["demo.axis1"].to_arrays()["alarms"] for core in (at_once, together))
+    assert len(alarms)
+    np.testing.assert_array_equal(alarms, same)

@@ -100,6 +100,17 @@ def bench(tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPat
     bench.close()
 
 
+@pytest.mark.parametrize(
+    ("interval_s", "block_s"), [(0.01, 0.1), (0.005, 0.1), (0.002, 0.06), (0.001, 0.03), (0.0005, 0.03)]
+)
+def test_a_block_has_some_samples_of_the_fastest_axis(
+    tmp_path: Path, interval_s: float, block_s: float
+) -> None:
+    config = changed(demo(tmp_path, 2), only="axis2", sample_interval_s=interval_s)
+    assert config.block_s == pytest.approx(block_s)
+    assert demo(tmp_path, 2, block_s=0.5).block_s == 0.5
+
+
 def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
     bench.compile()
     bench.worker.start()

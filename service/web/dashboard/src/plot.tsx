@@ -101,7 +101,7 @@ function optionsOf(latest: { current: PlotProps }, node: HTMLElement): uPlot.Opt
     ],
     series: [{}, ...lines.map(({ colour: name, dash, width: w = 1.5, points }) => ({
       stroke: name === "none" ? "transparent" : colour(name), width: w, ...(dash ? { dash } : {}), spanGaps: false,
-      ...(points ? { paths: () => null, points: { show: true, size: 6, width: 1.5 } } : { points: { show: alone } }),
+      ...(points ? { paths: () => null, points: { show: true, size: 6, width: 1.5 } } : { points: { show: name !== "none", filter: alone, size: 4, fill: colour(name) } }),
     }))],
     ...(band ? { bands: [{ series: [band[1] + 1, band[0] + 1] as [number, number], fill: colour("band") }] } : {}),
     hooks: {
@@ -118,8 +118,10 @@ function optionsOf(latest: { current: PlotProps }, node: HTMLElement): uPlot.Opt
 }
 
 /** A point between two gaps has no line: it is drawn as a point. */
-function alone(u: uPlot, series: number, from: number, to: number): boolean {
-  return to - from < 3 || (u.data[series] ?? []).filter((x) => x !== null).length < 3;
+function alone(u: uPlot, series: number): number[] {
+  const values = u.data[series] ?? [];
+  const isThere = (k: number): boolean => typeof values[k] === "number";
+  return Array.from(values, (_, k) => k).filter((k) => isThere(k) && !isThere(k - 1) && !isThere(k + 1));
 }
 
 /** Frequencies below the axis: at 1, 2 and 5 times a power of ten. */
