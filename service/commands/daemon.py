@@ -133,7 +133,6 @@ def run_daemon(
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             systemd.ready()
-            gc.freeze()
             ready(url)
 
         pages = setup = None
