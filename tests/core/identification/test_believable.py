@@ -28,6 +28,7 @@ from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
 from monitor_core.identification.records import lively_parts, speed_scales
+from monitor_core.identification.records.rigid_body import POSE, rigid_fits
 from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects, verdict_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
@@ -195,6 +196,19 @@ def test_an_axis_that_mostly_creeps_is_identified_from_its_faster_motion(seed: i
     assert 0.02 < result.slow_left_out < 0.1
     assert result.verdict.quality is Quality.GOOD
     assert pytest.approx(VALUES["J"], rel=0.05) == J
+
+
+def test_the_few_windows_of_fast_motion_do_not_explain_noise(seed: int) -> None:
+    """Seven values would, of a dozen windows that overlap."""
+    shares = []
+    for number in range(12):
+        moved, rng = creeping(seed + number), np.random.default_rng(seed + number)
+        at = np.arange(0.0, moved.t[-1] + 1.0, 0.7)
+        noise = replace(moved, u=np.interp(moved.t, at, rng.standard_normal(at.size)))
+        (fit,) = rigid_fits([noise], [POSE], 0.01, moving=True, min_speed=1.2)
+        shares.append(0.0 if fit is None else fit.explained)
+    print(shares)
+    assert max(shares) < 0.75
 
 
 def test_the_speed_scale_is_found(seed: int) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY
-from monitor_core.identification.greybox.criterion import fit_starts, settled
+from monitor_core.identification.greybox.criterion import criterion, fit_starts, settled
 from monitor_core.identification.predictor.prediction_errors import MOST_LEVELS, Errors, Predictor, series
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records import Record
@@ -216,6 +216,9 @@ def test_what_is_slow_corrects_the_state_but_does_not_count(seed: int) -> None:
     counts = abs(rec.y) >= least
     np.testing.assert_array_equal(fast.eps, np.where(counts, every.eps, 0.0))
     np.testing.assert_array_equal(fast.psi, np.where(counts[:, None], every.psi, 0.0))
+    predictor = Predictor(replace(problem, min_speed=least), [rec], problem.disturbance)
+    found = criterion(predictor, predictor.start(), np.inf)
+    assert (found.samples, found.cost) == (np.count_nonzero(counts), pytest.approx(fast.eps @ fast.eps))
     with pytest.raises(ValueError, match="nowhere as fast as 1e"):
         Predictor(replace(problem, min_speed=1e9), [rec], None)
 

@@ -12,7 +12,7 @@ from monitor_core.detection import Alarm, Reach
 from service.store.alarm_transitions import Note
 from service.texts import iso
 from service.web import models, views
-from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, with_status
+from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, slow_courses, with_status
 
 
 def get(client: TestClient, path: str, status: int = 200) -> Any:
@@ -138,6 +138,10 @@ def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: T
     assert kT["words"] == "kT: too little data yet to detect a drift"
     assert fm["words"] == "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day"
     assert (fm["drift"]["drift"], fm["drift"]["slope_per_day"]) == (0.97, pytest.approx(2.75e-8 * 86400))
+    drift = slow_courses()[2].trend
+    assert drift is not None
+    assert fm["drift"]["change"] == pytest.approx(drift.change)
+    assert fm["drift"]["changed"] == iso(drift.change_us)
     (limit,) = fm["limits"]
     assert limit["words"] == "fm reaches 0.09 N m s/rad in 12 to 20 days"
     assert (limit["low"], limit["high"]) == ("2026-03-13T12:00:00.000000Z", "2026-03-21T12:00:00.000000Z")
