@@ -29,6 +29,7 @@ from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
 from monitor_core.identification.records import lively_parts, speed_scales
 from monitor_core.identification.records.rigid_body import POSE, rigid_fits
+from monitor_core.identification.torque_balance import explained_torque
 from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects, verdict_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
@@ -158,20 +159,20 @@ def test_a_weight_that_takes_hardly_any_torque_is_looked_for_after_springs(
     assert missing_effects(Problem(one_mass(), VALUES, ALL, speed_scale=SCALE), [borne]) == missing
 
 
-def creeping(seed: int) -> Record:
+def creeping(seed: int, speed: float = 0.02) -> Record:
     """As a wrist that welds: friction that sticks and slips takes all torque."""
     rng, s = np.random.default_rng(seed), np.linspace(0, 1, round(1 / H))
     y, stuck = [np.zeros(1)], [np.zeros(1)]
     for k in range(12):
         far = (1 if k % 2 else -1) * rng.uniform(0.5, 1)
         y.append(y[-1][-1] + far * (10 * s**3 - 15 * s**4 + 6 * s**5))
-        creep = 0.02 * np.sign(far) * H * np.arange(1, 4 * s.size)
+        creep = speed * np.sign(far) * H * np.arange(1, 4 * s.size)
         y.append(y[-1][-1] + creep)
         slip = np.convolve(rng.standard_normal(creep.size), np.ones(40) / 40**0.5, mode="same")
         stuck += [np.zeros(s.size), slip]
     angle = np.concatenate(y)
-    speed = np.gradient(angle, H)
-    u = VALUES["J"] * np.gradient(speed, H) + VALUES["fv"] * speed + VALUES["fc"] * np.tanh(speed / 0.01)
+    w = np.gradient(angle, H)
+    u = VALUES["J"] * np.gradient(w, H) + VALUES["fv"] * w + VALUES["fc"] * np.tanh(w / 0.01)
     t = np.asarray(H * np.arange(angle.size))
     measured = angle + 2e-5 * rng.standard_normal(angle.size)
     return Record(t, u + np.concatenate(stuck), measured, "angle", "axis")
@@ -196,6 +197,16 @@ def test_an_axis_that_mostly_creeps_is_identified_from_its_faster_motion(seed: i
     assert 0.02 < result.slow_left_out < 0.1
     assert result.verdict.quality is Quality.GOOD
     assert pytest.approx(VALUES["J"], rel=0.05) == J
+
+
+def test_what_is_left_out_counts_in_no_balance(seed: int) -> None:
+    problem = Problem(one_mass(), {**VALUES, "tau0": 0.0}, ALL, speed_scale=0.01)
+    slow = [creeping(seed, 0.05)]
+    all_of_it, faster = (
+        explained_torque([(replace(problem, min_speed=speed), slow)]) for speed in (0.0, 0.1)
+    )
+    print(all_of_it, faster)
+    assert all_of_it < 95 < 98 < faster
 
 
 def test_the_few_windows_of_fast_motion_do_not_explain_noise(seed: int) -> None:
