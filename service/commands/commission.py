@@ -247,7 +247,7 @@ def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console
         for number, outcome in enumerate(outcomes(orders, reviews, lambda step: bars.show(*step)), 1):
             found[outcome.axis_id] = outcome
             bars.end(outcome.axis_id)
-            words = outcome.refusal or f"{outcome.outlook} {outcome.verdict}"
+            words = outcome.refusal or f"{outcome.finding} {outcome.outlook} {outcome.verdict}".strip()
             console.print(f"[{number}/{len(orders)}] {outcome.axis_id}: {words}", markup=False)
     return [found[order.axis_id] for order in orders]
 

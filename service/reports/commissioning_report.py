@@ -58,6 +58,17 @@ class Outcome:
         }
 
     @property
+    def finding(self) -> str:
+        """What the thresholds find in time, as a sentence; empty: there are none."""
+        if not self.smallest:
+            return ""
+        finds = self.finds
+        sizes = ", ".join(f"{name} from {percent(size)}" for name, size in finds.items()) or "nothing"
+        rest = [name for name, *_ in self.smallest if name not in finds]
+        words = f"Found within {self.within_s:.3g} s, either way: {sizes}"
+        return f"{words}; as far as was tried, not {', '.join(rest)}." if rest else f"{words}."
+
+    @property
     def state(self) -> str:
         """Whether it is ready, and else why not."""
         if self.refusal:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -233,6 +234,16 @@ def test_an_axis_that_often_stands_is_monitored_from_a_speed_on(tmp_path: Path) 
     assert change.change == "min_speed = 1.2"
     stands.result.slow_left_out, stands.result.standstill = 0.0, None
     assert min_speed_change(stands, configured(TEXT, NAME, tmp_path)[1].config) == ()
+
+
+def test_what_the_thresholds_find_comes_first() -> None:
+    """The records alone promise more than the tests may say that allow for the scatter of friction."""
+    half = Outcome(
+        "cell.a1", within_s=50.0, smallest=(("kT", 0.05, -0.05), ("fc", None, -0.5), ("fm", None, None))
+    )
+    assert half.finding == "Found within 50 s, either way: kT from 5 %; as far as was tried, not fc, fm."
+    assert replace(half, smallest=half.smallest[:1]).finding == "Found within 50 s, either way: kT from 5 %."
+    assert Outcome("cell.a1").finding == ""
 
 
 def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:

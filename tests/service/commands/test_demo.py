@@ -145,6 +145,7 @@ def as_shipped(
         corrections=(*review.corrections, drive),
         nominal_file=files["nominal"],
         thresholds_file=files["thresholds"],
+        within_s=30.0,
         smallest=(("kT", 0.1, -0.1),),
     )
 
@@ -164,7 +165,7 @@ def test_the_whole_way_ends_in_a_monitor_that_names_the_fault(
         "1. Record",
         "2. Describe it",
         "3. Commission it",
-        "[1/1] demo.axis1: Can be watched",
+        "[1/1] demo.axis1: Found within 30 s, either way: kT from 10 %. Can be watched",
         "4. Add",
     ):
         assert step in result.stdout
