@@ -31,9 +31,9 @@ from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot
 LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
 """Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
 long as the samples of a block."""
-LEAST_PAUSE = 10
-"""Between two snapshots that somebody looks at, times what it takes to make them, 0.1 s for a thousand axes; at most
-``UNSEEN_S``."""
+PAUSE_FACTOR = 10
+"""A snapshot that somebody looks at is replaced after so many times what it takes to make one (0.1 s for a thousand
+axes), at the latest after ``UNSEEN_S``."""
 
 MOST_FRAMES = 10_000
 """Frames of a bus in one block, so that a backlog does not keep the snapshots waiting."""
@@ -364,7 +364,9 @@ class Worker:
         """Replace the snapshot where it is old, or does not show what people wait for."""
         news = self._news(self._now_us())
         age_s = perf_counter() - self._published_s
-        due_s = min(UNSEEN_S, max(LOOKED_AT_S, LEAST_PAUSE * self._making_s)) if self._looked_at else UNSEEN_S
+        due_s = (
+            min(UNSEEN_S, max(LOOKED_AT_S, PAUSE_FACTOR * self._making_s)) if self._looked_at else UNSEEN_S
+        )
         if at_once or age_s >= due_s or news.differs(self._published):
             self._looked_at = False
             self._replace(news)

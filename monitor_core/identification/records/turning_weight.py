@@ -13,10 +13,10 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
+    POSE,
     USUAL,
     WINDOWS,
     Part,
-    Term,
     integrals,
     rigid_fits,
     speed_scales,
@@ -25,7 +25,6 @@ from monitor_core.identification.records.rigid_body import (
     windowed_parts,
 )
 
-_POSE: tuple[Term, ...] = (*USUAL, "angle", "angle^2", "angle^3")
 _SHOWS = 0.5
 """Of what one mass leaves unexplained: a weight takes so much of it away, or there is none."""
 _WINDOW = 40
@@ -55,7 +54,7 @@ def turning_weight(record: Record) -> TurningWeight | None:
     """The weight that a record shows, the motion in any unit; None: it shows none, or no period of it."""
     used = record.select(slice(_MOST)) if len(record) > _MOST else record
     scale = speed_scales([used])[1]
-    mass, pose = rigid_fits([used], [USUAL, _POSE], scale)
+    mass, pose = rigid_fits([used], [USUAL, POSE], scale)
     if mass is None or pose is None or 1 - pose.explained > _SHOWS * (1 - mass.explained):
         return None
     parts = [part for part in windowed_parts([used]) if len(part.u) > _WINDOW]

@@ -12,7 +12,7 @@ from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import value_of
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.motion_checks import rigid_inertia
-from monitor_core.identification.records.rigid_body import USUAL, rigid_fits
+from monitor_core.identification.records.rigid_body import POSE, rigid_fits
 from monitor_core.identification.starting.growing_chains import stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
@@ -90,7 +90,7 @@ def fit_from_torque_balance(problem: Problem, records: Sequence[Record]) -> Esti
     units = {split_name(name)[0]: problem.drive.parameter(split_name(name)[0]).unit for name in problem.free}
     inertias, dampers = ([n for n, unit in units.items() if unit == u] for u in (INERTIA, DAMPING))
     elastic = any(p.unit == STIFFNESS for p in problem.drive.parameters)
-    (found,) = rigid_fits(records, [(*USUAL, "angle", "angle^2", "angle^3")], problem.speed_scale)
+    (found,) = rigid_fits(records, [POSE], problem.speed_scale)
     if elastic or len(inertias) != 1 or found is None or found.inertia <= 0:
         raise ValueError("the torque balance of the records gives no starting values of this drive")
     # What the motor feels of an inertia behind a gear, and with another torque constant.
