@@ -8,7 +8,7 @@ export type Need = (typeof NEEDS)[number];
 export interface Item {
   axis: Axis;
   need: Need;
-  /** Its active alarms that are shown, the most urgent first. */
+  /** Its active alarms that are shown, the most urgent first, of these the earliest. */
   alarms: Alarm[];
 }
 
@@ -44,7 +44,8 @@ export function itemsOf(axes: Axis[], active: Alarm[]): Item[] {
     if (!isHidden(alarm)) shown.set(alarm.axis, [...(shown.get(alarm.axis) ?? []), alarm]);
   }
   return axes.map((axis) => {
-    const alarms = (shown.get(axis.id) ?? []).sort((a, b) => urgency(a) - urgency(b));
+    // Of equal ones the first: what came later may follow from it.
+    const alarms = (shown.get(axis.id) ?? []).sort((a, b) => urgency(a) - urgency(b) || Date.parse(a.raised) - Date.parse(b.raised));
     return { axis, alarms, need: needOf(axis, alarms) };
   });
 }

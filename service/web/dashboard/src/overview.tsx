@@ -1,5 +1,5 @@
 // All axes on one screen, the one that needs most first.
-import { memo } from "preact/compat";
+import { Component } from "preact";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Alarm, Axis } from "./ask";
 import { AlarmWords, Meaning } from "./alarm_words";
@@ -154,7 +154,13 @@ interface TileProps {
   age: string;
 }
 
-const Tile = memo(function Tile({ item, known, wide, age }: TileProps) {
+/** An axis that has not changed is not drawn again. */
+class Tile extends Component<TileProps> {
+  override shouldComponentUpdate = (next: TileProps): boolean => !sameTile(this.props, next);
+  override render = ({ item, known, wide, age }: TileProps) => drawnTile(item, known, wide, age);
+}
+
+function drawnTile(item: Item, known: boolean, wide: boolean, age: string) {
   const { axis, need, alarms } = item;
   const words = needText(item) || epochWords(axis) || t.needs.normal;
   // A wide one says all this in its own text.
@@ -173,14 +179,13 @@ const Tile = memo(function Tile({ item, known, wide, age }: TileProps) {
       </a>
     </li>
   );
-}, sameTile);
+}
 
 const idOf = (item: Item): string => item.axis.id;
 
 const sameItem = (a: Item, b: Item): boolean =>
   a.axis === b.axis && a.need === b.need && a.alarms.length === b.alarms.length && a.alarms.every((alarm, i) => alarm === b.alarms[i]);
 
-/** An axis that has not changed is not drawn again. */
 function sameTile(a: TileProps, b: TileProps): boolean {
   return a.wide === b.wide && a.age === b.age && a.known === b.known && sameItem(a.item, b.item);
 }
