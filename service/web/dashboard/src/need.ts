@@ -23,7 +23,8 @@ export const isSilent = (axis: Axis): boolean => axis.last_sample_age_s === null
 /** Of an alarm, before and after it is recorded and whatever its name becomes. */
 export const keyOf = (alarm: Alarm): string => `${alarm.axis} ${alarm.raised} ${(alarm.past[0] ?? alarm).parameter}`;
 
-const urgency = (alarm: Alarm): number => PRIORITIES.indexOf(alarm.priority) + (alarm.state === "acknowledged" ? 10 : 0);
+/** The smaller the more urgent: by priority; what is acknowledged comes last. */
+export const urgency = (alarm: Alarm): number => PRIORITIES.indexOf(alarm.priority) + (alarm.state === "acknowledged" ? 10 : 0);
 
 /** The larger one of the two test statistics, relative to its threshold; 0 where there is none. */
 export const evidence = (p: Parameter): number =>
