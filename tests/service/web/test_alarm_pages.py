@@ -61,6 +61,7 @@ def test_from_the_overview_to_what_is_to_be_done(page: Page, stage: Stage, fm_al
         "97.0 %",
         "would look the same: ka",
         "Acknowledge it",
+        "from −0.6 s to +0.2 s with a probability of 90 %",
         "fm (viscous friction of the motor)",
         "step",
     ):

@@ -160,11 +160,17 @@ function onsetRange(alarm: Alarm): string {
   return t.onsetRange(low ?? "", high ?? "");
 }
 
+/** How far they are from the onset; `full`: in words. */
 export function OnsetRange({ alarm, full = false }: { alarm: Alarm; full?: boolean }) {
-  const away = (end: string): string => span(Math.abs(Date.parse(end) - Date.parse(alarm.onset)) / 1000);
-  const ends = [alarm.onset_low && `−${away(alarm.onset_low)}`, alarm.onset_high && `+${away(alarm.onset_high)}`].filter(Boolean);
-  if (ends.length === 0) return null;
-  return <small title={onsetRange(alarm)}>{full ? onsetRange(alarm) : <span class="nowrap">{ends.join(" ")}</span>}</small>;
+  const { onset, onset_low: low, onset_high: high } = alarm;
+  const away = (end: string): string => span(Math.abs(Date.parse(end) - Date.parse(onset)) / 1000);
+  const [before, after] = [low && `−${away(low)}`, high && `+${away(high)}`];
+  if (!before && !after) return null;
+  return (
+    <small title={onsetRange(alarm)}>
+      {full ? t.onsetRange(before ?? t.unknown, after ?? t.unknown) : <span class="nowrap">{[before, after].filter(Boolean).join(" ")}</span>}
+    </small>
+  );
 }
 
 /** Size with its 95 % interval, also as a share of nominal. */
