@@ -212,10 +212,10 @@ def test_the_oldest_alarm_can_be_reached(page: Page, stage: Stage, fm_alarm: Ala
     newer, older = (page.get_by_role("button", name=f"{which} alarms") for which in ("Newer", "Older"))
     for words in ("1 to 100 of 250", "101 to 200 of 250", "201 to 250 of 250"):
         expect(page.get_by_text(words)).to_be_visible()
-        if older.is_enabled():
+        if not words.startswith("201"):
             older.press("Enter")
-            expect(older.or_(newer).and_(page.locator(":focus"))).to_have_count(1)
     expect(older).to_be_disabled()
+    expect(older).to_be_focused()
     expect(alarm_row(page, 50).get_by_role("link", name="fm")).to_have_attribute("href", "#/alarms/1")
     newer.click()
     expect(page.get_by_text("101 to 200 of 250")).to_be_visible()

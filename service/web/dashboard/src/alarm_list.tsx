@@ -40,7 +40,7 @@ export function AlarmList() {
   );
 }
 
-/** A page of the alarms; each older one begins where the one before has ended. */
+/** A page of the alarms; each older one begins where the one before has ended. A button at the end keeps the focus. */
 function Found({ filter }: { filter: Filter }) {
   const [before, turn] = useState<string[]>([]);
   const cursor = before.at(-1);
@@ -52,8 +52,8 @@ function Found({ filter }: { filter: Filter }) {
       {found === null ? <p class="quiet">{t.waiting}</p> : <AlarmTable alarms={found.alarms} refresh={refresh} axis />}
       {found !== null && (before.length > 0 || older !== null) && (
         <p class="tools">
-          <button type="button" disabled={before.length === 0} onClick={() => turn(before.slice(0, -1))}>{t.newerAlarms}</button>
-          <button type="button" disabled={older === null} onClick={() => older !== null && turn([...before, older])}>{t.olderAlarms}</button>
+          <button type="button" aria-disabled={before.length === 0} onClick={() => turn(before.slice(0, -1))}>{t.newerAlarms}</button>
+          <button type="button" aria-disabled={older === null} onClick={() => older !== null && older !== cursor && turn([...before, older])}>{t.olderAlarms}</button>
           <span class="quiet" role="status">{t.alarmsOf(first + 1, first + found.alarms.length, found.total)}</span>
         </p>
       )}

@@ -83,12 +83,12 @@ function newest(axis: Axis | undefined): number {
 }
 
 function Head({ axis, age }: { axis: Axis; age: number | null }) {
-  const said = (words: string): string => translated(words, axis.sentences) ?? words;
+  const localised = (words: string): string => translated(words, axis.sentences) ?? words;
   const notes = [
     ...t.notTestedSentences(axis),
     ...(epochWords(axis) === "" ? [] : [epochWords(axis)]),
-    ...(axis.gated_by === null ? [] : [t.paused(said(axis.gated_by))]),
-    ...axis.outside_calibration.map((words) => t.outsideCalibration(said(words))),
+    ...(axis.gated_by === null ? [] : [t.paused(localised(axis.gated_by))]),
+    ...axis.outside_calibration.map((words) => t.outsideCalibration(localised(words))),
   ];
   return (
     <div class="axis-head">

@@ -86,10 +86,10 @@ export const barText = (p: Parameter): string =>
 
 /** A time; on paper always with its date, as tomorrow nobody knows when "today" was. */
 export function Time({ at }: { at: string }) {
-  const [shown, whole] = [moment(at), stamp(at)];
+  const [shown, dated] = [moment(at), stamp(at)];
   return (
     <time dateTime={at} title={at} class="nowrap">
-      {shown !== whole && <span class="print-date">{whole.slice(0, -shown.length)}</span>}{shown}
+      {shown !== dated && <span class="print-date">{dated.slice(0, -shown.length)}</span>}{shown}
     </time>
   );
 }

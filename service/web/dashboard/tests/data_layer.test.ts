@@ -283,32 +283,32 @@ describe("sentences of the daemon", () => {
   const words = (kind: string, values: Body<"Sentence">["values"] = {}, text = kind): Body<"Sentence"> => ({ words: text, kind, values });
   const names = words("joined", { 0: "kT", 1: "fm", 2: "fc", separator: ", and " }, "kT, fm and fc");
   const lost = words("not used", { axis: "a.b", why: words("lost", { why: words("damaged"), parts: words("part of", { part: words("part history"), names }) }) }, "in English");
-  const said = (...found: Body<"Sentence">[]) => translated(found[0]?.words ?? "", found);
+  const german = (...found: Body<"Sentence">[]) => translated(found[0]?.words ?? "", found);
 
   beforeEach(() => {
     globalThis.document = { documentElement: {} } as unknown as Document;
     choose("de");
   });
   test("are German by their kind and values, also within each other", () => {
-    expect(said(lost)).toBe(
+    expect(german(lost)).toBe(
       "a.b: der gesicherte Zustand wird nicht verwendet und wurde beiseitegelegt: er ist beschädigt (falsche Prüfsumme)"
       + " (neu begonnen: die Langzeitgeschichte von kT, fm und fc)",
     );
-    expect(said(words("alike", { first: "fm", last: "fc" }))).toBe("fm und fc sind nicht zu unterscheiden");
-    expect(said(words("down", { why: "Network is down" }))).toBe("gestört: Network is down");
-    expect(said(words("not calibrated", { name: "T", value: "41.5", low: "20", high: "3.5e-07" }))).toBe("T = 41,5, kalibriert von 20 bis 3,5e−07");
-    expect(said(words("joined", { 0: words("closed"), 1: "b", separator: "; " }))).toBe("geschlossen; b");
-    const clock = said(words("clock set back", { way: "back", by: "2 hours", by_s: "7200.0", at: "2026-03-01T12:00:00Z" }));
+    expect(german(words("alike", { first: "fm", last: "fc" }))).toBe("fm und fc sind nicht zu unterscheiden");
+    expect(german(words("down", { why: "Network is down" }))).toBe("gestört: Network is down");
+    expect(german(words("not calibrated", { name: "T", value: "41.5", low: "20", high: "3.5e-07" }))).toBe("T = 41,5, kalibriert von 20 bis 3,5e−07");
+    expect(german(words("joined", { 0: words("closed"), 1: "b", separator: "; " }))).toBe("geschlossen; b");
+    const clock = german(words("clock set back", { way: "back", by: "2 hours", by_s: "7200.0", at: "2026-03-01T12:00:00Z" }));
     expect(clock).toMatch(/^Die Uhr dieses Rechners wurde um 2 h zurückgestellt; 01\.03\.2026 .* ist die erste Zeit danach/);
-    expect(said(words("not possible", { event: "acknowledge", state: "acknowledged", advice: "wait" }))).toBe("Nicht möglich („quittiert“): der Alarm ist jetzt „quittiert“");
+    expect(german(words("not possible", { event: "acknowledge", state: "acknowledged", advice: "wait" }))).toBe("Nicht möglich („quittiert“): der Alarm ist jetzt „quittiert“");
   });
   test("are English where the page is, or where there is no German", () => {
-    expect(said(words("of tomorrow"))).toBeNull();
+    expect(german(words("of tomorrow"))).toBeNull();
     expect(translated("another text", [lost])).toBeNull();
     expect(failure(new Refused("full", []))).toBe("full");
     expect(failure(new Refused("none", [words("no frames kept", {}, "none")]))).toMatch(/^recordings_mb in \[service\] ist 0/);
     choose("en");
-    expect(said(lost)).toBeNull();
+    expect(german(lost)).toBeNull();
   });
   test("causes that are no parameter have a name", () => {
     expect([causeName("torque sign"), causeName("kT")]).toEqual(["Vorzeichen des Moments", "kT"]);
