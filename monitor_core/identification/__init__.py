@@ -13,7 +13,7 @@
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse
 from monitor_core.identification.bode import Bode, drive_response
-from monitor_core.identification.greybox import LEVEL, Correlation, Trace, fit
+from monitor_core.identification.greybox import LEVEL, Correlation, Estimate, Trace, fit
 from monitor_core.identification.identification_procedure import (
     MOST_MASSES,
     USUAL_MASSES,
@@ -72,6 +72,7 @@ __all__ = [
     "Correlation",
     "Disturbance",
     "Effect",
+    "Estimate",
     "FoundWarmUp",
     "FrequencyResponse",
     "Growth",

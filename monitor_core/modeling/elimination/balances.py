@@ -69,15 +69,11 @@ def _solve_for(system: System, power: int, names: list[str], used: Collection[in
         found[name] = pivot
         if not rows[pivot][name][power].is_unit:
             system.merge(rows[pivot][name][power])
-        _clear_column(system, name, power, rows[pivot])
+        solution = rows[pivot]
+        for row in system.rows():
+            if row is not solution and power in row.get(name, {}):
+                add_multiple(row, {0: -(row[name][power] / solution[name][power])}, solution)
     return found
-
-
-def _clear_column(system: System, name: str, power: int, solution: Row) -> None:
-    c = solution[name][power]
-    for row in system.rows():
-        if row is not solution and power in row.get(name, {}):
-            add_multiple(row, {0: -(row[name][power] / c)}, solution)
 
 
 def _check_shape(system: System) -> None:

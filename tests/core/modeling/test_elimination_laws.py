@@ -23,7 +23,7 @@ Matrix = list[list[Fraction]]
 
 
 def flat(drive: RandomDrive) -> FlatModel:
-    return from_tables("random", drive.parts, {}).flat()
+    return from_tables("random", drive.parts).flat()
 
 
 def reduced(drive: RandomDrive) -> StateSpace:
