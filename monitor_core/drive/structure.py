@@ -349,6 +349,18 @@ def split_name(name: str) -> tuple[str, bool]:
     return name, False
 
 
+def value_of(values: Mapping[str, float], name: str) -> float:
+    """The value of a parameter, or of the reciprocal that "1/Ja" names."""
+    base, inverse = split_name(name)
+    return 1 / values[base] if inverse else values[base]
+
+
+def with_value(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
+    """The values with this one of a parameter, or of the reciprocal that "1/Ja" names."""
+    base, inverse = split_name(name)
+    return {**values, base: 1 / value if inverse else value}
+
+
 def _in_brackets(text: str) -> bool:
     """The first bracket closes at the end."""
     depth = 0

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.structure import split_name, value_of, with_value
 from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import RELATIVE
-from monitor_core.identification.problem import Problem, value_of
+from monitor_core.identification.problem import Problem
 from monitor_core.settings import DOUBTFUL, TOGETHER
 
 _AGREES = 3.0
@@ -64,8 +64,7 @@ def hold_undetermined(
 
 
 def _without(problem: Problem, hold: Held) -> Problem:
-    base, inverse = split_name(hold.name)
-    nominal = {**problem.nominal, base: 1 / hold.value if inverse else hold.value}
+    nominal = with_value(problem.nominal, hold.name, hold.value)
     bounds = {name: bound for name, bound in problem.bounds.items() if name != hold.name}
     free = tuple(name for name in problem.free if name != hold.name)
     return replace(problem, nominal=nominal, free=free, bounds=bounds)

@@ -11,7 +11,7 @@ import numpy as np
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.drive.structure import DELAY, split_name, value_of
 from monitor_core.drive.thermal_state import HEAT, ThermalStart
 from monitor_core.identification.bode import Bode, bode_of
 from monitor_core.identification.friction_scale import with_best_scale
@@ -19,7 +19,7 @@ from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit,
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import Watched, outlook, shortest_memory
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
-from monitor_core.identification.problem import IdentificationError, Problem, value_of
+from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records.lively_parts import lively_parts
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.standstill import Standstill, find_standstill

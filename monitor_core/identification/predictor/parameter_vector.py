@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, split_name
-from monitor_core.identification.problem import Disturbance, Problem, value_of
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, value_of, with_value
+from monitor_core.identification.problem import Disturbance, Problem
 
 _FARTHEST = 1e3
 """A positive parameter stays within this factor of its start, unless it has bounds."""
@@ -186,8 +186,7 @@ class Layout:
         """All values with the free ones replaced."""
         out = dict(values)
         for name, value in zip(self.free, theta, strict=True):
-            base, inverse = split_name(name)
-            out[base] = 1 / value if inverse else value
+            out = with_value(out, name, value)
         return out
 
 
