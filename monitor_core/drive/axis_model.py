@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
+from monitor_core.drive.discretization import balance_of
 from monitor_core.drive.structure import Drive, Parameter, split_name, value_of, with_value
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
@@ -140,8 +140,7 @@ class AxisModel:
 
     @cached_property
     def _balance(self) -> Floats:
-        _, (d, _) = sla.matrix_balance(self._at_nominal[0], permute=False, separate=True)
-        return np.asarray(d, dtype=float)
+        return balance_of(self._at_nominal[0])
 
     def _size(self, name: str) -> float:
         return self.scales.get(name, abs(value_of(self.nominal, name)))

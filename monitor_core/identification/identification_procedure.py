@@ -20,8 +20,7 @@ from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import Watched, outlook, shortest_memory
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem
-from monitor_core.identification.records.lively_parts import lively_parts
-from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.measured_record import Record, lively_parts
 from monitor_core.identification.records.standstill import Standstill, find_standstill
 from monitor_core.identification.starting import (
     Growth,

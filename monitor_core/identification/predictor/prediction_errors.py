@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.measured_speed import MeasuredSpeed
-from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
+from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
 from monitor_core.identification.predictor.middle_speed import MiddleSpeed, middle_speed
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
@@ -64,7 +64,7 @@ class Predictor:
         slow = disturbance is not None and disturbance.slow > 0
         self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
         acting = inner.drive.with_disturbance() if slow else inner.drive
-        self.torque_slopes = tuple(_slope(*torque) for torque in torques)
+        self.torque_slopes = tuple(slope_name(*torque) for torque in torques)
         """Names of the slopes of constant torques that follow signals: factors of further inputs"""
         median_s = float(np.median(np.concatenate([r.intervals for r in records])))
         self.interval_s = problem.interval_s or round(median_s, 6)
@@ -188,7 +188,7 @@ class Predictor:
         values, varying = point.values, self.layout.varying
         if not varying:
             return self._structure.at(values)
-        theta = self.layout.theta_of(values)
+        theta = np.array([value_of(values, name) for name in self.layout.free])
         for (i, _), slope, signal in zip(varying, point.slopes, signals, strict=True):
             theta[i] += slope * signal
         system = self._structure.at(self.layout.values_with(values, theta))
@@ -203,7 +203,8 @@ class Predictor:
         levels = [_with_inputs(system, acts) for system in levels]
         x0, Z0 = self._start(xi, i, levels[s.level[0]])
         if starts:
-            levels, Z0 = [_without_slopes(system) for system in levels], np.eye(self.n)[:, : self.own]
+            levels = [Linear(*system[:5], *(slopes[..., :0] for slopes in system[5:])) for system in levels]
+            Z0 = np.eye(self.n)[:, : self.own]
         P = Z0.shape[1]
         dK = np.zeros((self.n, P))
         if not starts:
@@ -277,9 +278,7 @@ class Predictor:
             middle_speed(system, kinds, state, s.intervals_s(j), late) for j, system in enumerate(levels)
         ]
         middle = MiddleSpeed(*(s.in_order(list(part)) for part in zip(*parts, strict=True)))
-        if (
-            self.drive.speed_state < 0
-        ):  # the acceleration is not known: friction is that of the measured speed
+        if self.drive.speed_state < 0:  # no acceleration is known: friction is that of the measured speed
             middle = MiddleSpeed(*(0 * part for part in middle))
         scale, dscale = self._scales(levels, kinds, q)
         return MotionInputs(
@@ -312,15 +311,11 @@ def _with_inputs_for(problem: Problem, torques: Sequence[tuple[str, str]]) -> Pr
     drive, nominal = problem.drive, dict(problem.nominal)
     for name, signal in torques:
         drive = drive.with_torque_of(name, signal)
-        nominal[_slope(name, signal)] = problem.slopes.get(_slope(name, signal), 0.0)
+        nominal[slope_name(name, signal)] = problem.slopes.get(slope_name(name, signal), 0.0)
     followed = {name for name, _ in torques}
     varying = {name: signals for name, signals in problem.varying.items() if name not in followed}
-    slopes = tuple(_slope(*torque) for torque in torques)
+    slopes = tuple(slope_name(*torque) for torque in torques)
     return replace(problem, drive=drive, nominal=nominal, free=(*problem.free, *slopes), varying=varying)
-
-
-def _slope(name: str, signal: str) -> str:
-    return f"{name} per {signal}"
 
 
 def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
@@ -328,11 +323,6 @@ def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
     return system._replace(
         B=system.B[:, which], dB=system.dB[:, which], ratio=system.ratio[which], dratio=system.dratio[which]
     )
-
-
-def _without_slopes(system: Linear) -> Linear:
-    """The system with the derivatives by no parameter."""
-    return Linear(*system[:5], *(slopes[..., :0] for slopes in system[5:]))
 
 
 def _widened(slopes: Floats, q: int) -> Floats:

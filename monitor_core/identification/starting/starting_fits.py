@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_value
-from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.greybox import Estimate, fit
+from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.motion_checks import rigid_inertia
 from monitor_core.identification.records.rigid_body import POSE, rigid_fits
