@@ -177,9 +177,7 @@ def rigid_angles(reduction: Reduction) -> Angles:
         before = len(found)
         for (near, a), (far, b) in pairs:
             if near in found and far not in found:
-                with suppress(
-                    NotLaurentError
-                ):  # a sum of stiffnesses: something holds the part, it does not follow
+                with suppress(NotLaurentError):  # of a sum of stiffnesses: something holds the part
                     found[far] = -(found[near] * a / b)
     return found
 
