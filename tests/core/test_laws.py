@@ -190,7 +190,7 @@ def test_a_trace_is_the_same_without_the_events(seed: int) -> None:
         np.testing.assert_array_equal(mine, other)
 
 
-def test_axes_of_equal_drive_and_parameters_share_a_bank() -> None:
+def test_axes_of_equal_drive_and_parameters_share_a_batch() -> None:
     first, other = CASES[0], next(case for case in CASES if case.monitored != CASES[0].monitored)
     cases = [first, other, first, first]
     fleet = Fleet([case.model for case in cases], [lively(case) for case in cases])
