@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from monitor_core.identification.bode import band, drive_response
 from monitor_core.identification.greybox import colour_of, traces_of
-from monitor_core.identification.identification_procedure import ParameterRow, Start
+from monitor_core.identification.identification_result import ParameterRow, Start
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records import Record
