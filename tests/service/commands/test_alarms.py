@@ -13,7 +13,7 @@ from structlog.testing import capture_logs
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
-from service.client import AlarmText, Client, ClientError
+from service.client import Client, ClientError, Remark
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.journal import Entry, Journal
 from tests.service.command_line import as_json, axiswatch, refused, shown
@@ -242,11 +242,11 @@ def test_the_token_is_sent_and_another_server_is_named(
 def test_the_client_tells_a_refused_request_from_a_daemon_in_trouble(stage: Stage, url: str) -> None:
     number = recorded(stage)
     with Client(url) as client:
-        assert client.acknowledge(number, AlarmText("seen"))["transitions"][-1]["comment"] == "seen"
+        assert client.act(number, "acknowledge", Remark("seen"))["transitions"][-1]["comment"] == "seen"
         with pytest.raises(ClientError, match="the alarm is acknowledged") as conflict:
-            client.acknowledge(number)
+            client.act(number, "acknowledge")
         stage.journal.close()
         with pytest.raises(ClientError, match="cannot be read or written") as trouble:
-            client.acknowledge(number)
+            client.act(number, "acknowledge")
     assert (conflict.value.status, conflict.value.refused) == (409, True)
     assert (trouble.value.status, trouble.value.refused) == (503, False)
