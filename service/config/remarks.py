@@ -19,7 +19,7 @@ from service.config.axis_settings import (
     predictor_of,
     rounded,
     step_noise,
-    untold,
+    unidentifiable_pairs,
 )
 from service.config.bus_messages import messages_of
 from service.config.conditions import turning_torques, varying_of
@@ -38,7 +38,7 @@ def remarks(config: Config) -> Iterator[str]:
         DescriptionError: the description of a bus cannot be used.
     """
     yield from _shared_torque(config)
-    yield from _unsaid(config)
+    yield from _assumptions(config)
     yield from _by_events(config)
     yield from _long_frames(config)
     if unknown := [axis.id for axis in config.axes if not_identified(axis.config)]:
@@ -54,7 +54,7 @@ def remarks(config: Config) -> Iterator[str]:
         settings = axis_settings(axis, model)
         yield from _unwatched_load(axis.config, axis.id)
         yield from _short_memory(axis, model, settings)
-        for words in unidentifiable_words(untold(axis.config)):
+        for words in unidentifiable_words(unidentifiable_pairs(axis.config)):
             yield f"{axis.id}: {words}"
         yield from _small_noise(axis, config)
         yield from _nearly_a_turn(axis)
@@ -75,7 +75,7 @@ def _shared_torque(config: Config) -> Iterator[str]:
             yield f"{', '.join(axes)}: {where} is the torque of each of them; give each axis its own"
 
 
-def _unsaid(config: Config) -> Iterator[str]:
+def _assumptions(config: Config) -> Iterator[str]:
     """Assumptions where the configuration does not state the conditions, robot by robot."""
     for robot in config.robot:
         names = [
