@@ -154,11 +154,9 @@ def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -
 
 def memories_of(axis: AxisConfig) -> tuple[float, ...]:
     """The memories [s] to choose from; none: that of the configuration."""
-    usual_s = axis.sample_interval_s / (1 - axis.forgetting)
     if axis.estimator.memory_s:
         return ()
-    # lambda was made of the memory: the way back is not exact.
-    return tuple(float(f"{usual_s * times:.6g}") for times in _MEMORIES)
+    return tuple(float(f"{axis.memory_s * times:.6g}") for times in _MEMORIES)
 
 
 def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Correction, ...]:
