@@ -123,7 +123,7 @@ def test_an_alarm_that_is_not_yet_recorded_is_in_the_list(stage: Stage) -> None:
     assert shown("alarms", "list").startswith(first)
 
 
-def test_status_says_why_it_is_not_ready(stage: Stage, url: str) -> None:
+def test_status_has_the_reasons_why_it_is_not_ready(stage: Stage, url: str) -> None:
     recorded(stage)
     lines = shown("status", code=4).splitlines()
     assert lines[0].endswith(f"at {url}: not ready")
@@ -160,7 +160,7 @@ REFUSED = [
 
 
 @pytest.mark.usefixtures("url")
-def test_what_is_refused_says_why(stage: Stage) -> None:
+def test_a_refusal_has_its_reason(stage: Stage) -> None:
     recorded(stage)
     for words, message in REFUSED:
         result = axiswatch("alarms", *words)
@@ -239,7 +239,7 @@ def test_the_token_is_sent_and_another_server_is_named(
     assert b"authorization: bearer secret-7" in requests[0].lower()
 
 
-def test_the_client_tells_a_refused_request_from_a_daemon_in_trouble(stage: Stage, url: str) -> None:
+def test_a_refused_request_differs_from_a_daemon_in_trouble(stage: Stage, url: str) -> None:
     number = recorded(stage)
     with Client(url) as client:
         assert client.act(number, "acknowledge", Remark("seen"))["transitions"][-1]["comment"] == "seen"

@@ -133,7 +133,7 @@ def test_springs_come_before_a_weight_that_takes_hardly_any_torque(
         ("kT = 1, r = 0.02", TurningWeight(0.01024, 0.006, 0.012), 0.02),
     ],
 )
-def test_a_weight_tells_the_gear_where_nobody_does(
+def test_a_weight_shows_the_gear_ratio_that_is_not_configured(
     given: str, turn: TurningWeight | None, ratio: float, tmp_path: Path
 ) -> None:
     """Of the angle of a motor; that of an arm turns with the weight."""
@@ -257,7 +257,7 @@ def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:
     assert "1 of 2 axes ready." in page
 
 
-def test_what_all_axes_share_stands_once_and_commands_can_be_told_from_words() -> None:
+def test_what_all_axes_share_stands_once_and_commands_are_marked() -> None:
     axes = [Outcome(f"cell.a{n}", watched=("kT",), notes=("One <day>.", f"Axis {n}.")) for n in (1, 2)]
     refused = Outcome("cell.a3", refusal="not identified: it stands")
     step = "Next: `axiswatch run --config <file>`."
