@@ -19,6 +19,7 @@ from service.config.commissioned import Correction, corrected
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.identification_report import outlook_words
+from tests.service.config_texts import DRAWN
 
 TEXT = """
 [[robot]]
@@ -67,6 +68,14 @@ def test_several_masses_that_are_not_identified_become_one(found: Any, tmp_path:
     model = simple.config.model
     assert (model.drive, model.monitor, dict(model.nominal)) == ("one-mass", ("kT", "fc", "fm"), {"kT": 1})
     assert retry(found, again.text, simple, ["three-mass"]) is None, "there is nothing else"
+
+
+def test_a_drawn_drive_is_not_replaced(tmp_path: Path) -> None:
+    text = TEXT[: TEXT.index("model = ")] + "[robot.axis.model]\n" + DRAWN
+    _, axis = configured(text, NAME, tmp_path)
+    for missing in ((), (Effect.POSE,)):
+        found = report(rejection="poor", missing=missing)
+        assert retry(found, text, axis, links=lambda: LinkLoad((), ("cos(a1)",))) is None
 
 
 def test_one_mass_that_is_not_identified_becomes_three_at_fast_samples(tmp_path: Path) -> None:
