@@ -6,7 +6,7 @@ And one for tables, connected to a bus.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,11 +14,17 @@ import tomlkit
 from tomlkit import TOMLDocument
 from tomlkit.items import Array, InlineTable
 
+from monitor_core.drive import split_name
 from service.config.base_table import SUFFIX
 from service.config.robot_defaults import DEFAULTS, completed
 from service.config.schema_links import LINK_FILES
 from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
 
+_OF_PARAMETERS = {
+    "model": ("scales", "bounds", "limits"),
+    "alarms": ("priorities", "latched", "suppressed"),
+}
+"""Keys of an axis by table that name its monitored parameters."""
 SIGNAL = "signal"
 """Key of the auxiliary signals of an axis"""
 _PLACE = ("message", "signal", "column")
@@ -98,7 +104,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
 def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     """The text of a configuration in which an axis, "robot.axis", monitors these parameters."""
     document = tomlkit.parse(text)
-    _table(_axis(document, axis_id)[1], "model")["monitor"] = list(names)
+    _monitor(*_axis(document, axis_id), names)
     return tomlkit.dumps(document)
 
 
@@ -113,8 +119,10 @@ def with_drive(
     for robot in document["robot"]:
         for key in ("nominal", "scales", "bounds", "limits"):
             _give_to_axes(robot, "model", key)  # those of the other axes stay as they are
-    model = _table(_axis(document, axis_id)[1], "model")
-    model["drive"], model["monitor"] = drive, list(monitor)
+    robot, axis = _axis(document, axis_id)
+    _monitor(robot, axis, monitor)
+    model = _table(axis, "model")
+    model["drive"] = drive
     model["nominal"] = {name: model.get("nominal", {}).get(name, value) for name, value in values.items()}
     for table in ("scales", "bounds", "limits"):
         for name in [name for name in model.get(table, {}) if name not in values]:
@@ -132,10 +140,9 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
         for table, keys in (REPLACED_BY_NOMINAL_FILE | REPLACED_BY_THRESHOLDS_FILE).items():
             for key in keys:
                 _give_to_axes(robot, table, key)
-        shared = robot.get(DEFAULTS, {}).get("model", {}).get("monitor")
         for axis in robot["axis"]:
             if (name := _id(robot, axis)) in found:
-                _set(axis, found[name], shared)
+                _set(robot, axis, found[name])
     for robot in document["robot"]:
         _detach(robot, [str(axis["name"]) for axis in robot["axis"] if _id(robot, axis) not in found])
         for number, axis in reversed(list(enumerate(robot["axis"]))):
@@ -178,12 +185,35 @@ def _give_to_axes(robot: Any, table: str, key: str) -> None:
         own[key] = {**value, **own.get(key, {})} if isinstance(value, dict) else own.get(key, value)
 
 
-def _set(axis: Any, found: Found, shared: Sequence[str] | None) -> None:
-    """Write what was found into an axis; ``shared``: what it monitors where it has no key of its own."""
-    _remove(axis, REPLACED_BY_NOMINAL_FILE)
+def _monitor(robot: Any, axis: Any, names: Sequence[str]) -> None:
+    """Let an axis monitor these parameters; what is configured for others that it has monitored is left out."""
     model = _table(axis, "model")
-    if list(model.get("monitor", shared or ())) != list(found.monitor):
-        model["monitor"] = list(found.monitor)
+    before = model.get("monitor", robot.get(DEFAULTS, {}).get("model", {}).get("monitor", ()))
+    if list(before) == list(names):
+        return
+    model["monitor"] = list(names)
+    dropped = _bases(before) - _bases(names)
+    for table, keys in _OF_PARAMETERS.items() if dropped else ():
+        for key in keys:
+            _give_to_axes(robot, table, key)
+            own = axis.get(table, {}).get(key, {})
+            for name in [name for name in own if _bases([name]) <= dropped]:
+                if isinstance(own, list):
+                    own.remove(name)
+                else:
+                    del own[name]
+
+
+def _bases(names: Iterable[str]) -> set[str]:
+    """The parameters, each also where its reciprocal is meant."""
+    return {split_name(name)[0] for name in names}
+
+
+def _set(robot: Any, axis: Any, found: Found) -> None:
+    """Write what was found into an axis."""
+    _remove(axis, REPLACED_BY_NOMINAL_FILE)
+    _monitor(robot, axis, found.monitor)
+    model = _table(axis, "model")
     model["nominal_file"] = found.nominal_file
     model.pop("thresholds_file", None)
     if found.thresholds_file is not None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import Effect, Obstacle, Rejection, TurningWeight, Watched
-from service.commands.axis_commissioning import not_identified
+from service.commands.axis_commissioning import not_identified, unmonitored_words
 from service.commands.commissioning_remedies import memories_of, memory_change, min_speed_change, retry
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
@@ -68,6 +68,20 @@ def test_several_masses_that_are_not_identified_become_one(found: Any, tmp_path:
     model = simple.config.model
     assert (model.drive, model.monitor, dict(model.nominal)) == ("one-mass", ("kT", "fc", "fm"), {"kT": 1})
     assert retry(found, again.text, simple, ["three-mass"]) is None, "there is nothing else"
+
+
+def test_keys_of_parameters_that_are_not_monitored_any_more_are_left_out_and_named(tmp_path: Path) -> None:
+    more = 'bounds = { kT = [0.5, 2.0] }, limits = { Ja = 9.0 } }\nalarms = { latched = ["1/Ja"] }\n'
+    text = TEXT.replace("Jg = 3.0 } }", f"Jg = 3.0 }}, {more}")
+    _, axis = configured(text, NAME, tmp_path)
+    assert list(unmonitored_words(axis.config, ("kT", "fm"))) == [
+        "1/Ja is not monitored, so it is left out of limits and latched in the new configuration."
+    ]
+    again = retry(report(KT, FM, follows=("Ja",)), text, axis)
+    assert again is not None
+    _, left = configured(again.text, NAME, tmp_path)
+    assert (left.config.model.limits, left.config.alarms.latched) == ({}, ())
+    assert left.config.model.bounds == {"kT": (0.5, 2.0)}
 
 
 def test_a_drawn_drive_is_not_replaced(tmp_path: Path) -> None:
