@@ -38,7 +38,7 @@ def remarks(config: Config) -> Iterator[str]:
         DescriptionError: the description of a bus cannot be used.
     """
     yield from _shared_torque(config)
-    yield from _assumptions(config)
+    yield from _unsaid(config)
     yield from _by_events(config)
     yield from _long_frames(config)
     if unknown := [axis.id for axis in config.axes if not_identified(axis.config)]:
@@ -75,7 +75,7 @@ def _shared_torque(config: Config) -> Iterator[str]:
             yield f"{', '.join(axes)}: {where} is the torque of each of them; give each axis its own"
 
 
-def _assumptions(config: Config) -> Iterator[str]:
+def _unsaid(config: Config) -> Iterator[str]:
     """Assumptions where the configuration does not state the conditions, robot by robot."""
     for robot in config.robot:
         names = [
