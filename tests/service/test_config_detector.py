@@ -10,11 +10,10 @@ import pytest
 from monitor_core.settings import Threshold
 from service.config import Config, load
 from service.config.axis_settings import AxisError, Detectors, axis_settings, detectors_of
-from service.config.commissioned import Found, commissioned
 from service.config.drives import axis_model
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
-from tests.service.found_files import named, nominal_text, thresholds_text
+from tests.service.found_files import named, thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot
 
 OWN = [
@@ -85,16 +84,6 @@ def test_with_thresholds_of_its_own_the_multimodel_detector_alarms(robot: Path) 
     assert "alarms: multimodel (h from its records)" in output
     assert "guarantee" not in output
     assert found(detector(robot, 'alarm_source = "cusum"')).alarm_source == "cusum"
-
-
-def test_a_commissioned_configuration_is_without_the_budget_that_its_thresholds_replace(robot: Path) -> None:
-    (axis,) = load(detector(robot, "budget_s = 3600.0"), {}).axes
-    text = robot.read_text(encoding="utf-8")
-    calibrated(robot, OWN)
-    (robot.parent / "nominal.toml").write_text(nominal_text(axis.config), encoding="utf-8")
-    values = Found("nominal.toml", "thresholds.toml", axis.config.model.monitor)
-    robot.write_text(commissioned(text, {axis.id: values}), encoding="utf-8")
-    assert "budget_s" not in load(robot, {}).axes[0].config.detector.model_fields_set
 
 
 def test_a_file_of_thresholds_without_hypotheses_or_for_other_causes(robot: Path) -> None:

@@ -56,7 +56,7 @@ def robot() -> dict[str, Any]:
             },
             "alarms": {"latched": ["fm", "delay"], "priorities": {"fm": "high", "kT": "low"}},
             "estimator": {"torque_noise": 0.05},
-            "detector": {"alpha_1": 3.0, "alpha_2": 20.0 + (n == 1)},
+            "detector": {"alpha_1": 3.0, "alpha_2": 20.0 + (n == 1), "budget_s": 3600.0},
         }
         axes.append(axis)
     bus = {"name": "can0", "channel": "can0", "messages": "a.dbc"}
@@ -128,6 +128,14 @@ def test_commissioning_changes_both_alike(config: dict[str, Any]) -> None:
     for change in changes:
         short, long = (meaning(tomllib.loads(change(text_of(c)))) for c in (config, robot()))
         assert short == long
+
+
+@law
+@given(with_shared_keys())
+def test_what_a_file_of_thresholds_replaces_is_left_out(config: dict[str, Any]) -> None:
+    axes = meaning(tomllib.loads(commissioned(text_of(config), FOUND)))
+    assert axes["axis1"]["detector"].keys() == {"alpha_1", "alpha_2", "budget_s"}  # without such a file
+    assert not axes["axis2"].get("detector")
 
 
 @law
