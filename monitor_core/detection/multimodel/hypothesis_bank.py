@@ -127,10 +127,9 @@ class HypothesisBank:
         self._hypotheses = self.standing.lanes()
         self._causes = CausePosterior(self._hypotheses[1:])
         back_h = float(np.median(self.h)) if self.standing else math.inf
-        unexplained = self.standing.unexplained()
+        parts = (self.allowance, self._tolerated, self.standing.unexplained())
         self._tests = Tests(
-            np.concatenate([[np.inf], self.h, [back_h]]),
-            *(np.concatenate([[0.0], of, [0.0]]) for of in (self.allowance, self._tolerated, unexplained)),
+            np.concatenate([[np.inf], self.h, [back_h]]), *(np.concatenate([[0.0], p, [0.0]]) for p in parts)
         )
         self._known.clear()
         self.follow(self.moved)
