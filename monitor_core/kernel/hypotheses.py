@@ -1,13 +1,14 @@
 """Multi-model detector: fixed predictors of one axis side by side, each with a CUSUM of log-likelihood ratios.
 
     e_i = y - yhat_i,     x_i = x_i + K_i e_i,     then over the interval:  x_i = Ad_i x_i + Bd_i u
-    l_i = 1/2 log(lam_0 / lam_i) + e_0^2 / (2 lam_0) - e_i^2 / (2 lam_i) - allowance_i
+    l_i = 1/2 log(lam_0 / lam_i) + e_0^2 / (2 lam_0) - e_i^2 / (2 lam_i) - allowance_i - unexplained_i
     g_i = max(0, g_i + l_i),     alarm when g_i > h_i
 
-Hypothesis 0 is the present reference.  The mean of exp(l_i) is 1 while it holds (without allowance), so the mean time
-between false alarms of each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the usual intervals
-are discretised once: the nominal one, and those that are a microsecond shorter or longer, as times are rounded to
-microseconds.  Any other interval is propagated as in the recursion (propagate.py).
+Hypothesis 0 is the present reference.  The faults that it has leave a share of their effect unexplained
+(likelihood.py).  The mean of exp(l_i) is 1 while it holds (without allowance), so the mean time between false alarms of
+each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the usual intervals are discretised once: the
+nominal one, and those that are a microsecond shorter or longer, as times are rounded to microseconds.  Any other
+interval is propagated as in the recursion (propagate.py).
 """
 
 import math
@@ -36,6 +37,7 @@ from monitor_core.kernel.friction import MiddleSpeed, hold_friction
 from monitor_core.kernel.likelihood import G, log_likelihood_ratios, restart_paths, update_sums
 from monitor_core.kernel.outliers import check_start, reject_outliers
 from monitor_core.kernel.predictors import (
+    BACK,
     FARTHEST,
     GAP,
     INTERVAL,
@@ -76,7 +78,7 @@ class Memory(NamedTuple):
 
     x: Floats  # (n, H) at the last sample, after its correction
     u: Floats  # (m, H) inputs held since
-    sums: Floats  # (2, H) g; by how much its path has fallen since the last mark
+    sums: Floats  # (3, H) g; by how much its path has fallen since the last mark; evidence beside g
     when: NDArray[np.int64]  # (2 + MARKS, H) us: g last 0; g last below SURE; marks, the latest first
     numbers: (
         Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
@@ -158,7 +160,7 @@ def run_hypotheses(
         Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST]),
         Roles(mode, moves, learns, tracks),
     )
-    shortest = int(axis[SHORTEST, 0])
+    shortest, back = int(axis[SHORTEST, 0]), int(axis[BACK, 0])
     gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     # fmt: off
     for k in range(start, block.t.size):
@@ -211,9 +213,9 @@ def run_hypotheses(
                     correct(lanes, K_now, eps, x)
                 if tracks[0]:
                     tested = True
-                    log_likelihood_ratios(lanes, own, ut[0] != numbers[TORQUE_HELD, 0], y[0] != numbers[LAST_OUTPUT,
-                                          0], eps, llr)
-                    crossed = update_sums(lanes, own, t[0], llr, M.sums, M.when)
+                    log_likelihood_ratios(lanes, own, back, ut[0] != numbers[TORQUE_HELD, 0],
+                                          y[0] != numbers[LAST_OUTPUT, 0], eps, llr)
+                    crossed = update_sums(lanes, own, t[0], integers[PHASE, 0] == WATCHING, llr, M.sums, M.when)
                     _request_stop(crossed, integers)
         if mode[0] == RESTART:
             for a in range(H):

@@ -5,7 +5,7 @@ from typing import Any
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel, outlined
-from monitor_core.kernel.predictors import FROZEN, LEVEL, LIMIT, PRECISION, STILL
+from monitor_core.kernel.predictors import FROZEN, LEVEL, LIMIT, PRECISION, STILL, TOLERATED, UNEXPLAINED
 from monitor_core.kernel.state import NEVER
 
 SURE = math.log(2 / 0.1)
@@ -17,31 +17,47 @@ _STEP = SURE / (MARKS - 1)
 _CLIP = 36.0
 """Squared innovations over their variance count as so much at most."""
 
-G, FALLEN = 0, 1
-"""Rows of the sums: g; by how much its path has fallen since the last mark."""
+G, FALLEN, HELD_BACK = 0, 1, 2
+"""Rows of the sums: g; by how much its path has fallen since the last mark; what evidence has beside g."""
 ONSET, LATE, FIRST_MARK = 0, 1, 2
 """Rows of the times: g was last 0; g was last below SURE; marks, the latest first."""
 
 
 @kernel
 def log_likelihood_ratios(
-    lanes: Any, own: Floats, moved: bool, turned: bool, eps: Floats, llr: Floats
+    lanes: Any, own: Floats, back: int, moved: bool, turned: bool, eps: Floats, llr: Floats
 ) -> None:
-    """l_i (H,); minus infinity where a hypothesis says that torque or output is stuck, and it changes in any digit."""
+    """l_i (H,); minus infinity where a hypothesis says that torque or output is stuck, and it changes in any digit.
+
+    ``back``: the lane of the healthy axis.  Its prediction differs from that of the reference by the effect of the
+    faults that stand, of which a share is left over as no model is the axis.  What explains that is no second fault.
+    """
     step = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
+    effect = eps[back] - eps[0]
+    explained = min(effect * effect * own[PRECISION, 0], _CLIP)
     for a in range(len(lanes)):
         there = min(eps[a] * eps[a] * own[PRECISION, a], _CLIP)
         alive = not (moved and own[STILL, a] > 0.0) and not (turned and own[FROZEN, a] > 0.0)
-        llr[a] = 0.5 * (step - there) + own[LEVEL, a] if alive else -math.inf
+        likelier = 0.5 * (step - there) + own[LEVEL, a]
+        llr[a] = likelier - 0.5 * own[UNEXPLAINED, a] * explained if alive else -math.inf
 
 
 @kernel
-def update_sums(lanes: Any, own: Floats, t: int, llr: Floats, sums: Floats, when: Ints) -> bool:
-    """g = max(0, g + l), with the times for the onset and its interval; True if any g > h."""
+def update_sums(
+    lanes: Any, own: Floats, t: int, watching: bool, llr: Floats, sums: Floats, when: Ints
+) -> bool:
+    """g = max(0, g + l), with the times for the onset and its interval; True if any g > h.
+
+    Where something is tolerated HELD_BACK + g is the sum of l without that, since g was last 0 before the detection:
+    ``watching`` is False from then on.
+    """
     crossed, marked = 0, 0
     # Loops with few arrays and without branches, which the compiler turns into vectors.
     for a in range(len(lanes)):
         free = sums[G, a] + llr[a]
+        held = sums[HELD_BACK, a] + own[TOLERATED, a] + min(0.0, free)
+        goes_on = own[TOLERATED, a] > 0.0 and (free > 0.0 or not watching)
+        sums[HELD_BACK, a] = held if goes_on else 0.0
         sums[G, a] = max(0.0, free)
         sums[FALLEN, a] += max(0.0, -free)
     for a in range(len(lanes)):

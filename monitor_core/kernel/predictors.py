@@ -15,12 +15,26 @@ from monitor_core.kernel.tables import TORQUE, Tables
 from monitor_core.kernel.taylor_series import SECTIONS
 from monitor_core.kernel.work_arrays import floats, ints, strided_product, table
 
-DELAY, TORQUE_SCALE, TORQUE_OFFSET, SCALE, OFFSET, FROZEN, STILL, PRECISION, LEVEL, LIMIT = range(10)
+(
+    DELAY,
+    TORQUE_SCALE,
+    TORQUE_OFFSET,
+    SCALE,
+    OFFSET,
+    FROZEN,
+    STILL,
+    PRECISION,
+    LEVEL,
+    LIMIT,
+    TOLERATED,
+    UNEXPLAINED,
+) = range(12)
 """Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +
 offset; 1: the output repeats itself; 1: holds only while the measured torque does; 1 / lam_i; 1/2 log(lam_0 / lam_i) -
-allowance; h."""
-INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, SHORTEST = range(8)
-"""Rows of ``axis``; SHORTEST: of the usual intervals, us."""
+allowance; h; the part of the allowance that counts as evidence of the cause all the same; share of the evidence
+against the healthy axis that the standing faults may leave unexplained."""
+INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, SHORTEST, BACK = range(9)
+"""Rows of ``axis``; SHORTEST: of the usual intervals, us; BACK: the lane of the healthy axis."""
 USUAL = 3
 """Intervals that are discretised in advance, a microsecond apart."""
 TERMS = 4

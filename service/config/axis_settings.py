@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, reason_unavailable
-from monitor_core.drive import AxisModel
+from monitor_core.drive import HEAT, AxisModel, Term
 from monitor_core.monitoring import MonitoringOptions, recommended_settings
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
@@ -175,7 +175,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     """The detectors as configured.
 
     By default the multi-model detector raises alarms where it has thresholds from a healthy record and the nominal
-    values are constant.
+    values are constant, or follow only the heat of the axis.
 
     Raises:
         AxisError: the multi-model detector is the alarm source, but is not available.
@@ -205,9 +205,13 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
 
 def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
     """The alarm source of an axis that can have both detectors, with or without thresholds from a healthy record."""
-    # Model errors are larger where conditions change the model: there the paper's tests alarm by default.
-    constant = not varying_of(axis)
-    return axis.detector.alarm_source or ("multimodel" if from_record and constant else "cusum")
+    # Model errors are larger where conditions change the model: there the paper's tests alarm by default.  What a heat
+    # leaves is known from the records, and calibrated for; beyond them only the paper's tests have a wider allowance.
+    known = axis.detector.outside_calibration != "widen" and all(
+        Term.read(v.signal).signals == (HEAT,) for _, v in varying_of(axis)
+    )
+    by_models = from_record and (known or not varying_of(axis))
+    return axis.detector.alarm_source or ("multimodel" if by_models else "cusum")
 
 
 def detectors_in_words(axis: NamedAxis) -> str:

@@ -134,7 +134,7 @@ class DetectorConfig(Table):
 
     alarm_source: Literal["multimodel", "cusum"] | None = None
     """which detector alarms: "multimodel" (parallel hypotheses) or "cusum" (the paper's tests); default multimodel
-    where the thresholds_file has thresholds for it and nominal values follow no signals"""
+    where the thresholds_file has thresholds for it and nominal values follow no measured signals"""
     shadow: bool = Field(True, strict=True)
     """where the CUSUM tests alarm, the multi-model detector runs in shadow mode"""
     budget_s: Real = Field(31557600.0, ge=60)

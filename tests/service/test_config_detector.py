@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from monitor_core.drive import HEAT
 from monitor_core.settings import Threshold
 from service.config import Config, load
-from service.config.axis_settings import AxisError, Detectors, axis_settings, detectors_of
+from service.config.axis_settings import AxisError, Detectors, alarm_source_of, axis_settings, detectors_of
 from service.config.drives import axis_model
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
@@ -116,6 +117,21 @@ def test_with_a_schedule_the_multimodel_detector_runs_in_shadow_mode_unless_conf
     assert detectors.alarm_source == "cusum"
     assert detectors.multimodel is not None
     assert found(detector(robot, 'alarm_source = "multimodel"')).alarm_source == "multimodel"
+
+
+def test_where_nominal_values_follow_the_heat_alone_the_bank_alarms(robot: Path) -> None:
+    """Not where friction is tested with a wider allowance beyond the heat of the records, which it does not have."""
+    calibrated(robot, [{"cause": "fm", "size": 0.2, "h": 9.0}])
+    read_from_files(VARYING, robot)
+    axis = load(robot, {}).axes[0].config
+    (warming,) = (v.model_copy(update={"signal": HEAT}) for v in axis.model.schedule)
+    axis = axis.model_copy(update={"model": axis.model.model_copy(update={"schedule": [warming]})})
+    assert alarm_source_of(axis, from_record=True) == "multimodel"
+    assert alarm_source_of(axis, from_record=False) == "cusum"
+    wide = axis.model_copy(
+        update={"detector": axis.detector.model_copy(update={"outside_calibration": "widen"})}
+    )
+    assert alarm_source_of(wide, from_record=True) == "cusum"
 
 
 # --- a file of thresholds is used by the monitor that it was made for, and by no other ----------------------

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import MODEL_ERROR
 from monitor_core.detection.multimodel.candidates import hypothesis_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, REFERENCE, Hypothesis
 from monitor_core.detection.multimodel.naming import Share
@@ -22,6 +23,11 @@ would explain.  Another cause would, though nothing else has changed."""
 GONE, REST = 2.0, 0.2
 """Standard deviations; share of what stood: a cause whose whole size is below so much is over.  Sizes between those of
 the hypotheses are off by a tenth.  What is really left is then a change of its own, and seen as one."""
+
+
+UNEXPLAINED = MODEL_ERROR**2
+"""Of the effect of active faults on the square of the predictions, as their sizes are off by that share at least: no
+model is the axis.  What explains it best gains so much of the evidence for the faults, and is no fault of its own."""
 
 
 class ActiveFaults:
@@ -62,6 +68,10 @@ class ActiveFaults:
             base = hypothesis.after(base)
         changes = (self._now_likely(hypothesis).after(base) for hypothesis in self.hypotheses)
         return replace(base, cause=HEALTHY), *changes, self._way_back()
+
+    def unexplained(self) -> Floats:
+        """Share (len(hypotheses),) of the evidence for active faults that is none for a hypothesis of another cause."""
+        return np.array([0.0 if h.cause in self._stands else UNEXPLAINED for h in self.hypotheses])
 
     def _now_likely(self, hypothesis: Hypothesis) -> Hypothesis:
         """A hypothesis now: more or less of an active fault is likelier than a second fault, and in smaller steps."""

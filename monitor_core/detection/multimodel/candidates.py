@@ -12,7 +12,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.hypothesis import REFERENCE, Distortion, Hypothesis
-from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
+from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
@@ -279,7 +279,7 @@ def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]
     """Innovations (N, len(hypotheses)) for white torque, output and weight; any signals do, as all is linear."""
     many, N = len(hypotheses), 2 * round(_MEMORIES * s.memory / 2)
     tables, predictors = lanes_of(
-        model, replace(s, outlier_limit=0.0), hypotheses, np.full(many, np.inf), np.zeros(many)
+        model, replace(s, outlier_limit=0.0), hypotheses, Tests(np.full(many, np.inf), *np.zeros((3, many)))
     )
     H = predictors.own.shape[1]
     rng = np.random.default_rng(0)

@@ -11,7 +11,7 @@ from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis, moved_model, steps
-from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
+from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
 from monitor_core.detection.multimodel.naming import (
     CauseEnded,
     CauseIdentified,
@@ -24,7 +24,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel.hypotheses import BankTrace, Block, Memory, run_hypotheses
-from monitor_core.kernel.likelihood import FIRST_MARK, LATE, MARKS, ONSET, G
+from monitor_core.kernel.likelihood import FIRST_MARK, HELD_BACK, LATE, MARKS, ONSET, G
 from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
 from monitor_core.kernel.state import NEVER, USED
 from monitor_core.kernel.tables import Tables
@@ -83,6 +83,11 @@ class HypothesisBank:
         """Threshold and allowance of each hypothesis (len(hypotheses),), each"""
         if many == 0 or not (self.h > 0).all() or not np.isfinite(self.allowance).all():
             raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
+        errors = dict(zip(model.monitored, settings.model_errors(len(model.monitored)), strict=True))
+        follows = np.array([errors.get(hypothesis.cause, 0.0) > 0 for hypothesis in self.hypotheses])
+        self._tolerated: Floats = np.where(follows, self.allowance, 0.0)
+        """Of the allowance, what is there as nominal values follow a model (len(hypotheses),).  It doubts whether
+        anything has changed, and is largest for small changes.  Once something has, it speaks for no other cause."""
         self._last_resort = {hypothesis.cause for hypothesis in self.hypotheses if hypothesis.weight < 1}
         slowest_s = slowest_time_constant(model, settings.gain(len(model.drive.states)), settings.interval_s)
         if not math.isfinite(slowest_s):
@@ -122,7 +127,10 @@ class HypothesisBank:
         self._hypotheses = self.standing.lanes()
         self._causes = CausePosterior(self._hypotheses[1:])
         back_h = float(np.median(self.h)) if self.standing else math.inf
-        self._limits = np.concatenate([[np.inf], self.h, [back_h]])
+        parts = (self.allowance, self._tolerated, self.standing.unexplained())
+        self._tests = Tests(
+            np.concatenate([[np.inf], self.h, [back_h]]), *(np.concatenate([[0.0], p, [0.0]]) for p in parts)
+        )
         self._known.clear()
         self.follow(self.moved)
 
@@ -132,10 +140,8 @@ class HypothesisBank:
         if moved not in self._known:
             while len(self._known) >= _REMEMBERED:
                 del self._known[next(iter(self._known))]
-            allowance = np.concatenate([[0.0], self.allowance, [0.0]])
-            self._known[moved] = lanes_of(
-                moved_model(self.model, moved), self.settings, self._hypotheses, self._limits, allowance
-            )
+            moved_there = moved_model(self.model, moved)
+            self._known[moved] = lanes_of(moved_there, self.settings, self._hypotheses, self._tests)
         self._tables, self._predictors = self._known[moved]
 
     def adopt(self, standing: Mapping[str, float], since_us: int | None) -> None:
@@ -312,7 +318,8 @@ class HypothesisBank:
     @property
     def _evidence(self) -> Floats:
         """Log-likelihood ratios (H,) since the onset."""
-        return self._memory.sums[G, 1 : len(self._hypotheses)]
+        g, held_back = self._memory.sums[[G, HELD_BACK], 1 : len(self._hypotheses)]
+        return np.asarray(g + held_back)
 
     def onset(self) -> Onset:
         """Onset of the most likely hypothesis: when its g was last zero, with an interval.
@@ -328,9 +335,9 @@ class HypothesisBank:
 
     def _lane_of(self, best: Share) -> int:
         """The hypothesis of a cause with the most evidence."""
-        g = self._memory.sums[G]
+        evidence = self._memory.sums[[G, HELD_BACK]].sum(axis=0)
         own = [k for k, hypothesis in enumerate(self._hypotheses) if k > 0 and hypothesis.cause == best.cause]
-        return max(own, key=lambda k: float(g[k]))
+        return max(own, key=lambda k: float(evidence[k]))
 
     def _start(self, lane: int) -> None:
         """Restart around the active faults, from the state of a hypothesis."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,28 +23,46 @@ from monitor_core.kernel.tables import GAINS, OF_MOTION, ONE, TORQUE, WEIGHT, Ta
 from monitor_core.settings import Settings
 
 
+class Tests(NamedTuple):
+    """How hypotheses are tested (H,) each: thresholds, and what is subtracted from their log-likelihood ratios."""
+
+    h: Floats
+    allowance: Floats
+    tolerated: Floats
+    """The part of the allowance that counts as evidence of the cause all the same"""
+    unexplained: Floats
+    """Share of the evidence for the faults that stand"""
+
+
 def lanes_of(
-    model: AxisModel, settings: Settings, hypotheses: Sequence[Hypothesis], h: Floats, allowance: Floats
+    model: AxisModel, settings: Settings, hypotheses: Sequence[Hypothesis], tests: Tests
 ) -> tuple[Tables, Predictors]:
     """The kernel's arrays; the first hypothesis fills the lanes up to a multiple of eight, and never alarms.
+
+    The last hypothesis is that of the healthy axis, where any share is unexplained.
 
     Raises:
         ValueError: a hypothesis whose values the drive cannot have.
     """
     plain = replace(model, monitored=(), bounds={})
     assembly = Assembly(model.drive, ())
-    fill = -len(hypotheses) % EIGHT
+    back, fill = len(hypotheses) - 1, -len(hypotheses) % EIGHT
     hypotheses = [*hypotheses, *[hypotheses[0]] * fill]
-    h = np.concatenate([h, np.full(fill, np.inf)])
-    allowance = np.concatenate([allowance, np.zeros(fill)])
     lanes = [_lane(plain, settings, assembly, hypothesis) for hypothesis in hypotheses]
     table = {name: np.stack([lane[name] for lane in lanes], axis=1) for name in lanes[0]}
-    table["own"][predictors.LEVEL] -= allowance
-    table["own"][predictors.LIMIT] = h
+    own = table["own"]
+    own[predictors.LIMIT] = np.inf
+    own[predictors.LEVEL, : back + 1] -= tests.allowance
+    for row, values in (
+        (predictors.LIMIT, tests.h),
+        (predictors.TOLERATED, tests.tolerated),
+        (predictors.UNEXPLAINED, tests.unexplained),
+    ):
+        own[row, : back + 1] = values
     s = settings
     axis = [
         s.interval_s, s.lam, s.lam0, round(s.max_gap_s * 1e6), round(s.settle_s * 1e6), round(s.lost_s * 1e6),
-        s.outlier_limit, _usual_us(s.interval_s)[0],
+        s.outlier_limit, _usual_us(s.interval_s)[0], back,
     ]  # fmt: skip
     moving, n, m = _moving(model, table["acts"]), len(model.drive.states), len(model.drive.inputs)
     acts = table.pop("acts").reshape(-1, n, m, len(lanes))[:, :, moving]
@@ -72,7 +91,7 @@ def memory_of(tables: Tables, lanes: int) -> Memory:
     integers = np.zeros((kernel.COUNTS + len(COUNTERS), 1), np.int64)
     integers[kernel.LAST], integers[kernel.WAIT], integers[kernel.SINCE] = NEVER, 1, NEVER
     when = np.full((likelihood.FIRST_MARK + likelihood.MARKS, lanes), NEVER)
-    return Memory(np.zeros((n, lanes)), u, np.zeros((2, lanes)), when, numbers, integers)
+    return Memory(np.zeros((n, lanes)), u, np.zeros((3, lanes)), when, numbers, integers)
 
 
 def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothesis) -> dict[str, Floats]:
@@ -85,7 +104,7 @@ def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothe
     torque, output = hypothesis.torque, hypothesis.output
     own = [
         delay, torque.scale, torque.offset, output.scale, output.offset, hypothesis.frozen, hypothesis.still,
-        1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0,
+        1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0, 0.0, 0.0,
     ]  # fmt: skip
     found = {name: numbers[name] for name in ("weight", "rest", "u_scale")}
     found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}

@@ -40,7 +40,7 @@ from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
 from monitor_core.settings import Settings
 
-SCHEMA = 2
+SCHEMA = 3
 """Of a saved state; another one is not read."""
 
 

@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration.multimodel_healthy import allowances
+from monitor_core.detection.alarm import MODEL_ERROR
 from monitor_core.detection.multimodel.candidates import (
     INERTIA,
     OUTPUT_NOISE,
@@ -19,6 +22,7 @@ from monitor_core.detection.multimodel.candidates import (
     TORQUE_SIGN,
     TORQUE_STUCK,
     default_hypotheses,
+    hypothesis_of,
 )
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import least_delay
@@ -29,7 +33,9 @@ from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, e
 from monitor_core.kernel.likelihood import SURE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.figures import settings_of
 from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s, model_of, settings_for
 from tests.shares import soaked
 
@@ -243,6 +249,40 @@ def two_faults(seed: int) -> Experiment:
         parts.append(y[:, 0])
     noise = np.random.default_rng(seed).standard_normal(36000)
     return Experiment(healthy.t_us, healthy.u, np.concatenate(parts) + noise)
+
+
+def test_a_nominal_value_that_may_be_off_turns_no_change_into_a_larger_one(seed: int) -> None:
+    """What is allowed for small sizes, as nominal values follow a model, speaks against none once it changed."""
+    model, plain = reference_model(), settings_of("speed", seed)
+    off = 0.2 * model.scale[model.monitored.index("1/Ja")]
+    bank = HypothesisBank(model, plain)
+    rec = experiment(seed, samples=4000, fault_at=3999)
+    shift = np.zeros((4000, len(model.monitored)))
+    shift[:, model.monitored.index("1/Ja")] = off
+    allowance = np.max(
+        [allowances(bank, [SampleBlock(*rec, shift=s)]) for s in (shift, 0.0 * shift, -shift)], axis=0
+    )
+    error = tuple(0.1 * (name == "1/Ja") for name in model.monitored)
+    bank = HypothesisBank(model, replace(plain, model_error=error), h=H_FOR_A_DAY, allowance=allowance)
+    for k in range(seed, seed + 3):
+        bank.reset()
+        events = bank.run(*experiment(k, {"1/Ja": 1.3}, samples=FAULT_AT + 1000))
+        (first, *_, last) = [event.shares[0] for event in events if isinstance(event, CauseIdentified)]
+        assert first.cause == last.cause == "1/Ja"
+        assert last.size == pytest.approx(math.log(1.3), abs=0.05)
+
+
+def test_what_a_change_leaves_unexplained_is_no_evidence_of_a_second_one(seed: int) -> None:
+    """Beside an axis that is so nominally: a share of the evidence for the change, that of a size 5 % off."""
+    model, settings, size = reference_model(), settings_of("speed", seed), math.log(1.1)
+    found = [hypothesis_of(model, settings, "kT", size), hypothesis_of(model, settings, "fm", 0.2)]
+    rec = experiment(seed, {"kT": 1.1}, samples=6000, fault_at=0)
+    healthy, stands = (HypothesisBank(model, settings, found) for _ in range(2))
+    stands.adopt({"kT": size}, None)
+    nominally = HypothesisBank(replace(model, nominal={**model.nominal, "kT": 1.1}), settings, found)
+    of_change, left, plain = (bank.run_traced(*rec)[1].llr[1000:] for bank in (healthy, stands, nominally))
+    lost = np.mean(plain[:, 1] - left[:, 1])
+    assert lost == pytest.approx(MODEL_ERROR**2 * np.mean(of_change[:, 0]), rel=0.2)
 
 
 def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from monitor_core.detection.alarm import MODEL_ERROR
 from monitor_core.detection.multimodel.active_faults import FINER, REST, SECOND, ActiveFaults
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
@@ -53,6 +54,15 @@ def test_what_may_change_goes_on_from_what_stands(standing: ActiveFaults) -> Non
     assert "kT" not in back.factors
     assert back.cause == "kT"
     assert back.size == pytest.approx(-math.log(1.2))
+
+
+def test_what_stands_leaves_a_share_unexplained_that_is_no_evidence_for_other_causes(
+    standing: ActiveFaults,
+) -> None:
+    join(standing, "kT", math.log(1.2))
+    shares = {h.cause: share for h, share in zip(HYPOTHESES, standing.unexplained(), strict=True)}
+    assert shares.pop("kT") == 0.0
+    assert set(shares.values()) == {MODEL_ERROR**2}
 
 
 def test_changes_of_one_cause_add_up_and_end_together(standing: ActiveFaults) -> None:
