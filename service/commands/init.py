@@ -117,7 +117,9 @@ def _from_table(record: Path, output: Path) -> None:
     columns, interval_s, faults = _read(table)
     fault = "".join(f"; {why}" for why in [*faults.values()][:1])
     if not any(map(len, columns.values())):
-        raise RecordError(f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}")
+        raise RecordError(
+            f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}"
+        )
     found = roles(columns, table.units)
     if not found.axes:
         raise RecordError(

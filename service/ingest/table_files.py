@@ -85,7 +85,7 @@ class CsvTable:
         """Of the columns, by name, where a line below the names has them"""
         keys = self._head.keys()
         self.keys = None if keys is None else (self.names[keys[0]], self.names[keys[1]])
-        """Two columns, the first of which has each value in a row for each value of the second, as a time and an axis"""
+        """Two columns, the first of which has each value once for each value of the second, as a time and an axis"""
         self._decimal = self._head.decimal_mark
         self._dates = self._head.dates(self.names)
         self.left_out: list[str] = []
