@@ -31,14 +31,18 @@ _COUNTS = 0.9
 _FEW_SKIPS, _MOST_OF_THEM = 3, 0.5
 _NOISE = 0.85
 """Of its bits, that the differences of a random number need."""
-_FIELD_BITS, _UNUSUAL_BITS, _RANDOM_BITS, _FORESEEN_BITS = 0.05, 0.1, 0.2, 0.005
-"""Cost of each number, per frame: of two divisions that describe as well, that into fewer is taken.  More, where it is
-no 1, 2 or 4 bytes; where it is random, since the lowest bits of a number often are; and of counters, and of bits beside
-others that never change."""
+_FIELD_BITS, _UNUSUAL_BITS, _FORESEEN_BITS = 50.0, 100.0, 5.0
+"""Cost of each number: of two divisions that describe as well, that into fewer is taken.  More, where it is no 1, 2 or
+4 bytes; less of counters, and of bits beside others that never change."""
+_MANY = 1000
+"""Frames; fewer cost no more each."""
+_RANDOM_BITS = 0.2
+"""Cost of a random number for each frame: the lowest bits of a number often look so."""
 _LONGEST = 32
 """Bits of an integer"""
-_RISES, _SELDOM = 4.0, 0.1
-"""Standard deviations, of the frames in which a bit changes; and the share of frames in which the highest ones do"""
+_RISES, _FALLS, _SELDOM = 4.0, 16.0, 0.1
+"""Standard deviations, of the frames in which a bit changes; by which factor they fall to another number; and the share
+in which the highest bits change, above which a number may begin at each half byte"""
 _MANTISSA = 23
 _MOST_PAGES = 32
 _MUCH_SHORTER = 0.7
@@ -52,9 +56,9 @@ class Part(NamedTuple):
     low_bit: int
     length: int
 
-    def values(self, raw: NDArray[np.unsignedinteger]) -> NDArray[np.unsignedinteger]:
+    def values(self, raw: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """The numbers in these integers (N,)."""
-        return (raw >> raw.dtype.type(self.low_bit)) & raw.dtype.type((1 << self.length) - 1)
+        return (raw >> np.uint64(self.low_bit)) & np.uint64((1 << self.length) - 1)
 
 
 class Field(NamedTuple):
@@ -92,22 +96,23 @@ def find_multiplexer(data: NDArray[np.uint8], fields: Sequence[Field]) -> int | 
 
     Divided by its values, the frames (N, W) have a much shorter description than all together, in ``fields``.
     """
-    undivided = _total(fields)
+    undivided = _total(fields, len(data))
     best: tuple[float, int] | None = None
     for byte in range(data.shape[1]):
         pages, counts = np.unique(data[:, byte], return_counts=True)
         if not 2 <= pages.size <= _MOST_PAGES or counts.min() < FEWEST_FRAMES:
             continue
         share = counts / data.shape[0]
-        own = [_total(infer_layout(data[data[:, byte] == page])) for page in pages]
+        parts = [data[data[:, byte] == page] for page in pages]
+        own = [_total(infer_layout(part), len(part)) for part in parts]
         bits = float(share @ own - share @ np.log2(share))
         if bits < _MUCH_SHORTER * undivided and (best is None or bits < best[0]):
             best = bits, byte
     return None if best is None else best[1]
 
 
-def _total(fields: Sequence[Field]) -> float:
-    return sum(map(_price, fields))
+def _total(fields: Sequence[Field], frames: int) -> float:
+    return sum(_price(field, frames) for field in fields)
 
 
 def infer_layout(data: NDArray[np.uint8]) -> tuple[Field, ...]:
@@ -117,7 +122,8 @@ def infer_layout(data: NDArray[np.uint8]) -> tuple[Field, ...]:
     """
     orders: tuple[ByteOrder, ...] = ("little", "big")
     bytes_read = dict[tuple[int, int], list[Field]]()
-    return min((_division(data, order, bytes_read) for order in orders), key=_total)
+    divisions = [_division(data, order, bytes_read) for order in orders]
+    return min(divisions, key=lambda fields: _total(fields, len(data)))
 
 
 def _division(
@@ -138,13 +144,13 @@ def _division(
             if start % 8 == end % 8 == 0:
                 bytes_read[start, end] = found
             cost, fields = best[start]
-            ways += [(cost + _price(f), (*fields, f)) for f in found]
+            ways += [(cost + _price(f, len(data)), (*fields, f)) for f in found]
         best[end] = min(ways, key=lambda way: way[0])
     return best[edges[-1]][1]
 
 
 def _edges(data: NDArray[np.uint8], order: ByteOrder) -> list[int]:
-    """Where numbers may begin or end, by bits in this order: at half bytes, and where one changes more than that below.
+    """Where numbers may begin or end, by bits in this order: where one changes more than that below it, or far less.
 
     Of a number each bit changes less often than those below it (Marchetti and Stabili, "READ: Reverse engineering of
     automotive data frames", IEEE Transactions on Information Forensics and Security 14, 2019).
@@ -156,17 +162,19 @@ def _edges(data: NDArray[np.uint8], order: ByteOrder) -> list[int]:
         changes = changes[::-1]
     lower, upper = changes[:-1], changes[1:]
     scatter = np.sqrt((lower + upper) / len(data))
-    inner = 1 + np.flatnonzero((upper > lower + _RISES * scatter) | ((upper == 0) & (lower > 0)))
+    inner = 1 + np.flatnonzero((upper > lower + _RISES * scatter) | (upper < lower / _FALLS))
     edges = inner if order == "little" else changes.size - inner
     half = [k for k in range(4, changes.size, 8) if 0 < inside[k - 1] < _SELDOM]
     return sorted({*edges.tolist(), *half, *range(0, changes.size + 1, 8)})
 
 
-def _price(field: Field) -> float:
+def _price(field: Field, frames: int) -> float:
+    """Of a number in so many frames, for each of them."""
     if field.kind == "counter" or (field.kind == "constant" and field.part is not None):
-        return field.bits + _FORESEEN_BITS
-    unusual = 0.0 if field.part is None and field.width in _WIDTHS else _UNUSUAL_BITS
-    return field.bits + _FIELD_BITS + unusual + (_RANDOM_BITS if field.kind == "random" else 0.0)
+        return field.bits + _FORESEEN_BITS / max(frames, _MANY)
+    usual = field.part is None and field.width in _WIDTHS
+    own = (_FIELD_BITS if usual else _UNUSUAL_BITS) / max(frames, _MANY)
+    return field.bits + own + (_RANDOM_BITS if field.kind == "random" else 0.0)
 
 
 def counts_frames(numbers: Floats, size: float) -> bool:
@@ -201,7 +209,7 @@ def _readings(data: NDArray[np.uint8], start: int, end: int, order: ByteOrder) -
                 yield Field(first, width, each, True, True, _kind(raw, bits, length), bits)
 
 
-def _raw(data: NDArray[np.uint8], first: int, width: int, order: ByteOrder) -> NDArray[np.unsignedinteger]:
+def _raw(data: NDArray[np.uint8], first: int, width: int, order: ByteOrder) -> NDArray[np.uint64]:
     """Bytes as integers (N,) of 64 bits."""
     columns = data[:, first : first + width].T.astype(np.uint64)
     found = np.zeros(data.shape[0], np.uint64)
@@ -210,13 +218,13 @@ def _raw(data: NDArray[np.uint8], first: int, width: int, order: ByteOrder) -> N
     return found
 
 
-def _signed(raw: NDArray[np.unsignedinteger], length: int) -> Floats:
+def _signed(raw: NDArray[np.uint64], length: int) -> Floats:
     """Integers of so many bits (N,) as two's complements; also the shorter way of a difference modulo 2^length."""
     unused = 64 - length
     return ((raw << np.uint64(unused)).view(np.int64) >> np.int64(unused)).astype(np.float64)
 
 
-def _cost(raw: NDArray[np.unsignedinteger], length: int) -> float:
+def _cost(raw: NDArray[np.uint64], length: int) -> float:
     """Bits of a value: of the value itself, of its difference or of its second difference, whichever is least.
 
     The differences are modulo 2^length: a number that starts again after its last value goes on smoothly.
@@ -259,7 +267,7 @@ def _is_plausible(real: Floats) -> bool:
     return _PLAUSIBLE[0] < largest < _PLAUSIBLE[1] and not np.any(small & (real != 0))
 
 
-def _is_signed(raw: NDArray[np.unsignedinteger], length: int) -> bool:
+def _is_signed(raw: NDArray[np.uint64], length: int) -> bool:
     """Whether the number passes zero rather than the middle of its range; if neither, whether it is just below zero."""
     numbers, limit = raw.astype(np.float64), 2.0 ** (length - 1)
     upper = numbers >= limit
@@ -272,7 +280,7 @@ def _is_signed(raw: NDArray[np.unsignedinteger], length: int) -> bool:
     return float(np.mean(at_zero[crossings])) > 0.5
 
 
-def _kind(raw: NDArray[np.unsignedinteger], bits: float, length: int) -> FieldKind:
+def _kind(raw: NDArray[np.uint64], bits: float, length: int) -> FieldKind:
     values = np.unique(raw)
     if values.size == 1:
         return "constant"

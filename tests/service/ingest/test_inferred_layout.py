@@ -126,6 +126,17 @@ def test_numbers_that_are_no_whole_bytes(order: str) -> None:
         np.testing.assert_array_equal(field.values(data), numbers)
 
 
+def test_an_angle_that_passes_zero_below_a_temperature() -> None:
+    """24 bits: with those above as one number it would jump where it passes zero, which is seldom."""
+    count = 4000
+    angle = np.rint(1e5 * np.sin(np.arange(count) / 150)).astype(int)
+    rows = [struct.pack("<i", a)[:3] + struct.pack("<H", 300 + k // 1500) for k, a in enumerate(angle)]
+    data = np.frombuffer(b"".join(rows), np.uint8).reshape(count, 5)
+    (found, *_) = infer_layout(data)
+    assert places((found,)) == [(0, 3, "little", "signed")]
+    np.testing.assert_array_equal(found.values(data), angle)
+
+
 @pytest.mark.parametrize(("shift", "length", "other"), [(0, 4, 3), (4, 4, 9), (6, 2, 17), (0, 7, 1)])
 def test_a_counter_that_shares_its_byte(shift: int, length: int, other: int) -> None:
     numbers = np.arange(N) % (1 << length)
