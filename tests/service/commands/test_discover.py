@@ -48,6 +48,18 @@ def test_all_axes_of_the_demo_are_found_by_the_frames_alone(tmp_path: Path, seed
         assert axis.counter == (f"x18{number}", "counter_g")
 
 
+def test_identifiers_of_29_bits(tmp_path: Path, seed: int) -> None:
+    """As of J1939, whose own messages of a maker have FF in them."""
+    frames = concatenate_frames(list(blocks(demo(tmp_path, 1), 8.0, seed)))
+    own = [frame._replace(can_id=0x18FF3101, extended=True) for frame in frames.frames()]
+    (axis,) = discover_axes(FrameBlock.from_frames(own)).axes
+    assert (axis.torque.message, axis.torque.signal, axis.motion.signal) == (
+        "x18ff3101",
+        "value_a",
+        "value_c",
+    )
+
+
 def test_the_bits_of_the_configuration_are_those_that_were_looked_at(seed: int) -> None:
     """Big-endian, after a byte that never changes: decoded by its description, the number is the same."""
     rng = np.random.default_rng(seed)

@@ -117,7 +117,7 @@ def test_numbers_that_are_no_whole_bytes(order: str) -> None:
         shift = first if order == "little" else 56 - first - length
         words |= (numbers % (1 << length)).astype(object) << shift
         first += length
-    data = np.frombuffer(b"".join(w.to_bytes(7, order) for w in words), np.uint8).reshape(N, 7)  # type: ignore[arg-type]
+    data = np.frombuffer(b"".join(w.to_bytes(7, order) for w in words), np.uint8).reshape(N, 7)
     fields = infer_layout(data)
     assert [field.kind for field in fields] == ["state", "signal", "signal", "signal", "counter"]
     assert [field.length for field in fields] == list(lengths)
