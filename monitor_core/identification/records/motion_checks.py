@@ -227,8 +227,8 @@ def known_of(
         _times_and_inertia(drive, {**values, **dict.fromkeys(unknown, value)}) for value in _PLACEHOLDERS
     ]
     slowest_s, inertia, antiresonance = (
-        one if one and other and math.isclose(one, other, rel_tol=_SAME) else None
-        for one, other in zip(*tried, strict=True)
+        first if first and second and math.isclose(first, second, rel_tol=_SAME) else None
+        for first, second in zip(*tried, strict=True)
     )
     return Known(parameters, slowest_s, inertia, antiresonance, speed_scale)
 

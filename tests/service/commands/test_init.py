@@ -172,19 +172,19 @@ def test_a_row_for_each_time_and_axis_is_refused(record: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("times", "told"),
+    ("times", "words"),
     [
         ("{:.0f}", "time: Time"),
         ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005"),
     ],
 )
-def test_times_that_are_no_seconds(record: Path, times: str, told: str) -> None:
+def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None:
     """In nanoseconds since 1970; in a way that is not read, which must not go unsaid."""
     lines = record.read_text(encoding="utf-8").splitlines()
     cells = [line.split(",", 1) for line in lines[1:]]
     text = [f"{times.format(1.77e18 + 5e6 * k)},{rest}" for k, (_, rest) in enumerate(cells)]
     record.write_text("\n".join([lines[0], *text]) + "\n", encoding="utf-8")
-    assert told in shown("init", record)
+    assert words in shown("init", record)
     first, _ = (axis.config for axis in load(Path("axis.toml")).axes)
     assert first.time.column is None or (first.time.factor, first.sample_interval_s) == (1e-9, 0.005)
 
