@@ -11,6 +11,8 @@ from io import FileIO
 from pathlib import Path
 from typing import Literal
 
+from monitor_core.wording import sentence
+
 Synchronous = Literal["FULL", "NORMAL"]
 """FULL: a commit outlives a power failure.  NORMAL: it outlives the process; about eight times as fast."""
 
@@ -66,7 +68,7 @@ class Database:
             try:
                 return _opened(self.path, migrations, synchronous)
             except _DamagedError as error:
-                self.messages = (str(error),)
+                self.messages = error.args
                 return _opened(self.path, migrations, synchronous)
 
     @contextmanager
@@ -189,7 +191,13 @@ def _quarantine(path: Path, error: BaseException) -> _DamagedError:
         if companion.exists():
             companion.rename(quarantined.with_name(quarantined.name + suffix))
     return _DamagedError(
-        f"{path} is damaged ({error}); it is kept as {quarantined.name}, and a new file has been started"
+        sentence(
+            "file damaged",
+            "{path} is damaged ({why}); it is kept as {name}, and a new file has been started",
+            path=path,
+            why=error,
+            name=quarantined.name,
+        )
     )
 
 
