@@ -192,16 +192,16 @@ def counts_frames(numbers: Floats, size: float) -> bool:
 def _readings(data: NDArray[np.uint8], start: int, end: int, order: ByteOrder) -> Iterator[Field]:
     """All ways to read a number from these bits."""
     first, width, length = start // 8, -(-end // 8) - start // 8, end - start
-    whole = length == 8 * width
-    orders: tuple[ByteOrder, ...] = ("little", "big") if whole and width > 1 else (order,)
-    part = None if whole else Part(start % 8 if order == "little" else -end % 8, length)
+    of_bytes = length == 8 * width
+    orders: tuple[ByteOrder, ...] = ("little", "big") if of_bytes and width > 1 else (order,)
+    part = None if of_bytes else Part(start % 8 if order == "little" else -end % 8, length)
     for each in orders:
         raw = _raw(data, first, width, each)
         numbers = raw if part is None else part.values(raw)
         bits = _cost(numbers, length)
         kind = _kind(numbers, bits, length)
         yield Field(first, width, each, False, _is_signed(numbers, length), kind, bits, part)
-        if whole and width == np.dtype(np.float32).itemsize:
+        if of_bytes and width == np.dtype(np.float32).itemsize:
             with np.errstate(invalid="ignore"):  # any bits may come
                 real = raw.astype(np.uint32).view(np.float32).astype(np.float64)
             if _is_plausible(real):
