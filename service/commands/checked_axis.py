@@ -44,16 +44,16 @@ class Checked:
         self.config, self.axis, self.in_tables = config, axis, in_tables
         self.records, self.sources = [item.record for item in loaded], [item.source for item in loaded]
         self.drive = model_of_axis(axis.config).drive
-        self.values, unknown = known_values(axis, self.drive)
-        self.inertia_known = not unknown
+        self.values, self._unknown = known_values(axis, self.drive)
 
     @cached_property
     def known(self) -> Known:
         """What the nominal values tell."""
-        return self._known_with(self.values) if self.inertia_known else Known()
+        return self._known_with(self.values)
 
     def _known_with(self, values: Mapping[str, float]) -> Known:
-        return known_of(self.drive, values, 0, self.axis.config.model.friction_speed_scale)
+        scale = self.axis.config.model.friction_speed_scale
+        return known_of(self.drive, values, 0, scale, self._unknown)
 
     def inertia_with(self, changed: Mapping[str, float]) -> float:
         """The nominal inertia with other values."""

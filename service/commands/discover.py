@@ -128,7 +128,7 @@ def _words(field: Field) -> str:
     place = f"{field.first_byte}" if field.width == 1 else f"{field.first_byte}-{last}"
     if field.part is not None:
         first = field.part.low_bit
-        place = f"{field.first_byte} (bits {first}-{first + field.part.length - 1})"
+        place = f"{place} (bits {first}-{first + field.length - 1})"
     if field.kind in ("constant", "random", "state"):
         return f"{place} {field.kind}"
     kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"

@@ -157,7 +157,7 @@ def prepare(
     loaded = [item.record for item in (*used, *kept_aside)]
     speed_scale, *scales = _speed_scales(axis.config, drive, nominal, [item.record for item in used])
     count = len(selection.free)
-    known = Known(count, speed_scale=speed_scale) if unknown else known_of(drive, nominal, count, speed_scale)
+    known = known_of(drive, nominal, count, speed_scale, unknown)
     warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
     scheduled = scheduled_terms(schedule, [item.record for item in used])
     used, kept_aside = (

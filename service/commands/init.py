@@ -98,7 +98,7 @@ def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step:
 def _from_table(record: Path, output: Path) -> None:
     """Write a configuration for a table."""
     from service.commands.proposed_configuration import table_lines
-    from service.ingest.column_roles import roles
+    from service.ingest.column_roles import role_of, roles
     from service.ingest.records import is_table
     from service.ingest.table_files import open_table
 
@@ -108,16 +108,26 @@ def _from_table(record: Path, output: Path) -> None:
             param_hint="FILE",
         )
     table = open_table(record)
-    columns, interval_s = _read(table)
+    if table.keys is not None and role_of(table.keys[0]) == "time":
+        time, axis = table.keys
+        raise RecordError(
+            f'{record} has, for each "{time}", a row for each "{axis}"; make it one row for each "{time}", with columns'
+            " for torque and motion of each axis, such as torque_1, angle_1, torque_2 (a pivot table does so)"
+        )
+    columns, interval_s, faults = _read(table)
+    fault = "".join(f"; {why}" for why in [*faults.values()][:1])
     if not any(map(len, columns.values())):
-        raise RecordError(f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}")
+        raise RecordError(
+            f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}"
+        )
     found = roles(columns, table.units)
     if not found.axes:
         raise RecordError(
-            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}"
+            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{fault}"
         )
     lines = table_lines(found, record.name, interval_s)
-    propose(output, _summary(found), lines, f"Next: axiswatch commission {record} --config {output}")
+    words = [*_summary(found, interval_s), *(f"not used: {why}" for why in faults.values())]
+    propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 
 
 def _from_description(description: Path, output: Path) -> None:
@@ -220,27 +230,28 @@ def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
     return frames
 
 
-def _read(table: Table) -> tuple[Mapping[str, Floats], float | None]:
-    """The long columns of numbers, and the sample interval, where a variable of its own is that."""
-    found = dict[str, Floats]()
+def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str, str]]:
+    """The long columns of numbers; the sample interval, where a variable of its own is that; why others are none."""
+    found, faults = dict[str, Floats](), dict[str, str]()
     for name in table.names:
         try:
             found[name] = np.concatenate([np.zeros(0), *(rows.columns[name] for rows in table.rows([name]))])
-        except RecordError:
-            continue  # a column of texts
+        except RecordError as error:
+            faults[name] = str(error)
     longest = max(map(len, found.values()), default=0)
     intervals = (
         float(v[0]) for n, v in found.items() if len(v) == 1 and n.lower() in ("sample_time", "dt", "ts")
     )
-    return {n: v for n, v in found.items() if len(v) == longest}, next(intervals, None)
+    return {n: v for n, v in found.items() if len(v) == longest}, next(intervals, None), faults
 
 
-def _summary(found: TableRoles) -> Iterator[str]:
-    yield f"time: {found.time or 'no column; rows are taken as evenly spaced'}"
+def _summary(found: TableRoles, interval_s: float | None) -> Iterator[str]:
+    unknown = "" if interval_s else "; put their interval into sample_interval_s, which nothing shows"
+    yield f"time: {found.time or f'no column; rows are taken as evenly spaced{unknown}'}"
     for axis in found.axes:
         yield (
             f"{axis.name}: torque {axis.torque}, {axis.output} {axis.motion}: {axis.sureness}"
             f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
         )
-    if found.unused:
-        yield f"not used: {', '.join(found.unused)}"
+    if any(found.unused):
+        yield f"not used: {', '.join(filter(None, found.unused))}"

@@ -187,7 +187,7 @@ def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) 
 
 def _factor(column: str, unit: str, quantity: Quantity) -> tuple[float, str]:
     """Of the unit of a column, or of the one in its name, and what is to be put in its place by hand."""
-    known = unit_in(unit or column, quantity)
+    known = unit_in(unit, quantity) or unit_in(column, quantity)
     if known is None or known.factor is None:
         by_hand = _LINEAR if known is not None and known.linear else _BY_HAND[quantity]
         return 1.0, "" if known is None else f"in {known.words}: {by_hand}"

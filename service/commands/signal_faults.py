@@ -121,7 +121,8 @@ def unknown_units(checked: Checked) -> Iterator[str]:
     for source in checked.sources:
         if source.left_out:
             yield left_out_words(source.path, source.left_out)
-    settled = checked.agrees
+    # Where both are counted, the inertia may be about the nominal one by chance.
+    settled = checked.agrees and not all(_counts(signal, checked) for signal in SIGNALS)
     is_current = checked.axis.config.torque.kT_Nm_per_A is not None
     if not (settled or is_current) and _counts("torque", checked):
         yield (
@@ -146,7 +147,7 @@ def unknown_units(checked: Checked) -> Iterator[str]:
             " minute, 0.0174533 for degrees per second"
         )
     times = checked.times_nominal
-    if times is not None and not settled:
+    if times is not None and not checked.agrees:
         yield (
             f"as one mass the drive shows {times:.3g} times the nominal inertia: check units, the gear ratio and"
             f" [robot.axis.model.nominal]; if the {checked.output} is that of the arm, {checked.output}.factor is the"
@@ -161,7 +162,7 @@ def _counts(signal: Signal, checked: Checked) -> bool:
 
 def unchecked(checked: Checked) -> str:
     """What nothing in the records could have shown; empty: all that is configured has been compared."""
-    if checked.inertia_known:
+    if checked.known.inertia is not None:
         return ""
     ratio = "" if checked.ratio is None else f", and of the gear ratio r = {checked.ratio:g}"
     return (

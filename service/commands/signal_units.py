@@ -119,14 +119,18 @@ class _Candidate(NamedTuple):
 def by_inertia(checked: Checked) -> Iterator[Correction]:
     """As one mass the drive has another inertia than the nominal values say."""
     times = checked.times_nominal
-    if times is None or is_about_nominal(times):
+    if times is None:
         return
-    assert checked.shown is not None
-    shows = f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal"
     counted = {signal: checked.in_whole_numbers(signal) for signal in SIGNALS}
     torque = _torque_times(checked, times) if counted["torque"] else 1.0
     is_torque = checked.axis.config.torque.kT_Nm_per_A is None
-    if counted["torque"] and is_torque and _PER_MILLE[0] < torque < _PER_MILLE[1]:
+    per_mille = counted["torque"] and is_torque and _PER_MILLE[0] < torque < _PER_MILLE[1]
+    # Where both are counted, one may make up for the other.
+    if is_about_nominal(times) and not per_mille:
+        return
+    assert checked.shown is not None
+    shows = f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal"
+    if per_mille:
         yield _per_mille(checked, torque, f"{shows}, and the torque is in whole numbers")
     elif counted["motion"] and times < _COUNTED:
         yield _counts(

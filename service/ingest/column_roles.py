@@ -181,7 +181,7 @@ def changes(v: Floats) -> bool:
 # --- The time ---------------------------------------------------------------------------------------------------------
 
 
-_UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+_UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _RISES = 0.99
 """Of the steps of a time: a few rows may be there twice."""
 _LONGEST_S = 0.5
@@ -200,8 +200,8 @@ def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str |
         return None, 1.0  # an angle that only grows
     unit = next((_UNITS[word] for word in (units[name], *words_in(name)) if word in _UNITS), 1.0)
     interval = float(np.median(steps))
-    if unit == 1.0 and interval >= _LONGEST_S:
-        unit = 1e-3 if interval < 1e3 * _LONGEST_S else 1e-6
+    if unit == 1.0:
+        unit = next((u for u in (1.0, 1e-3, 1e-6) if interval * u < _LONGEST_S), 1e-9)
     return name, unit
 
 

@@ -115,7 +115,8 @@ def _own_word(name: str) -> str:
 
 def may_be_measured(message: Message, signal: Signal) -> bool:
     """Whether a signal may be torque or motion: it is no counter, state, limit, or what a controller asks for."""
-    words = {*words_in(signal.name), *words_in(message.name)}
+    # The name of an unknown message is its identifier: the ff in x18ff3101 is no word.
+    words = {*words_in(signal.name), *words_in(re.sub(r"^x[\da-f]+$", "", message.name))}
     return not (
         counts(signal)
         or words & _NOT_MEASURED

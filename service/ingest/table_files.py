@@ -83,9 +83,11 @@ class CsvTable:
         """The columns there are"""
         self.units = self._head.units
         """Of the columns, by name, where a line below the names has them"""
+        keys = self._head.keys()
+        self.keys = None if keys is None else (self.names[keys[0]], self.names[keys[1]])
+        """Two columns, the first of which has each value once for each value of the second, as a time and an axis"""
         self._decimal = self._head.decimal_mark
-        zones = self._head.date_zones(self.names)
-        self._dates = {name: pa.timestamp("ns", "UTC" if zoned else None) for name, zoned in zones.items()}
+        self._dates = self._head.dates(self.names)
         self.left_out: list[str] = []
         """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
 
@@ -101,13 +103,22 @@ class CsvTable:
         with self._path.open("rb") as file:
             try:
                 for batch in self._reader(file, names):
-                    columns = {name: _numbers(batch.column(name)) for name in names}
+                    columns = {name: self._column(name, batch) for name in names}
                     read += batch.num_rows
                     yield Rows(columns, min(1.0, file.tell() / size))
                 return
             except pa.ArrowException as error:
                 fault = RecordError(f"{self._path}: {error}")
         yield from self._sound_rows(names, read, fault)
+
+    def _column(self, name: str, batch: pa.RecordBatch) -> Floats:
+        if name not in self._dates:
+            return _numbers(batch.column(name))
+        cells = batch.column(name).to_pylist()
+        try:
+            return np.array([self._number(name, cell or "") for cell in cells], np.float64)
+        except ValueError as error:
+            raise pa.ArrowInvalid(str(error)) from None
 
     def _sound_rows(self, names: Sequence[str], skipped: int, fault: RecordError) -> Iterator[Rows]:
         """The rows that can be read after the first ones, line by line; slower, and only where arrow fails."""
@@ -165,9 +176,10 @@ class CsvTable:
             ),
             pc.ParseOptions(delimiter=self._head.delimiter),
             pc.ConvertOptions(
-                column_types={name: self._dates.get(name, pa.float64()) for name in names},
+                column_types={n: pa.string() if n in self._dates else pa.float64() for n in names},
                 include_columns=list(names),
                 null_values=_EMPTY,
+                strings_can_be_null=True,
                 decimal_point=self._decimal,
             ),
         )
@@ -179,9 +191,10 @@ class CsvTable:
         for name in names:
             cell = row[self.names.index(name)]
             if cell not in _EMPTY and not self._is_number(cell) and not self._is_date(name, cell):
-                comma = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
+                hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
+                hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
                 kind = "date" if name in self._dates else "number"
-                return f'column "{name}" holds {cell!r}, which is no {kind}{comma}'
+                return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
         return ""
 
     def _is_number(self, cell: str) -> bool:
@@ -213,7 +226,7 @@ def _numbers(column: pa.Array[Any]) -> Floats:
 class ParquetTable:
     """A Parquet file."""
 
-    has_names, left_out, units = True, list[str](), dict[str, str]()
+    has_names, left_out, units, keys = True, list[str](), dict[str, str](), None
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -256,7 +269,7 @@ class MatTable:
     The second column of a matrix is called matrix(:,2).
     """
 
-    has_names, left_out, units = True, list[str](), dict[str, str]()
+    has_names, left_out, units, keys = True, list[str](), dict[str, str](), None
 
     def __init__(self, path: Path) -> None:
         self._path = path

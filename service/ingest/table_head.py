@@ -22,9 +22,11 @@ _BELOW_NAMES = 3
 """At most so many lines stand between the names and the numbers: units, descriptions."""
 _DECIMAL_COMMA, _DECIMAL_POINT = (
     re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*"),
-    re.compile(r"\s*[-+]?\d*\.\d+.*"),
+    re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*"),
 )
-_DATE = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
+_GERMAN_DAY = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4}),?\s+")
+_BEFORE_ZONE = re.compile(r"\s+(?=([-+]\d\d:?\d\d|Z)$)")
+_FEWEST_TIMES = 3
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\ufffd]")
 _REMARK = ("#", "%")
 
@@ -47,20 +49,27 @@ class Head(NamedTuple):
     @property
     def decimal_mark(self) -> str:
         """Of the numbers in the first rows."""
-        if self.delimiter == ",":
-            return "."
         cells = [cell for row in self.sample for cell in row]
         commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
         return "," if commas and not any(_DECIMAL_POINT.fullmatch(cell) for cell in cells) else "."
 
-    def date_zones(self, names: Sequence[str]) -> dict[str, bool]:
-        """The columns that hold dates in the first rows, and whether these name a time zone."""
-        found = dict[str, bool]()
-        for row in self.sample:
-            for name, cell in zip(names, row, strict=False):
-                if name not in found and _is_date(cell):
-                    found[name] = datetime.fromisoformat(cell.strip()).tzinfo is not None
-        return found
+    def dates(self, names: Sequence[str]) -> set[str]:
+        """The columns that hold dates or times of day in the first rows."""
+        return {name for row in self.sample for name, cell in zip(names, row, strict=False) if _is_date(cell)}
+
+    def keys(self) -> tuple[int, int] | None:
+        """Places of two columns, the first of which has each value in a row for each value of the second; else None."""
+        columns = list(zip(*(row for row in self.sample if len(row) == self.width), strict=True))
+        for time, cells in enumerate(columns):
+            ends = [k for k in range(1, len(cells)) if cells[k] != cells[k - 1]]
+            size = ends[0] if len(ends) >= _FEWEST_TIMES else 1
+            if size == 1 or ends != list(range(size, len(cells), size)):
+                continue
+            for key, names in enumerate(columns):
+                each = {tuple(sorted(names[end - size : end])) for end in ends}
+                if len(each) == 1 and len(set(*each)) == size:
+                    return time, key
+        return None
 
 
 def read_head(path: Path) -> Head:
@@ -74,7 +83,7 @@ def read_head(path: Path) -> Head:
         encoding = _encoding(file.read(1 << 16))
     with path.open(encoding=encoding, errors="replace", newline="") as text:
         lines = list(islice(text, _SAMPLE_LINES))
-    if not lines or not lines[0].strip():
+    if not any(map(str.strip, lines)):
         raise RecordError(f"{path}: the first line must hold names of columns, or numbers; it is empty")
     if any(_CONTROL.search(line) for line in lines[:1]):
         raise RecordError(f"{path} is no CSV file: its first line is no text")
@@ -116,18 +125,25 @@ def is_number(cell: str) -> bool:
 
 
 def seconds_of(cell: str) -> float | None:
-    """Seconds since 1970; None: the cell holds no date."""
+    """Seconds since 1970, or since midnight where it is a time of day; None: the cell holds neither."""
+    text = _BEFORE_ZONE.sub("", _GERMAN_DAY.sub(_iso_day, cell.strip()))
     try:
-        date = datetime.fromisoformat(cell.strip())
+        date = datetime.fromisoformat(text if "-" in text[:10] else f"1970-01-01 {text}")
     except ValueError:
         return None
     return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def _iso_day(day: re.Match[str]) -> str:
+    return f"{day[3]}-{day[2]:0>2}-{day[1]:0>2} "
 
 
 def _encoding(start: bytes) -> str:
     """Of a text that begins so: of a spreadsheet in Windows, where it is not UTF-8."""
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    if start[1:2] == b"\0":
+        return "utf-16-le"
     lines = [line for line in start.split(b"\n")[:-1] or [start] if not line.isascii()]
     return "utf-8-sig" if any(map(_is_utf8, lines)) or not lines else "cp1252"
 
@@ -147,7 +163,7 @@ def _delimiter(lines: Sequence[str]) -> str:
 
 
 def _is_date(cell: str) -> bool:
-    return _DATE.fullmatch(cell) is not None and seconds_of(cell) is not None
+    return ":" in cell and seconds_of(cell) is not None
 
 
 def _has_numbers(row: Sequence[str]) -> bool:

@@ -29,7 +29,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
     {
         "angle": {
             **dict.fromkeys(("rad", "radian", "radians"), Unit("radians", 1.0)),
-            **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), Unit("degrees", _DEGREE)),
+            **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "grad"), Unit("degrees", _DEGREE)),
             **dict.fromkeys(("rev", "revs", "turn", "turns"), Unit("revolutions", _TURN)),
             "mrad": Unit("milliradians", 1e-3),
             **dict.fromkeys(("counts", "count", "cnt", "inc", "incs", "increments", "ticks"), _COUNTS),
@@ -37,7 +37,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
         },
         "speed": {
             **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
-            **dict.fromkeys(("deg/s", "degs", "dps", "°/s"), Unit("degrees per second", _DEGREE)),
+            **dict.fromkeys(("deg/s", "degs", "dps", "°/s", "grad/s"), Unit("degrees per second", _DEGREE)),
             **dict.fromkeys(
                 ("rpm", "1/min", "u/min", "rev/min", "min-1"),
                 Unit("revolutions per minute", _TURN / 60),

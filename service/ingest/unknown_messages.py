@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from service.can.frames import FrameBlock, FrameKey
-from service.can.inferred_layout import FEWEST_FRAMES, Field, find_multiplexer, infer_layout, split_counter
+from service.can.inferred_layout import FEWEST_FRAMES, Field, find_multiplexer, infer_layout
 from service.can.messages import Bits, Kind, MessageSet, message_of
 from service.ingest.live_roles import roles_on_bus
 from service.ingest.signal_roles import BusAxis
@@ -66,9 +66,9 @@ def _message(frames: FrameBlock) -> UnknownMessage:
     found = UnknownMessage(key, _rate(frames), length)
     if data.shape[0] < FEWEST_FRAMES or not length:
         return found
-    if (multiplexer := find_multiplexer(data)) is not None:
+    fields = infer_layout(data)
+    if (multiplexer := find_multiplexer(data, fields)) is not None:
         return found._replace(multiplexer=multiplexer, pages=np.unique(data[:, multiplexer]).size)
-    fields = tuple(part for field in infer_layout(data) for part in split_counter(field, data))
     moving = (f for f in fields if f.kind == "counter" or (f.kind == "signal" and _moves(f.values(data))))
     return found._replace(fields=fields, bits=tuple(map(_bits, moving)))
 
@@ -86,14 +86,14 @@ def _rate(frames: FrameBlock) -> float:
 
 
 def _bits(field: Field) -> Bits:
-    """The name is a letter for the first byte: a digit would be taken for the number of an axis."""
+    """The name is a letter for the first bit: a digit would be taken for the number of an axis."""
     what = "counter" if field.kind == "counter" else "value"
-    start_bit = 8 * field.first_byte + (7 if field.byte_order == "big" else 0)
     kind: Kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
-    name = f"{what}_{_letters(field.first_byte)}"
-    if field.part is not None:
-        return Bits(name, start_bit + field.part.low_bit, field.part.length, kind, field.byte_order)
-    return Bits(name, start_bit, 8 * field.width, kind, field.byte_order)
+    low = 0 if field.part is None else field.part.low_bit
+    before = 8 * field.width - low - field.length if field.byte_order == "big" else low
+    start_bit = 8 * field.first_byte + (7 - before if field.byte_order == "big" else before)
+    letters = _letters(field.first_byte) + (_letters(before) if before else "")
+    return Bits(f"{what}_{letters}", start_bit, field.length, kind, field.byte_order)
 
 
 def _letters(number: int) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
@@ -30,6 +30,8 @@ _AS_NOMINAL = 5.0
 _NEAR = 3.0
 """To a suspected factor: as far as a guess may be wrong."""
 _NOTHING_KNOWN = Known()
+_PLACEHOLDERS, _SAME = (0.1, 1.0), 0.01
+"""What does not depend on an unknown value comes out the same with each of these."""
 _WEIGHT = 0.5
 """Of the torque that one mass leaves unexplained: where terms of the pose take away so much, a weight acts."""
 
@@ -202,15 +204,35 @@ def _from_torque(drive: Drive, values: Mapping[str, float]) -> tuple[Floats, Flo
     return A, B[:, drive.of_torque].sum(axis=1), C
 
 
-def known_of(drive: Drive, values: Mapping[str, float], parameters: int, speed_scale: float = 1.0) -> Known:
+def known_of(
+    drive: Drive,
+    values: Mapping[str, float],
+    parameters: int,
+    speed_scale: float = 1.0,
+    unknown: Collection[str] = (),
+) -> Known:
     """What is known of an axis with these nominal values; arguments as of ``Known``.
+
+    ``unknown``: parameters whose values are placeholders.  What depends on them is not known; the inertia does not
+    depend on frictions and springs.
 
     Raises:
         KeyError, ValueError: a value is missing or makes no sense.
     """
+    tried = [
+        _times_and_inertia(drive, {**values, **dict.fromkeys(unknown, value)}) for value in _PLACEHOLDERS
+    ]
+    slowest_s, inertia, antiresonance = (
+        first if first and second and math.isclose(first, second, rel_tol=_SAME) else None
+        for first, second in zip(*tried, strict=True)
+    )
+    return Known(parameters, slowest_s, inertia, antiresonance, speed_scale)
+
+
+def _times_and_inertia(drive: Drive, values: Mapping[str, float]) -> tuple[float | None, float, float | None]:
+    """Slowest time constant, inertia, period of the antiresonance."""
     poles = np.linalg.eigvals(drive.matrix("A", drive.complete(values)))
     decay = -poles.real
     slow = decay[decay > _NOUGHT * abs(poles).max()]
     slowest = float(1 / slow.min()) if slow.size else None
-    inertia, antiresonance = rigid_inertia(drive, values), antiresonance_s(drive, values)
-    return Known(parameters, slowest, inertia, antiresonance, speed_scale)
+    return slowest, rigid_inertia(drive, values), antiresonance_s(drive, values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import cache
 from typing import NamedTuple
 
@@ -71,12 +72,15 @@ def _points(rng: np.random.Generator, count: int) -> Floats:
     return np.concatenate(parts)[:count]
 
 
-def axis_text(drive: str, output: str, known: bool, **changed: float) -> str:
-    """Of the configuration: an axis with the columns t, u and y; its nominal values are known but for an eighth."""
+def axis_text(drive: str, output: str, known: bool, lacking: Collection[str] = (), **changed: float) -> str:
+    """Of the configuration: an axis with the columns t, u and y; its nominal values are known but for an eighth.
+
+    ``lacking``: those that are not given.
+    """
     values = {**VALUES[drive], **changed}
     values["J"] *= 0.88
     given = values if known else {name: values[name] for name in ("kT", "r") if name in values}
-    nominal = ", ".join(f"{name} = {value}" for name, value in given.items())
+    nominal = ", ".join(f"{name} = {value}" for name, value in given.items() if name not in lacking)
     return f"""
 [[robot.axis]]
 name = "a1"

@@ -3,6 +3,7 @@
 import gzip
 import re
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -47,6 +48,18 @@ def test_all_axes_of_the_demo_are_found_by_the_frames_alone(tmp_path: Path, seed
         assert axis.counter == (f"x18{number}", "counter_g")
 
 
+def test_identifiers_of_29_bits(tmp_path: Path, seed: int) -> None:
+    """As of J1939, whose own messages of a maker have FF in them."""
+    frames = concatenate_frames(list(blocks(demo(tmp_path, 1), 8.0, seed)))
+    own = [frame._replace(can_id=0x18FF3101, extended=True) for frame in frames.frames()]
+    (axis,) = discover_axes(FrameBlock.from_frames(own)).axes
+    assert (axis.torque.message, axis.torque.signal, axis.motion.signal) == (
+        "x18ff3101",
+        "value_a",
+        "value_c",
+    )
+
+
 def test_the_bits_of_the_configuration_are_those_that_were_looked_at(seed: int) -> None:
     """Big-endian, after a byte that never changes: decoded by its description, the number is the same."""
     rng = np.random.default_rng(seed)
@@ -62,6 +75,23 @@ def test_the_bits_of_the_configuration_are_those_that_were_looked_at(seed: int) 
     assert (bits.start_bit, bits.length, bits.kind, bits.byte_order) == (15, 32, "signed", "big")
     described = message_of(message.name, message.key, message.bits)
     assert [described.decode_simple(frame.data)[bits.name] for frame in frames.frames()] == numbers
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_the_bits_of_numbers_that_are_no_whole_bytes(order: Literal["little", "big"], seed: int) -> None:
+    """A state of four bits, and numbers of 12 and 24: decoded by the description they are the same."""
+    rng, t = np.random.default_rng(seed), np.arange(500) / 40
+    noise = rng.standard_normal((2, 500))
+    small = np.rint(1500 * np.sin(2 * t) + 3 * noise[0]).astype(int).tolist()
+    large = np.rint(5e6 * np.sin(t) + 30 * noise[1]).astype(int).tolist()
+    places = (0, 4, 16) if order == "little" else (36, 24, 0)
+    values = [(k // 200, a % 2**12, b % 2**24) for k, (a, b) in enumerate(zip(small, large, strict=True))]
+    words = [sum(v << place for v, place in zip(row, places, strict=True)) for row in values]
+    frames = [Frame(5000 * k, 0x321, False, word.to_bytes(5, order)) for k, word in enumerate(words)]
+    (message,) = discover_axes(FrameBlock.from_frames(frames)).messages
+    described = message_of(message.name, message.key, message.bits)
+    decoded = [list(described.decode_simple(frame.data).values()) for frame in frames]
+    assert decoded == [list(row) for row in zip(small, large, strict=True)]
 
 
 def test_a_counter_of_four_bits_times_the_axis(tmp_path: Path, seed: int) -> None:

@@ -164,6 +164,41 @@ def test_mistakes(record: Path, words: list[str], message: str) -> None:
     assert message in refused("init", *words)
 
 
+def test_a_row_for_each_time_and_axis_is_refused(record: Path) -> None:
+    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    lines = [f"{row[0]:.3f},A{k},{row[2 * k - 1]},{row[2 * k]}\n" for row in rows for k in (1, 2)]
+    record.write_text("time,axis,torque,angle\n" + "".join(lines), encoding="utf-8")
+    assert 'a row for each "axis"; make it one row for each "time"' in refused("init", record)
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ("{:.0f}", "time: Time"),
+        ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005"),
+    ],
+)
+def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None:
+    """In nanoseconds since 1970; in a way that is not read, which must not go unsaid."""
+    lines = record.read_text(encoding="utf-8").splitlines()
+    cells = [line.split(",", 1) for line in lines[1:]]
+    text = [f"{times.format(1.77e18 + 5e6 * k)},{rest}" for k, (_, rest) in enumerate(cells)]
+    record.write_text("\n".join([lines[0], *text]) + "\n", encoding="utf-8")
+    assert words in shown("init", record)
+    first, _ = (axis.config for axis in load(Path("axis.toml")).axes)
+    assert first.time.column is None or (first.time.factor, first.sample_interval_s) == (1e-9, 0.005)
+
+
+@pytest.mark.parametrize("name", ["Achse 1 Istposition (Grad)", "Pos_deg(:,1)", "Winkel [deg]"])
+def test_degrees(record: Path, name: str) -> None:
+    lines = record.read_text(encoding="utf-8").splitlines()
+    lines[0] = f'Time,A1_Trq,"{name}",A2_Trq,A2_Pos'
+    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    shown("init", record)
+    factors = {axis.config.motion.column: axis.config.motion.factor for axis in load(Path("axis.toml")).axes}
+    assert factors[name] == pytest.approx(np.pi / 180)
+
+
 @pytest.mark.parametrize(
     ("name", "role"),
     [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,7 @@ def looked_at(
     u: Column = np.copy,
     y: Column = np.copy,
     names: str = "t,u,y",
+    lacking: Collection[str] = (),
     **changed: float,
 ) -> Review:
     """What is found about a healthy axis whose columns were changed so, or whose nominal values."""
@@ -41,7 +42,7 @@ def looked_at(
     columns = np.column_stack([m.t, u(m.torque), y(m.angle if output == "angle" else m.speed)])
     path = folder / "record.csv"
     np.savetxt(path, columns, "%.12g", ",", header=names, comments="")
-    text = ROBOT + axis_text(drive, output, known, **changed)
+    text = ROBOT + axis_text(drive, output, known, lacking, **changed)
     for name, new in zip("uy", names.split(",")[1:], strict=True):
         text = text.replace(f'column = "{name}"', f'column = "{new}"')
     return review(text, "cell.a1", [str(path)], folder)
@@ -84,6 +85,36 @@ def test_beside_nominal_values(kind: tuple[str, str], mistake: str, tmp_path: Pa
     # A rated torque is known as well as the inertia is; the others are units, or powers of two.
     assert found.value == pytest.approx(value, rel=0.25 if "per mille" in words else 1e-6)
     assert words in found.reason
+
+
+@pytest.mark.parametrize("mistake", ["degrees", "counts", "per mille"])
+def test_beside_nothing_but_the_inertia(mistake: str, tmp_path: Path, seed: int) -> None:
+    """Frictions, which nobody knows beforehand, are not needed."""
+    change, key, value, _ = {row[0]: row[1:] for row in KNOWN}[mistake]
+    lacking = ("fm", "fc", "tau0")
+    looked = looked_at(tmp_path, seed, "one-mass", "angle", lacking=lacking, **change)  # type: ignore[arg-type]
+    (found,) = looked.corrections
+    assert found.key[1] == key[1]
+    assert found.value == pytest.approx(value, rel=0.25)
+    assert not looked.unchecked
+
+
+@pytest.mark.parametrize("friction", [True, False])
+def test_counts_that_make_up_for_per_mille(friction: bool, tmp_path: Path, seed: int) -> None:
+    """The inertia is as the nominal one; only Coulomb friction, where it is given, shows both units."""
+    change: Mapping[str, Column] = {"u": lambda u: np.rint(1304 * u), "y": counts(13)}
+    lacking = ("fm", "tau0") if friction else ("fm", "fc", "tau0")
+    looked = looked_at(tmp_path, seed, "one-mass", "angle", lacking=lacking, **change)  # type: ignore[arg-type]
+    if friction:
+        torque, angle = looked.corrections
+        assert torque.value == pytest.approx(1 / 1304, rel=0.3)
+        assert is_change(angle, ("angle", "factor"), TURN / 2**13)
+    else:
+        assert looked.corrections == ()
+        assert ["set torque.factor" in looked.doubts[0], "set angle.factor" in looked.doubts[1]] == [
+            True,
+            True,
+        ]
 
 
 def test_two_mistakes_in_a_torque(tmp_path: Path, seed: int) -> None:

@@ -16,7 +16,6 @@ from service.can.inferred_layout import (
     counts_frames,
     find_multiplexer,
     infer_layout,
-    split_counter,
 )
 from service.can.log_files import CanLog
 from tests.service.pipeline.robots import blocks, demo
@@ -94,11 +93,48 @@ def test_bits_that_look_like_a_float_of_all_sizes_are_none() -> None:
     data = np.column_stack(
         [counter.astype(np.uint8), packed(">hi", smooth(rng, 3e3, 20), 2e9 + smooth(rng, 1e7, 20))]
     )
-    assert places(infer_layout(data)) == [
-        (0, 1, "little", "unsigned"),
+    counted, _, *numbers = infer_layout(data)
+    assert (counted.kind, counted.part) == ("counter", Part(0, 4))
+    assert places(tuple(numbers)) == [
         (1, 2, "big", "signed"),
         (3, 4, "big", "unsigned"),
     ]
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_numbers_that_are_no_whole_bytes(order: str) -> None:
+    """A state of four bits, a torque of 12, an angle of 24, a temperature of 10, and a counter of 6."""
+    rng = np.random.default_rng(4)
+    columns = [
+        np.arange(N) // 300 % 4,
+        np.rint(smooth(rng, 1500, 3)).astype(int),
+        np.rint(smooth(rng, 5e6, 30)).astype(int),
+        np.rint(300 + smooth(rng, 150, 2)).astype(int),
+        np.arange(N) % 64,
+    ]
+    lengths, first, words = (4, 12, 24, 10, 6), 0, np.zeros(N, object)
+    for numbers, length in zip(columns, lengths, strict=True):
+        shift = first if order == "little" else 56 - first - length
+        words |= (numbers % (1 << length)).astype(object) << shift
+        first += length
+    data = np.frombuffer(b"".join(w.to_bytes(7, order) for w in words), np.uint8).reshape(N, 7)
+    fields = infer_layout(data)
+    assert [field.kind for field in fields] == ["state", "signal", "signal", "signal", "counter"]
+    assert [field.length for field in fields] == list(lengths)
+    for numbers, field in zip(columns, fields, strict=True):
+        assert field.byte_order == order or field.width == 1
+        np.testing.assert_array_equal(field.values(data), numbers)
+
+
+def test_an_angle_that_passes_zero_below_a_temperature() -> None:
+    """24 bits: with those above as one number it would jump where it passes zero, which is seldom."""
+    count = 4000
+    angle = np.rint(1e5 * np.sin(np.arange(count) / 150)).astype(int)
+    rows = [struct.pack("<i", a)[:3] + struct.pack("<H", 300 + k // 1500) for k, a in enumerate(angle)]
+    data = np.frombuffer(b"".join(rows), np.uint8).reshape(count, 5)
+    (found, *_) = infer_layout(data)
+    assert places((found,)) == [(0, 3, "little", "signed")]
+    np.testing.assert_array_equal(found.values(data), angle)
 
 
 @pytest.mark.parametrize(("shift", "length", "other"), [(0, 4, 3), (4, 4, 9), (6, 2, 17), (0, 7, 1)])
@@ -107,8 +143,7 @@ def test_a_counter_that_shares_its_byte(shift: int, length: int, other: int) -> 
     numbers = np.delete(numbers, [100, 101, 450])  # frames that were lost
     beside = other << (length if shift == 0 else 0)
     data = (numbers << shift | beside).astype(np.uint8)[:, np.newaxis]
-    (field,) = infer_layout(data)
-    parts = {part.kind: part for part in split_counter(field, data)}
+    parts = {part.kind: part for part in infer_layout(data)}
     assert parts["counter"].part == Part(shift, length)
     np.testing.assert_array_equal(parts["counter"].values(data), numbers)
     np.testing.assert_array_equal(parts["constant"].values(data), other)
@@ -129,8 +164,8 @@ def test_registers_of_an_inverter_are_told_apart() -> None:
     data[:, 0] = np.where(np.arange(N) % 2, 0x30, 0x20)
     speed, current = smooth(rng, 2e4, 20), smooth(rng, 3e3, 20)
     data[:, 1:] = packed("<h", np.where(np.arange(N) % 2, speed, current))
-    assert find_multiplexer(data) == 0
-    assert find_multiplexer(data[::2]) is None
+    assert find_multiplexer(data, infer_layout(data)) == 0
+    assert find_multiplexer(data[::2], infer_layout(data[::2])) is None
     assert places(infer_layout(data[::2, 1:])) == [(0, 2, "little", "signed")]
 
 
@@ -143,4 +178,4 @@ def test_a_real_bus(records_dir: Path) -> None:
     data = frames.select(frames.ids == 0x4EC).data[:, :8]
     assert places(infer_layout(data))[:2] == [(0, 2, "big", "unsigned"), (2, 2, "big", "signed")]
     data = frames.select(frames.ids == 0xC0).data[:, :8]
-    assert find_multiplexer(data) is None
+    assert find_multiplexer(data, infer_layout(data)) is None
