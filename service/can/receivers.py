@@ -104,6 +104,7 @@ class Receiver:
 
 # Numbers that Python's socket module does not have (include/uapi/asm-generic/socket.h).
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
+_IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29
 _BUFFER_BYTES = 16 * 1024 * 1024
 _REMOTE, _ERROR = 0x40000000, 0x20000000
 _FDF = 0x04
@@ -240,6 +241,7 @@ class DatagramReceiver(BlockReceiver):
 
     def __init__(self, bus: UdpMulticastBus) -> None:
         super().__init__(bus, _DATAGRAM)
+        _only_own_group(bus.fileno())
         self._classic = bus.protocol is can.CanProtocol.CAN_20
         self._passes = lru_cache(4096)(partial(_passes, bus))
 
@@ -279,6 +281,19 @@ def _prepare(fileno: int) -> None:
             same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         same.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         same.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+
+
+def _only_own_group(fileno: int) -> None:
+    """Let a socket get the datagrams of its own group only.
+
+    Linux gives it those of every group that anybody on this machine has joined, as far as the port is the same: the
+    frames of another robot.
+    """
+    with socket.socket(fileno=os.dup(fileno)) as same:
+        if same.family == socket.AF_INET6:
+            same.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
+        else:
+            same.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
 
 
 def _passes(bus: can.BusABC, can_id: int, extended: bool) -> bool:
