@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from service.can.canopen_drives import node_of, read_drive
 from service.can.frames import FrameKey
@@ -26,6 +27,14 @@ def messages_of(config: Config, bus: str) -> MessageSet:
     if not parts:
         raise DescriptionError(f"nothing describes the messages of bus {bus}")
     return united(parts)
+
+
+def files_of(config: Config, bus: str) -> frozenset[tuple[Path, int, int]]:
+    """The files that describe the messages of a bus, with what tells that one was changed."""
+    axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == bus]
+    files = {axis.canopen.eds for axis in axes if axis.canopen is not None}
+    files |= {own.messages for own in config.bus if own.name == bus and own.messages is not None}
+    return frozenset((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
 
 
 def _parts(config: Config, name: str) -> Iterator[MessageSet]:

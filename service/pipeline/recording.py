@@ -96,6 +96,11 @@ class RecordingFolder:
     def __init__(self, path: Path, most_bytes: int, blf_channels: Mapping[str, int] | None = None) -> None:
         self.path, self._most_bytes, self._blf_channels = path, most_bytes, blf_channels
 
+    def add_channels(self, numbers: Mapping[str, int]) -> None:
+        """These buses have these numbers; frames of the former ones may still be kept."""
+        if self._blf_channels is not None:
+            self._blf_channels = {**self._blf_channels, **numbers}
+
     def files(self) -> list[Path]:
         """All extracts, oldest first."""
         try:
