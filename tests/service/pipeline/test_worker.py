@@ -4,7 +4,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from structlog.testing import capture_logs
@@ -20,7 +20,16 @@ from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, states_of
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
-from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Worker
+from service.pipeline.snapshot import Snapshot
+from service.pipeline.worker import (
+    COMPILING,
+    COMPILING_MULTIMODEL,
+    LOOKED_AT_S,
+    UNSEEN_S,
+    BusIntake,
+    Compiled,
+    Worker,
+)
 from service.simulation.robot import Fault
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint, Checkpoints
@@ -200,6 +209,32 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
         == [e.parameter for e in shown.axes[0].open_alarms]
         == ["fm"]
     )
+
+
+@pytest.mark.parametrize(("making_s", "pause_s"), [(0.01, LOOKED_AT_S), (0.05, 0.5), (0.3, UNSEEN_S)])
+def test_a_pause_between_snapshots_is_ten_times_as_long_as_one_takes_but_at_most_a_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, making_s: float, pause_s: float
+) -> None:
+    bench = Bench(tmp_path, demo(tmp_path, 2), Waiting())
+    clock, step_s, pauses = 0.0, 0.01, list[float]()
+    monkeypatch.setattr(worker_module, "perf_counter", lambda: clock)
+    worker, make = bench.worker, bench.worker._snapshot
+
+    def make_slowly(*news: Any) -> Snapshot:
+        nonlocal clock
+        pauses.append(clock - worker._published_s)
+        clock += making_s
+        return make(*news)
+
+    monkeypatch.setattr(worker, "_snapshot", make_slowly)
+    bench.compile()
+    while len(pauses) < 5:
+        clock += step_s
+        worker._tick()
+        assert worker.snapshot is worker._published
+    # The first one is of what is news: the kernel is ready.
+    assert pauses[-3:] == pytest.approx([pause_s] * 3, abs=1.01 * step_s)
+    bench.close()
 
 
 def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
