@@ -120,9 +120,12 @@ class Checkpointer:
         try:
             self._checkpoints.save(states, now_us)
         except StoreError as error:
+            if self.problem is None:
+                log.error("checkpoint failed; it is tried again", reason=str(error))
             self.problem = f"the state of the monitors cannot be saved: {error}"
-            log.error("checkpoint failed", reason=str(error))
             return
+        if self.problem is not None:
+            log.info("checkpoints are saved again")
         self.saved_us, self.problem = now_us, None
         self._monitors.trends.saved()
 

@@ -33,6 +33,7 @@ from service.pipeline.worker import (
 from service.simulation.robot import Fault
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint, Checkpoints
+from service.store.database import StoreError
 from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
 from service.store.journal import Journal, RecordedAlarm
@@ -356,6 +357,22 @@ def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: Be
     with capture_logs() as logs:
         bench.worker.stop()
     assert [entry["samples"] for entry in logs if "was not ready" in entry["event"]] == [4800]
+
+
+def test_a_disk_that_refuses_checkpoints_is_logged_once_and_when_it_takes_them_again(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise StoreError("database or disk is full")
+
+    saver, save = bench.worker._checkpointer, bench.checkpoints.save
+    with capture_logs() as logs:
+        for way in (refuse, refuse, save, save, refuse):
+            monkeypatch.setattr(bench.checkpoints, "save", way)
+            saver.save()
+    failed, again = "checkpoint failed; it is tried again", "checkpoints are saved again"
+    assert [entry["event"] for entry in logs] == [failed, again, failed]
+    assert "disk is full" in str(saver.problem)
 
 
 def test_no_checkpoint_is_saved_while_the_detectors_are_behind_the_estimates(
