@@ -22,7 +22,7 @@ from service.commands.signal_handling import stopped_by_signals
 from service.commands.signal_look import SignalLook
 from service.config import Config
 from service.config.schema_links import LinksConfig
-from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
+from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
 from service.pipeline.bus_readers import BusReaders
@@ -276,6 +276,7 @@ def _worker(
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
+    journal.group(alarm_groups(config.axes))
     clock = WallClock()
     alarms = Alarms(journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)

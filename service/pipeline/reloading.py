@@ -18,7 +18,7 @@ from service.config import Config, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.bus_messages import files_of
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import alarm_rules, quantities
+from service.pipeline.alarm_recording import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import Baselines, at_start, begun_again, resume
 from service.pipeline.bus_readers import BusReaders
@@ -179,6 +179,7 @@ class Reloading:
             restored = restore(made, self._checkpoints, self._journal, now_us, ids)
             rules = alarm_rules(begun.axes, quantities(made.by_id))
             self._journal.obey(rules, now_us)
+            self._journal.group(alarm_groups(new.axes))
             self._worker.change_buses([bus.name for bus in new.bus], intakes, ingests)
             for name, ingest in self._pipeline.ingests.items():
                 ingest.change([axis for axis in axes if axis.config.bus == name], in_force.keys())
@@ -190,7 +191,7 @@ class Reloading:
         self._baselines.configure(new.axes, axes)
         for message in (*begun.messages, *messages, *begun_again(made)):
             log.warning("reload", message=message)
-        log.info("reloaded", axes=len(axes), changed=list(in_force), removed=list(removed))
+        log.info("reloaded", axes=len(axes), changed=[*in_force], removed=[*removed], opened=[*ingests])
 
 
 _RUNNING = ("hosts", "open_metrics", "certificate", "key")
