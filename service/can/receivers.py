@@ -331,10 +331,8 @@ class StampClock:
         stamped: Bools = notes["first"]["type"] == _SO_TIMESTAMPNS
         if not stamped.all():
             kernel_ns = np.where(stamped, kernel_ns, time.time_ns())
-        hardware_ns = np.where(
-            notes["second"]["type"] == _SO_TIMESTAMPING, _nanoseconds(notes["hardware"]), 0
-        )
-        exact: Bools = hardware_ns != 0
+        hardware_ns = _nanoseconds(notes["hardware"])
+        exact: Bools = (notes["second"]["type"] == _SO_TIMESTAMPING) & (hardware_ns != 0)
         if exact.any():
             least_ns = int((kernel_ns - hardware_ns)[exact].min())
             if self._shift_ns is None or abs(more_ns := least_ns - self._shift_ns) > _STEP_NS:

@@ -29,8 +29,16 @@ def messages_of(config: Config, bus: str) -> MessageSet:
     return united(parts)
 
 
-def files_of(config: Config, bus: str) -> frozenset[tuple[Path, int, int]]:
-    """The files that describe the messages of a bus, with what tells that one was changed."""
+Files = frozenset[tuple[Path, int, int]]
+"""Files, with the time of their last change [ns] and their size"""
+
+
+def files_of(config: Config, bus: str) -> Files:
+    """The files that describe the messages of a bus.
+
+    Raises:
+        OSError: one is not there.
+    """
     axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == bus]
     files = {axis.canopen.eds for axis in axes if axis.canopen is not None}
     files |= {own.messages for own in config.bus if own.name == bus and own.messages is not None}

@@ -259,8 +259,8 @@ class Extracts:
         self._jobs.put((extract, self._ring.between(extract.from_us, extract.until_us)))
 
     def _write_all(self) -> None:
+        # Around an alarm, and refused by the disk, which may have space again; only the newest is kept in memory.
         left: tuple[_Extract, Frames] | None = None
-        """Around an alarm, and refused by the disk, which may have space again; only the newest is kept in memory"""
         going_on = True
         while going_on:
             try:

@@ -16,7 +16,7 @@ from service.can.messages import DescriptionError
 from service.can.user_errors import BusError, IngestError
 from service.config import Config, NamedAxis
 from service.config.axis_settings import AxisError
-from service.config.bus_messages import files_of
+from service.config.bus_messages import Files, files_of
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
@@ -99,12 +99,12 @@ class Reloading:
         """
         with self._baselines.held():
             if fixed := list(_fixed(self._config, new)):
-                raise ReloadError(f"{listed(fixed)} was changed, which needs a restart")
+                raise ReloadError(f"a change of {listed(fixed)} needs a restart")
             before = {axis.id: axis for axis in self._config.axes}
             after = {axis.id: axis for axis in new.axes}
             changed = [axis for axis_id, axis in after.items() if before.get(axis_id) != axis]
             removed = tuple(axis_id for axis_id in before if axis_id not in after)
-            ingests = self._checked(new, changed)
+            files, ingests = self._checked(new, changed)
             with ExitStack() as undone:
                 for part in self._parts:
                     undone.enter_context(part(new))
@@ -121,8 +121,7 @@ class Reloading:
             ]
             self._filters = {bus.name: self._filters[bus.name] for bus in new.bus if bus.name not in ingests}
             self._filters |= {name: frozenset(ingest.filter) for name, ingest in ingests.items()}
-            self._files = {bus.name: files_of(new, bus.name) for bus in new.bus}
-            self._config = new
+            self._files, self._config = files, new
             return Reloaded(
                 tuple(axis.id for axis in changed if axis.id in before),
                 tuple(axis.id for axis in changed if axis.id not in before),
@@ -131,23 +130,30 @@ class Reloading:
                 tuple(tables),
             )
 
-    def _checked(self, new: Config, changed: Sequence[NamedAxis]) -> dict[str, Ingest]:
-        """What takes the frames of the buses that are to be opened anew; all that can be wrong with axes and buses."""
+    def _checked(
+        self, new: Config, changed: Sequence[NamedAxis]
+    ) -> tuple[dict[str, Files], dict[str, Ingest]]:
+        """What describes each bus, and what takes the frames of those that are to be opened anew.
+
+        Raises:
+            ReloadError: an axis or a bus cannot be used as configured.
+        """
         before, found = {bus.name: bus for bus in self._config.bus}, dict[str, Ingest]()
         try:
             if changed:
                 AxisMonitors(changed)
+            files = {bus.name: files_of(new, bus.name) for bus in new.bus}
             for bus in new.bus:
                 ingest = Ingest(new, bus.name)
-                same = bus == before.get(bus.name) and files_of(new, bus.name) == self._files[bus.name]
+                same = bus == before.get(bus.name) and files[bus.name] == self._files[bus.name]
                 # A message that no axis has needed is not let through.
                 if not same or not set(ingest.filter) <= self._filters[bus.name]:
                     found[bus.name] = ingest
-        except (AxisError, DescriptionError, IngestError, ModelError) as error:
+        except (AxisError, DescriptionError, IngestError, ModelError, OSError) as error:
             raise ReloadError(str(error)) from None
         if found and self._worker.compiles:
             raise ReloadError("the numeric kernel is being compiled; try again when it is ready")
-        return found
+        return files, found
 
     def _exchange(
         self,
@@ -169,11 +175,11 @@ class Reloading:
 
         def exchange() -> tuple[str, ...]:
             now_us = self._now_us()
+            self._worker.take_all()
             if late := [a for a in (*in_force, *removed) if self._worker.waits_for_journal(a)]:
                 raise ReloadError(
                     f"alarms of {', '.join(late)} are not recorded yet; try again when they are"
                 )
-            self._worker.take_all()
             self._checkpointer.save()
             resume(made, self._journal.epochs, begun.epochs)
             restored = restore(made, self._checkpoints, self._journal, now_us, ids)

@@ -6,7 +6,9 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+from service.simulation.robot import Fault
 from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, robot, wait_for
+from tests.end_to_end.test_daemon import played_robot
 from tests.service.links.test_webhook import Answers, receiving
 
 USED, REFUSED = "SIGHUP: the configuration is used", "SIGHUP: nothing was changed"
@@ -29,7 +31,9 @@ def asked_as(d: Daemon, host: str) -> int:
         return error.code
 
 
-def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refused(tmp_path: Path) -> None:
+def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refused(
+    tmp_path: Path, seed: int
+) -> None:
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
     config, other = demo_config(tmp_path / "first"), demo_config(tmp_path / "second")
@@ -57,14 +61,14 @@ def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refuse
         assert (used["kept"], used["changed"], used["added"], used["removed"]) == (2, [], [], [])
         assert used["tables"] == ["[[bus]] can0", "[links]", "[web]"]
         assert asked_as(d, HOST) == 200
-        with robot(other, "--fault", "fm=1.6", "--fault-after", "3"):
+        with played_robot(other, 14, seed, Fault("demo.axis2", {"fm": 1.6}, 5.0)):
             wait_for(lambda: d.axis()["samples"] > before + 400)
             wait_for(lambda: answers.requests)
-
+        with robot(other):
             # Nothing of a file is used of which one key needs a restart, or whose link cannot be used.
             edit(config, ("state_dir", "checkpoint_interval_s = 7\nstate_dir"), (HOST, "another.example"))
             reason = hung_up(d, REFUSED)["reason"]
-            assert reason == "[service] checkpoint_interval_s was changed, which needs a restart"
+            assert reason == "a change of [service] checkpoint_interval_s needs a restart"
             edit(config, ("checkpoint_interval_s = 7\n", ""), ('"secret"', '"no secret"'))
             assert "no secret: cannot read the secret" in hung_up(d, REFUSED)["reason"]
             assert [asked_as(d, name) for name in (HOST, "another.example")] == [200, 421]
