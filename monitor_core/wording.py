@@ -1,9 +1,9 @@
-"""Words that messages share: suggestions for unknown names, lists, percentages, durations and back, round numbers."""
+"""Words that messages share: sentences with their kind and values, suggestions for unknown names, lists, durations."""
 
 import difflib
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 _NEARLY = 0.05
 _MOST = 20
@@ -11,6 +11,31 @@ _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0, "y"
 _TIME = re.compile(r"(?P<number>[\d.]+)\s*(?P<unit>[a-z]*)")
 _SPELLED = {"hour": "h", "day": "d", "week": "w", "year": "y", "minute": "min", "second": "s", "m": "min"}
 _LONGEST_S = 1000 * _SECONDS["y"]
+
+
+class Sentence(str):
+    """A text for a person that another language can also say: ``kind`` is which one it is, ``values`` what is in it.
+
+    It is a string as any other, in English; a value may be a sentence itself.
+    """
+
+    kind: str
+    values: Mapping[str, str]
+
+
+def sentence(kind: str, template: str, **values: object) -> Sentence:
+    """The template with these values in it; it need not use all of them: another language may want others."""
+    words = Sentence(template.format(**values))
+    words.kind, words.values = kind, {n: v if isinstance(v, Sentence) else str(v) for n, v in values.items()}
+    return words
+
+
+def joined(parts: Sequence[str], separator: str = "; ") -> Sentence:
+    """Sentences one after the other; ", and " for a list of names."""
+    words = Sentence(separator.join(parts) if separator == "; " else listed(parts))
+    words.kind = "joined"
+    words.values = {**{str(i): part for i, part in enumerate(parts)}, "separator": separator}
+    return words
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -31,6 +31,7 @@ from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import split_name
 from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalModel, ThermalState
 from monitor_core.samples import SampleBlock
+from monitor_core.wording import sentence
 
 Bools = NDArray[np.bool_]
 
@@ -230,7 +231,13 @@ class Operating:
         low, high = self.heat_range
         if Follow("", _HEAT, 0.0, 0.0, low, high).knows(self.thermal.heat):
             return ""
-        return f"heat = {self.thermal.heat:.3g}, friction known from {low:.3g} to {high:.3g}"
+        return sentence(
+            "heat",
+            "heat = {heat}, friction known from {low} to {high}",
+            heat=f"{self.thermal.heat:.3g}",
+            low=f"{low:.3g}",
+            high=f"{high:.3g}",
+        )
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]] | None:
         """What must be saved to carry on after a restart: arrays by name; None: nothing."""
@@ -265,7 +272,7 @@ class Operating:
             if not gate.open(np.array([value])).all():
                 yield _at(gate.signal, value)
         if c.min_speed > 0 and not speed >= c.min_speed:
-            yield f"slower than {c.min_speed:g} rad/s"
+            yield sentence("slow", "slower than {speed} rad/s", speed=f"{c.min_speed:g}")
         for follower in self._followers:
             yield from follower.reasons(s[np.newaxis], self._column)
         yield from _unknown(self._weight, s[np.newaxis], self._column)
@@ -300,7 +307,7 @@ class _Follower(NamedTuple):
             yield unknown[0]
             return
         if math.isnan(self.shift(s, column)[0]):
-            yield f"{self.name} would leave its bounds"
+            yield sentence("bounds", "{name} would leave its bounds", name=self.name)
 
 
 def _term(term: Term, s: Floats, column: Mapping[str, int]) -> Floats:
@@ -313,12 +320,19 @@ def _unknown(follows: Iterable[Follow], s: Floats, column: Mapping[str, int]) ->
     for follow in follows:
         at = _term(follow.term, s, column)
         if math.isnan(follow.change(at)[0]):
-            beyond = "" if math.isnan(at[0]) else f", beyond {follow.low:g} to {follow.high:g}"
-            yield _at(str(follow.term), at[0]) + beyond
+            found = _at(str(follow.term), at[0])
+            low, high = f"{follow.low:g}", f"{follow.high:g}"
+            yield (
+                found
+                if math.isnan(at[0])
+                else sentence("beyond", "{found}, beyond {low} to {high}", found=found, low=low, high=high)
+            )
 
 
 def _at(name: str, value: float) -> str:
-    return f"{name} is not known" if math.isnan(value) else f"{name} = {value:g}"
+    if math.isnan(value):
+        return sentence("not known", "{name} is not known", name=name)
+    return sentence("value", "{name} = {value}", name=name, value=f"{value:g}")
 
 
 def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:

@@ -16,6 +16,8 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Literal, NamedTuple
 
+from monitor_core.wording import sentence
+
 Priority = Literal["low", "medium", "high"]
 PRIORITIES: tuple[Priority, ...] = ("low", "medium", "high")
 
@@ -198,7 +200,10 @@ def _after(life: AlarmLife, event: AlarmEvent, until_us: int | None) -> AlarmLif
             return life._replace(returns_to=_HIDDEN[life.below, event])
     elif (state, event) in _SHOWN:
         return AlarmLife(_SHOWN[state, event])
-    raise AlarmTransitionError(f"not possible: {event}; the alarm is {state}: {_ADVICE[state]}")
+    words = "not possible: {event}; the alarm is {state}: {advice}"
+    raise AlarmTransitionError(
+        sentence("not possible", words, event=event, state=state, advice=_ADVICE[state])
+    )
 
 
 def check_shelf(until_us: int, now_us: int) -> None:

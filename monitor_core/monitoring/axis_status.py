@@ -12,6 +12,7 @@ from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import DetectorName
 from monitor_core.kernel.supervision import LOST, TAKES_PART
 from monitor_core.monitoring.not_tested import MIN_TESTED_MEMORIES, NotTested, Remedy
+from monitor_core.wording import sentence
 
 
 class Status(StrEnum):
@@ -163,14 +164,20 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
 def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """Why nothing is tested, where the nominal values do not allow it, and what would help."""
     return tuple(
-        f"{first} and {second} cannot be distinguished by the record of their nominal values: nothing is tested."
-        " Identify the axis with a record of several speeds and accelerations, or with `axiswatch identify --fix"
-        f" {second}`, which holds it at its value in the configuration"
+        sentence(
+            "unidentifiable",
+            "{first} and {second} cannot be distinguished by the record of their nominal values: nothing is tested."
+            " Identify the axis with a record of several speeds and accelerations, or with `axiswatch identify --fix"
+            " {second}`, which holds it at its value in the configuration",
+            first=first,
+            second=second,
+        )
         for first, second in pairs
     )
 
 
 def _words(names: Sequence[str]) -> str:
     if len(names) == 1:
-        return f"{names[0]} is not observed"
-    return f"{', '.join(names[:-1])} and {names[-1]} cannot be distinguished"
+        return sentence("not observed", "{name} is not observed", name=names[0])
+    first, last = ", ".join(names[:-1]), names[-1]
+    return sentence("alike", "{first} and {last} cannot be distinguished", first=first, last=last)

@@ -18,6 +18,7 @@ from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import Output
 from monitor_core.samples import SampleBlock, forward_fill
 from monitor_core.settings import Settings
+from monitor_core.wording import sentence
 
 RMS_SPEED = "rms speed"
 """Root mean square of the speed [rad/s]; no signal can have this name."""
@@ -130,4 +131,11 @@ class CalibratedRange:
         for column, r in self._ranges if self._last is not None else ():
             assert self._last is not None
             if not r.holds(self._last[column : column + 1]).all():
-                yield f"{r.condition} = {self._last[column]:.3g}, calibrated from {r.low:.3g} to {r.high:.3g}"
+                yield sentence(
+                    "not calibrated",
+                    "{name} = {value}, calibrated from {low} to {high}",
+                    name=r.condition,
+                    value=f"{self._last[column]:.3g}",
+                    low=f"{r.low:.3g}",
+                    high=f"{r.high:.3g}",
+                )

@@ -15,7 +15,7 @@ import can
 import can.interfaces
 from can.typechecking import CanFilter
 
-from monitor_core.wording import did_you_mean
+from monitor_core.wording import did_you_mean, sentence
 from service.can.frames import FrameFilter, FrameKey
 from service.can.user_errors import BusError
 
@@ -84,13 +84,15 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -
             raise OSError(errno.ENODEV, "no such device")
         return can.Bus(ignore_config=True, **options)
     except (can.CanInterfaceNotImplementedError, NotImplementedError) as error:
-        raise BusError(f"bus {config.name}: cannot use interface {config.interface} here: {error}") from None
+        words = "bus {bus}: cannot use interface {interface} here: {why}"
+        refusal = sentence("no interface", words, bus=config.name, interface=config.interface, why=error)
+        raise BusError(refusal) from None
     except OSError as error:
-        raise BusError(f"bus {config.name}: {_hint(config, error)}") from None
+        raise BusError(_refused(config, error)) from None
     except (can.CanError, ValueError, TypeError) as error:
         # The system error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
-        raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
+        raise BusError(_cannot_open(config, why)) from None
 
 
 def can_devices(devices: Path = Path("/sys/class/net")) -> list[str]:
@@ -173,18 +175,26 @@ def _filter(wanted: FrameFilter) -> CanFilter:
     return {"can_id": key.can_id & mask, "can_mask": mask, "extended": key.extended}
 
 
-def _hint(config: BusSettings, error: OSError) -> str:
+def _refused(config: BusSettings, error: OSError) -> str:
     code = error.errno if config.interface == "socketcan" else None
     if code == errno.ENODEV:
         there = can_devices()
-        return (
-            f"there is no network interface {config.channel}: "
-            + (did_you_mean(config.channel, there) + "; " if there else "")
-            + "connect the adapter, or for a virtual one run "
-            f"`ip link add dev {config.channel} type vcan && ip link set {config.channel} up`"
+        return sentence(
+            "no device",
+            "bus {bus}: there is no network interface {channel}: {hint}connect the adapter, or for a virtual one run"
+            " `ip link add dev {channel} type vcan && ip link set {channel} up`",
+            bus=config.name,
+            channel=config.channel,
+            hint=did_you_mean(config.channel, there) + "; " if there else "",
         )
-    reason = "this kernel has no CAN (modprobe can-raw)" if code == errno.EAFNOSUPPORT else error.strerror
-    return f"cannot open {_where(config)}: {reason or error}"
+    if code == errno.EAFNOSUPPORT:
+        return _cannot_open(config, sentence("no CAN", "this kernel has no CAN (modprobe can-raw)"))
+    return _cannot_open(config, error.strerror or str(error))
+
+
+def _cannot_open(config: BusSettings, why: str) -> str:
+    words = "bus {bus}: cannot open {where}: {why}"
+    return sentence("cannot open", words, bus=config.name, where=_where(config), why=why)
 
 
 def _where(config: BusSettings) -> str:

@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import can
 
+from monitor_core.wording import sentence
 from service.can.bus import BusSettings, open_bus
 from service.can.frames import NO_FRAMES, FrameBlock, FrameFilter, concatenate_frames
 from service.can.receivers import BLOCK_FRAMES, BLOCK_S, Receiver, reader_of, receiver_of
@@ -27,9 +28,11 @@ LONGEST_RETRY_S = 5.0
 _IFF_UP = 1
 _MOST_ERRORS = 100
 """Error frames, and no other, from which on a bus counts as down"""
-_ONLY_ERRORS = (
-    "down: nothing but error frames since the last data; are bit rate, cable and termination right?"
+_ONLY_ERRORS = sentence(
+    "only errors",
+    "down: nothing but error frames since the last data; are bit rate, cable and termination right?",
 )
+_GONE = sentence("interface gone", "down: the interface is gone; trying to open it again")
 
 
 class FrameQueue:
@@ -96,7 +99,7 @@ class CanReader:
         self._block_frames = min(BLOCK_FRAMES, config.queue_frames // 4)
         self._bus: can.BusABC | None = None
         self._receiver: Receiver | None = None
-        self._state = "down: not opened yet"
+        self._state: str = sentence("not opened", "down: not opened yet")
         self._frames = 0
         self._dropped = dict.fromkeys(READER_REASONS, 0)
         self._overflow_before = 0
@@ -119,7 +122,7 @@ class CanReader:
         self._receiver = receiver_of(self._bus)
         self._receiver.block_s = self._block_s
         self._overflow_before = self._dropped["kernel_overflow"]
-        self._state = "up" if self._interface_up() is not False else self._words("the interface is down")
+        self._state = "up" if self._interface_up() is not False else self._down()
 
     def start(self, arrived: Callable[[], object] = lambda: None) -> None:
         """Start reading, also after ``close``; ``arrived`` is called by the reader's thread when frames have come."""
@@ -134,7 +137,7 @@ class CanReader:
         if self._thread is not None:
             self._thread.join()
         self._close_bus()
-        self._state = "closed"
+        self._state = sentence("closed", "closed")
 
     def take(self, most: int = 4096) -> FrameBlock:
         """About ``most`` of the waiting frames, oldest first; empty when there are none."""
@@ -159,7 +162,9 @@ class CanReader:
                 self.turns += 1
         finally:
             self._state = (
-                "closed" if self._stop.is_set() else "down: the reader has stopped, which is a fault"
+                sentence("closed", "closed")
+                if self._stop.is_set()
+                else sentence("reader stopped", "down: the reader has stopped, which is a fault")
             )
 
     def _read(self, receiver: Receiver) -> None:
@@ -185,11 +190,13 @@ class CanReader:
     def _fault(self, error: Exception) -> None:
         code = getattr(error, "error_code", None) or getattr(error, "errno", None)
         if code == errno.ENETDOWN:  # the socket stays valid and works again when the interface is up
-            self._state = self._words("the interface is down")
+            self._state = self._down()
             return
         self._close_bus()
-        gone = "the interface is gone" if code in (errno.ENODEV, errno.ENXIO) else str(error)
-        self._state = f"down: {gone}; trying to open it again"
+        gone = code in (errno.ENODEV, errno.ENXIO)
+        self._state = (
+            _GONE if gone else sentence("bus fault", "down: {why}; trying to open it again", why=error)
+        )
 
     def _look_again(self) -> None:
         """While the bus is down: check whether it is back, its interface under the same socket or a new one."""
@@ -198,14 +205,14 @@ class CanReader:
             self._state = "up" if self._errors < _MOST_ERRORS else _ONLY_ERRORS
         elif up is None:
             self._close_bus()
-            self._state = "down: the interface is gone; trying to open it again"
+            self._state = _GONE
 
     def _reopen(self) -> None:
         try:
             self.open()
             self._retry_s = _RETRY_S
         except BusError as error:
-            self._state = f"down: {error}"
+            self._state = sentence("down", "down: {why}", why=error.args[0])
             self._stop.wait(self._retry_s)
             self._retry_s = min(2 * self._retry_s, LONGEST_RETRY_S)
 
@@ -219,8 +226,9 @@ class CanReader:
             return None
         return bool(int(flags, 16) & _IFF_UP)
 
-    def _words(self, what: str) -> str:
-        return f"down: {what}; bring it up with `ip link set {self._config.channel} up`"
+    def _down(self) -> str:
+        words = "down: the interface is down; bring it up with `ip link set {channel} up`"
+        return sentence("interface down", words, channel=self._config.channel)
 
     def _close_bus(self) -> None:
         bus, self._bus, self._receiver = self._bus, None, None

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import structlog
 
+from monitor_core.wording import sentence
 from service.can.bus import blf_channels
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError
@@ -251,8 +252,9 @@ class _State(NamedTuple):
     def problems(self, snapshot: Snapshot) -> dict[str, str | None]:
         """Why its files cannot be written now, by their names."""
         waiting = snapshot.alarms.waiting
+        words = sentence("alarms wait", "{alarms} alarms are not recorded yet", alarms=waiting)
         return {
-            ALARMS_FILE: f"{waiting} alarms are not recorded yet" if waiting else None,
+            ALARMS_FILE: words if waiting else None,
             CHECKPOINTS_FILE: self.saver.problem,
             HISTORY_FILE: snapshot.history.problem,
         }

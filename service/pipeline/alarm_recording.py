@@ -10,6 +10,7 @@ import structlog
 
 from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.monitoring import AlarmLife, AlarmRules, AxisMonitor, due, returns_us
+from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.pipeline.wall_clock import WallClock
 from service.store.alarm_statistics import StateCount
@@ -240,9 +241,14 @@ class Alarms:
         except StoreError as error:
             self._next_try = self._clock() + RETRY_S
             if new := [change for change in changes if change.key not in self._refused]:
-                log.error("alarms cannot be recorded", reason=str(error), alarms=_words(new))
+                log.error("alarms cannot be recorded", reason=str(error), alarms=f"alarm of {_names(new)}")
                 self._refused |= {change.key for change in new}
-            self.problem = f"{_words(changes)}: cannot be recorded yet, is tried again: {error}"
+            self.problem = sentence(
+                "alarm not recorded",
+                "alarm of {alarms}: cannot be recorded yet, is tried again: {why}",
+                alarms=_names(changes),
+                why=error,
+            )
             return
         self._waiting.clear()
         self._refused.clear()
@@ -314,6 +320,6 @@ def _onset(e: Alarm) -> dict[str, str]:
     return {name: iso(t_us) for name, t_us in times.items() if t_us is not None}
 
 
-def _words(changes: Iterable[AxisAlarm]) -> str:
+def _names(changes: Iterable[AxisAlarm]) -> str:
     names = (f"{c.axis_id} {c.alarm.parameter} {c.alarm.direction}" for c in changes)
-    return f"alarm of {', '.join(dict.fromkeys(names))}"
+    return ", ".join(dict.fromkeys(names))

@@ -22,6 +22,7 @@ from monitor_core.monitoring import (
 )
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
+from monitor_core.wording import joined, sentence
 from service.can.frames import FrameBlock
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings, detectors_of, monitored_model
@@ -197,7 +198,8 @@ class AxisMonitors:
         calibrated, warm_up = self._calibrated.get(axis_id), self._warm_ups.get(axis_id)
         outside = () if calibrated is None else calibrated.outside
         if axis_id in self._widening and warm_up is not None and warm_up.widened:
-            return (*outside, f"{warm_up.widened}: tested with a wider allowance")
+            wider = sentence("wider", "{why}: tested with a wider allowance", why=warm_up.widened)
+            return (*outside, wider)
         return outside
 
     def dropped(self, axis_id: str) -> Mapping[str, int]:
@@ -222,7 +224,7 @@ class AxisMonitors:
         operating = self._operating.get(axis_id)
         reason = operating.reason if operating else ""
         outside = self.outside_calibration(axis_id) if axis_id in self._waiting else ()
-        return reason or "; ".join(outside)
+        return reason or joined(outside)
 
     @property
     def batch_sizes(self) -> list[int]:

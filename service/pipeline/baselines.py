@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeVar
 import structlog
 
 from monitor_core.trend import PARTS, Learned, LearningWindow, WindowError
-from monitor_core.wording import duration
+from monitor_core.wording import duration, sentence
 from service.config import NamedAxis
 from service.config.axis_settings import axis_settings, monitored_model
 from service.config.epoch_values import (
@@ -85,21 +85,37 @@ def at_start(configured: Sequence[NamedAxis], epochs: Epochs, now_us: int) -> At
         if epoch.source == "configuration":
             if epoch.number > 1 and epoch.began_us == now_us:
                 messages.append(
-                    f"{axis.id}: the configuration was changed since epoch {epoch.number - 1} began: it is used, as"
-                    f" epoch {epoch.number}; axiswatch baseline restore {axis.id} {epoch.number - 1} takes that back"
+                    sentence(
+                        "configuration changed",
+                        "{axis}: the configuration was changed since epoch {before} began: it is used, as epoch"
+                        " {epoch}; axiswatch baseline restore {axis} {before} takes that back",
+                        axis=axis.id,
+                        before=epoch.number - 1,
+                        epoch=epoch.number,
+                    )
                 )
             axes.append(axis._replace(epoch=epoch.number))
             continue
         try:
             axes.append(with_epoch(axis, epoch.content, epoch.number))
             messages.append(
-                f"{axis.id}: the nominal values of epoch {epoch.number} are in force, not those of the configuration"
+                sentence(
+                    "epoch in force",
+                    "{axis}: the nominal values of epoch {epoch} are in force, not those of the configuration",
+                    axis=axis.id,
+                    epoch=epoch.number,
+                )
             )
         except EpochValuesError as error:
             found[axis.id] = new = epochs.refused_at_start(as_configured[axis.id], now_us)
             axes.append(axis._replace(epoch=new.number))
             messages.append(
-                f"epoch {epoch.number} does not fit the configuration any more, which is used: {error}"
+                sentence(
+                    "epoch does not fit",
+                    "epoch {epoch} does not fit the configuration any more, which is used: {why}",
+                    epoch=epoch.number,
+                    why=error,
+                )
             )
     return AtStart(tuple(axes), found, tuple(messages))
 
@@ -135,7 +151,8 @@ def begun_again(monitors: AxisMonitors) -> Iterable[str]:
     """Messages about the windows of ``resume`` of which nothing could be restored."""
     for axis_id, epoch in monitors.epochs.items():
         if epoch.learning is not None and not epoch.learning.window.done_s:
-            yield f"{axis_id}: the learning window of epoch {epoch.learning.number} begins again"
+            words = "{axis}: the learning window of epoch {epoch} begins again"
+            yield sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
 
 
 class Baselines:

@@ -13,7 +13,7 @@ from monitor_core.detection import Alarm
 from monitor_core.drive import Operating
 from monitor_core.monitoring import Arrays, AxisMonitor
 from monitor_core.trend import SlowHistory
-from monitor_core.wording import listed
+from monitor_core.wording import joined, sentence
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.epoch_progress import EpochProgress
@@ -122,7 +122,9 @@ class Checkpointer:
         except StoreError as error:
             if self.problem is None:
                 log.error("checkpoint failed; it is tried again", reason=str(error))
-            self.problem = f"the state of the monitors cannot be saved: {error}"
+            self.problem = sentence(
+                "not saved", "the state of the monitors cannot be saved: {why}", why=error
+            )
             return
         if self.problem is not None:
             log.info("checkpoints are saved again")
@@ -142,11 +144,11 @@ class Checkpointer:
 
 
 PART_NAMES: Mapping[Part, str] = {
-    "estimates": "the estimates",
-    "multimodel": "the evidence of the multi-model detector",
-    "thermal": "the warm-up state",
-    "learning": "the learning window",
-    "history": "the long-term history",
+    "estimates": sentence("part estimates", "the estimates"),
+    "multimodel": sentence("part evidence", "the evidence of the multi-model detector"),
+    "thermal": sentence("part warmth", "the warm-up state"),
+    "learning": sentence("part window", "the learning window"),
+    "history": sentence("part history", "the long-term history"),
 }
 
 
@@ -192,7 +194,7 @@ class _Loader:
         try:
             restore(dict(arrays))
         except (KeyError, ValueError) as error:
-            reason = f"it does not fit this version ({error})"
+            reason = sentence("version", "it does not fit this version ({why})", why=error)
             self._checkpoints.quarantine(name, reason, self._now_us)
             self.losses.append(at._replace(reason=reason))
             return False
@@ -261,7 +263,8 @@ def _restore_history(history: SlowHistory, gathered: Floats, arrays: Arrays) -> 
 
 def _close_unmonitored(axis_id: str, monitor: AxisMonitor, journal: Journal, now_us: int) -> list[str]:
     ended = journal.close_unmonitored(axis_id, monitor.causes, now_us)
-    return [f"{axis_id}: the alarm of {a.parameter} was ended: that is no longer monitored" for a in ended]
+    words = "{axis}: the alarm of {name} was ended: that is no longer monitored"
+    return [sentence("unmonitored", words, axis=axis_id, name=a.parameter) for a in ended]
 
 
 def _adopt(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journal: Journal) -> list[Alarm]:
@@ -281,7 +284,8 @@ def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
 def _removed_axes(configured: Collection[str], journal: Journal) -> list[str]:
     alarms, _ = journal.query(active=True, limit=1000)
     removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in configured)
-    return [f"{axis} is no longer configured, but has open alarms in the journal" for axis in removed]
+    words = "{axis} is no longer configured, but has open alarms in the journal"
+    return [sentence("not configured", words, axis=axis) for axis in removed]
 
 
 # --- report ---------------------------------------------------------------------------------------------
@@ -293,20 +297,31 @@ def loss_messages(losses: Iterable[Loss]) -> Iterator[str]:
     for loss in losses:
         by_axis.setdefault(loss.axis_id, []).append(loss)
     for axis_id, lost in by_axis.items():
-        share = "" if "estimates" in {loss.part for loss in lost} else "part of "
         by_reason: dict[str, list[Loss]] = {}
         for loss in lost:
             by_reason.setdefault(loss.reason, []).append(loss)
-        reasons = "; ".join(f"{reason} (restarted: {_parts(found)})" for reason, found in by_reason.items())
-        yield f"{axis_id}: {share}its checkpoint is not used and was quarantined: {reasons}"
+        reasons = [
+            sentence("lost", "{why} (restarted: {parts})", why=reason, parts=_parts(found))
+            for reason, found in by_reason.items()
+        ]
+        why = joined(reasons)
+        if "estimates" in {loss.part for loss in lost}:
+            words = "{axis}: its checkpoint is not used and was quarantined: {why}"
+            yield sentence("not used", words, axis=axis_id, why=why)
+        else:
+            words = "{axis}: part of its checkpoint is not used and was quarantined: {why}"
+            yield sentence("part not used", words, axis=axis_id, why=why)
 
 
 def _parts(losses: list[Loss]) -> str:
     """The estimates, the evidence of .. and the long-term history of kT and fm."""
-    found = []
+    found = list[str]()
     for part, name in PART_NAMES.items():
         of_part = [loss for loss in losses if loss.part == part]
         parameters = list(dict.fromkeys(loss.parameter for loss in of_part if loss.parameter))
         if of_part:
-            found.append(f"{name} of {listed(parameters)}" if parameters else name)
-    return listed(found)
+            names = joined(parameters, ", and ")
+            found.append(
+                sentence("part of", "{part} of {names}", part=name, names=names) if parameters else name
+            )
+    return joined(found, ", and ")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import structlog
 
 from monitor_core.monitoring import AxisStatus, NotTested, Observation, ParameterStatus, Status
+from monitor_core.wording import sentence
 from service.store.database import StoreError
 from service.store.history_store import HistoryStore, Point, Series
 
@@ -192,7 +193,9 @@ class HistoryRecording:
             self._next_try = -math.inf
             self.write()
         except Exception:
-            self._problem = "the history is no longer written: an internal fault, see the log"
+            self._problem = sentence(
+                "history failed", "the history is no longer written: an internal fault, see the log"
+            )
             log.critical("the history has failed; monitoring goes on", exc_info=True)
 
     def _opened(self) -> HistoryStore:
@@ -207,7 +210,9 @@ class HistoryRecording:
         self._next_try = self._clock() + RETRY_S
         if self._problem is None:
             log.error("the history cannot be written; it is tried again", reason=str(error))
-        self._problem = f"the history cannot be written yet, is tried again: {error}"
+        self._problem = sentence(
+            "history not written", "the history cannot be written yet, is tried again: {why}", why=error
+        )
         if error.is_damage and self.store is not None:
             damaged, self.store = self.store, None  # opened again, it is quarantined
             damaged.close()

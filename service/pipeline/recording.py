@@ -18,6 +18,7 @@ from pathlib import Path
 
 import structlog
 
+from monitor_core.wording import sentence
 from service.can.frame_recorder import FrameRecorder, write_blf
 from service.can.frames import FrameBlock
 from service.can.user_errors import RecordError
@@ -289,7 +290,9 @@ class Extracts:
                 return True
             if self.problem is None:
                 log.error("frames around an alarm are not recorded", reason=str(error))
-            self.problem = f"frames around an alarm are not recorded yet: {error}"
+            self.problem = sentence(
+                "frames not recorded", "frames around an alarm are not recorded yet: {why}", why=error
+            )
             return False
         if not extract.asked:
             self.problem = None
@@ -325,7 +328,7 @@ class Recording:
         try:
             self._recorder.write(bus, frames)
         except RecordError as error:
-            self._ended = f"recording has ended: {error}"
+            self._ended = sentence("recording ended", "recording has ended: {why}", why=error)
             log.error("recording has ended", reason=str(error))
 
     def follow(self, changes: Iterable[AxisAlarm]) -> None:

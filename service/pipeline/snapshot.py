@@ -8,6 +8,7 @@ from monitor_core.drive import AxisModel
 from monitor_core.modeling import FlatComponent
 from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
 from monitor_core.settings import Settings
+from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
@@ -150,7 +151,8 @@ def out_of_service(axes: Iterable[AxisSnapshot]) -> Iterator[str]:
     """That axes are out of service, for the operator: it must not be forgotten."""
     found = [f"{a.id} ({a.out_of_service.who})" for a in axes if a.out_of_service is not None]
     if found:
-        yield f"out of service, with alarms that are recorded but not announced: {', '.join(found)}"
+        words = "out of service, with alarms that are recorded but not announced: {axes}"
+        yield sentence("out of service", words, axes=", ".join(found))
 
 
 # --- How they are made: status of the monitor, alarms as they are shown ---------------------------------------------

@@ -5,7 +5,7 @@ from time import monotonic
 
 import structlog
 
-from monitor_core.wording import duration
+from monitor_core.wording import duration, sentence
 from service.texts import iso, now_us
 
 _STEP_US = 1_000_000
@@ -43,8 +43,13 @@ class WallClock:
     def _was_set(self, step_us: int, now: int) -> None:
         self.set_by_us += step_us
         way = "back" if step_us < 0 else "forward"
-        self.message = (
-            f"the clock of this machine was set {way} by {duration(abs(step_us) * 1e-6)}; {iso(now)} is the first time"
-            " after it. An alarm of before ends so long after it was raised as it has lasted"
+        self.message = sentence(
+            "clock set back" if step_us < 0 else "clock set forward",
+            "the clock of this machine was set {way} by {by}; {at} is the first time after it. An alarm of before ends"
+            " so long after it was raised as it has lasted",
+            way=way,
+            by=duration(abs(step_us) * 1e-6),
+            by_s=abs(step_us) * 1e-6,
+            at=iso(now),
         )
         log.warning("the clock was set", by_s=step_us * 1e-6, now=iso(now))

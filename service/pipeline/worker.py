@@ -16,6 +16,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import structlog
 
 from monitor_core.monitoring import AlarmRules
+from monitor_core.wording import sentence
 from service.can.bus_reader import ReaderStats
 from service.can.frames import FrameBlock
 from service.can.receivers import BLOCK_S
@@ -44,9 +45,10 @@ JUDGE_S = 0.1
 MOST_DEFERRED = 100_000
 """Samples that may wait for the multi-model detectors, some seconds of computation; then frames wait, too."""
 
-COMPILING = "the numeric kernel is being compiled; frames wait until it is ready"
-COMPILING_MULTIMODEL = (
-    "the multi-model detector's kernel is being compiled; its samples wait until it is ready"
+COMPILING = sentence("compiling", "the numeric kernel is being compiled; frames wait until it is ready")
+COMPILING_MULTIMODEL = sentence(
+    "compiling multimodel",
+    "the multi-model detector's kernel is being compiled; its samples wait until it is ready",
 )
 
 log = structlog.get_logger(__name__)

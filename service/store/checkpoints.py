@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.wording import sentence
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -144,21 +145,27 @@ def _checksum(axis: str, key: bytes, at_us: int, data: bytes) -> bytes:
 def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
     axis, saved_key, at_us, data, checksum = row
     if checksum != _checksum(axis, saved_key, at_us, data):
-        return QuarantinedCheckpoint("it is damaged (its checksum does not fit)")
+        return QuarantinedCheckpoint(sentence("damaged", "it is damaged (its checksum does not fit)"))
     if (before := _epoch(saved_key)) != (now := _epoch(key.encode())):
-        return QuarantinedCheckpoint(f"it belongs to {before}, not to {now}")
+        return QuarantinedCheckpoint(
+            sentence("other epoch", "it belongs to {before}, not to {now}", before=before, now=now)
+        )
     if saved_key != key.encode():
-        return QuarantinedCheckpoint("it was saved with another model, other parameters or other settings")
+        return QuarantinedCheckpoint(
+            sentence("other settings", "it was saved with another model, other parameters or other settings")
+        )
     try:
         return Checkpoint(at_us, unpack(data))
     except UnreadableError as error:
-        return QuarantinedCheckpoint(f"it cannot be read ({error})")
+        return QuarantinedCheckpoint(sentence("unreadable", "it cannot be read ({why})", why=error))
 
 
 def _epoch(key: bytes) -> str:
     """What the nominal values of a state belong to."""
     found = _EPOCH.match(key)
-    return f"epoch {int(found[1])}" if found else "the configuration"
+    if found is None:
+        return sentence("the configuration", "the configuration")
+    return sentence("epoch", "epoch {number}", number=int(found[1]))
 
 
 def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:

@@ -12,6 +12,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
+from monitor_core.wording import sentence
+
 Synchronous = Literal["FULL", "NORMAL"]
 """FULL: a commit outlives a power failure.  NORMAL: it outlives the process; about eight times as fast."""
 
@@ -74,7 +76,7 @@ class Database:
             try:
                 return _opened(self.path, migrations, synchronous)
             except _DamagedError as error:
-                self.messages = (str(error),)
+                self.messages = error.args
                 return _opened(self.path, migrations, synchronous)
 
     @contextmanager
@@ -202,7 +204,13 @@ def _quarantine(path: Path, error: BaseException) -> _DamagedError:
         if companion.exists():
             companion.rename(quarantined.with_name(quarantined.name + suffix))
     return _DamagedError(
-        f"{path} is damaged ({error}); it is kept as {quarantined.name}, and a new file has been started"
+        sentence(
+            "file damaged",
+            "{path} is damaged ({why}); it is kept as {name}, and a new file has been started",
+            path=path,
+            why=error,
+            name=quarantined.name,
+        )
     )
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 from fastapi import Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from monitor_core.wording import sentence
 from service.store.tokens import ANYONE, LOCAL, Caller, Scope, TokenFile
 
 __all__ = ["Access", "Caller", "ForbiddenError", "Scope", "UnprotectedError", "needs"]
@@ -40,9 +41,8 @@ def needs(scope: Scope) -> Callable[..., str]:
     ) -> str:
         caller: Caller = request.state.caller  # set by the gate, which every request passes
         if scope not in caller.scopes:
-            raise ForbiddenError(
-                f"this needs a token with the scope {scope}; that of {caller.name} is smaller"
-            )
+            words = "this needs a token with the scope {scope}; that of {name} is smaller"
+            raise ForbiddenError(sentence("scope", words, scope=scope, name=caller.name))
         return caller.name
 
     return who
@@ -112,11 +112,16 @@ class Access:
         if not self._remote or (self._tls and self.needs_token):
             return None
         if not self.needs_token:
-            return (
+            words = (
                 "insecure: everyone whose machine reaches this address may read and operate, without a token"
-                f"{'' if self._tls else '; what is sent can be read and changed on the way (no TLS)'}"
             )
-        return "insecure: what is sent, tokens too, can be read and changed on the way (no TLS)"
+            if self._tls:
+                return sentence("no token", words)
+            more = "; what is sent can be read and changed on the way (no TLS)"
+            return sentence("no token, no TLS", words + more)
+        return sentence(
+            "no TLS", "insecure: what is sent, tokens too, can be read and changed on the way (no TLS)"
+        )
 
 
 def _unprotected(has_tokens: bool, tls: bool) -> str:

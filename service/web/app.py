@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, FastAPI, Header, Query, Request, Response
+from fastapi import Path as PathParameter
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse
 from starlette.exceptions import HTTPException
@@ -68,7 +69,7 @@ def create_app(state: AppState) -> FastAPI:
     app.include_router(_pages())
     if state.reports is not None:
         app.include_router(report_router(state.reports))
-    app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))
+    app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))  # behind the icons of the pages
     app.add_middleware(EntityTags)
     app.add_middleware(Gate, access=state.access)
     _describe_webhook(app)
@@ -190,7 +191,22 @@ def _pages() -> APIRouter:
     def docs() -> Response:
         return _page("docs.html")
 
+    @pages.get("/static/icon-{number}.svg")
+    def numbered_icon(number: Annotated[str, PathParameter(pattern=r"^([1-9]|9\+)$")]) -> Response:
+        """The icon with a number of alarms; the policy of the daemon forbids one that the page would draw."""
+        icon = STATIC / "icon.svg"
+        if not icon.is_file():
+            return _page(icon.name)
+        drawn = icon.read_text(encoding="utf-8").replace("</svg>", _NUMBER.format(number=number) + "</svg>")
+        return Response(drawn, media_type="image/svg+xml")
+
     return pages
+
+
+_NUMBER = (
+    '<circle cx="22" cy="10" r="10" fill="#c8102e"/><text x="22" y="15" font-family="sans-serif" font-size="14"'
+    ' font-weight="700" fill="#fff" text-anchor="middle">{number}</text>'
+)
 
 
 def _page(name: str) -> Response:
@@ -231,11 +247,11 @@ def _answer_errors(app: FastAPI) -> None:
 
     @app.exception_handler(ForbiddenError)
     async def not_allowed(_: Request, error: ForbiddenError) -> JSONResponse:
-        return answer(403, str(error))
+        return answer(403, error.args[0])
 
     @app.exception_handler(AlarmTransitionError)
     async def not_possible(_: Request, error: AlarmTransitionError) -> JSONResponse:
-        return answer(409, str(error))
+        return answer(409, error.args[0])
 
     @app.exception_handler(ShelfEndError)
     async def no_such_time(_: Request, error: ShelfEndError) -> JSONResponse:

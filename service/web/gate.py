@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from monitor_core.wording import sentence
 from service.store.database import StoreError
 from service.store.tokens import NOBODY, Caller
 from service.store.tokens import Scope as Role
@@ -204,14 +205,16 @@ def _secret(headers: Headers, path: str) -> str | None:
     return cookie_parser(headers.get("cookie", "")).get(COOKIE) if path.startswith(REPORTS) else None
 
 
+_NOT_KNOWN = sentence("token not known", "this token is not known, or was revoked")
+_NO_TOKEN = sentence(
+    "token needed", "this needs a token, as `axiswatch token new` makes it: Authorization: Bearer TOKEN"
+)
+
+
 def _unknown(headers: Headers) -> JSONResponse:
     given = "authorization" in headers
     error = ', error="invalid_token"' if given else ""
-    detail = (
-        "this token is not known, or was revoked"
-        if given
-        else "this needs a token, as `axiswatch token new` makes it: Authorization: Bearer TOKEN"
-    )
+    detail = _NOT_KNOWN if given else _NO_TOKEN
     return answer(401, detail, headers={"WWW-Authenticate": f'Bearer realm="axiswatch"{error}'})
 
 

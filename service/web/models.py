@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Annotated, Literal, Self
 
@@ -15,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from monitor_core import wording
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, NotTested, Observation, Priority, Status
 from service.store.history_store import Resolution
@@ -72,6 +74,26 @@ class Body(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, from_attributes=True)
 
+
+class Sentence(Body):
+    """A text for a person, with what another language needs to say it."""
+
+    words: str = Field(description="the text, in English, as it stands in other fields")
+    kind: str = Field(description="which sentence it is; joined: its values, one after the other")
+    values: "dict[str, str | Sentence]" = Field(description="what is in it")
+
+
+def sentences(texts: Iterable[str | None]) -> list[dict[str, object]]:
+    """Fields of models.Sentence of those texts that are sentences of a kind, each once."""
+    return [_sentence(text) for text in dict.fromkeys(texts) if isinstance(text, wording.Sentence)]
+
+
+def _sentence(text: wording.Sentence) -> dict[str, object]:
+    values = {name: _sentence(v) if isinstance(v, wording.Sentence) else v for name, v in text.values.items()}
+    return {"words": text, "kind": text.kind, "values": values}
+
+
+SENTENCES = "the texts above that are sentences of a kind: with it, so that another language can say them"
 
 # --- Axes: estimates, model, state -----------------------------------------------------------------------------------
 
@@ -244,6 +266,7 @@ class Axis(Body):
         description="null: its alarms are announced; see /api/v1/axes/{axis}/service"
     )
     model: Model
+    sentences: list[Sentence] = Field(description=SENTENCES)
 
 
 class ParameterState(Body):
@@ -692,6 +715,7 @@ class Service(Body):
     insecure: str | None = Field(
         description="why the daemon is not protected where other machines reach it; null: it is"
     )
+    sentences: list[Sentence] = Field(description=SENTENCES)
 
 
 class Health(Body):
@@ -729,4 +753,5 @@ class Problem(Body):
     title: str = Field(description="name of the status")
     status: int = Field(description="the HTTP status")
     detail: str = Field(description="what is wrong, and what would be right")
+    sentences: list[Sentence] = Field(default=[], description=SENTENCES)
     known: list[str] = Field(default=[], description="existing resources")

@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
-from service.web.models import Problem
+from service.web.models import Problem, Sentence, sentences
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -25,7 +25,8 @@ def answer(
 ) -> JSONResponse:
     """The answer to a request that has failed."""
     title = HTTPStatus(status).phrase
-    problem = Problem(title=title, status=status, detail=detail, known=list(known))
+    own = [Sentence.model_validate(found) for found in sentences((detail,))]
+    problem = Problem(title=title, status=status, detail=detail, sentences=own, known=list(known))
     return JSONResponse(problem.model_dump(), status_code=status, headers=headers, media_type=MEDIA_TYPE)
 
 
@@ -72,7 +73,9 @@ def add_to_schema(app: FastAPI) -> None:
 
     def openapi() -> dict[str, Any]:
         schema = described_alone()
-        schema["components"]["schemas"][Problem.__name__] = Problem.model_json_schema()
+        problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+        problem.pop("$defs")  # they stand among the others
+        schema["components"]["schemas"][Problem.__name__] = problem
         operations = (operation for path in schema["paths"].values() for operation in path.items())
         for unused in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(unused, None)

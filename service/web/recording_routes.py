@@ -9,6 +9,7 @@ from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
 from starlette.exceptions import HTTPException
 
+from monitor_core.wording import sentence
 from service.can.user_errors import RecordError
 from service.pipeline.recording import Extracts
 from service.web import models
@@ -36,7 +37,7 @@ def router(extracts: Extracts | None) -> APIRouter:
     def record(_who: Annotated[str, Depends(needs(Scope.OPERATE))]) -> models.Recording:
         """Write the raw frames of the last minutes, as they are kept for an alarm, to a file."""
         if extracts is None:
-            raise HTTPException(503, "recordings_mb in [service] is 0: no frames are kept")
+            raise HTTPException(503, NO_FRAMES_KEPT)
         try:
             return _body(extracts.request().result(_WAIT_S))
         except RecordError as error:
@@ -58,6 +59,9 @@ def router(extracts: Extracts | None) -> APIRouter:
         return FileResponse(file, media_type=kind, filename=file.name)
 
     return api
+
+
+NO_FRAMES_KEPT = sentence("no frames kept", "recordings_mb in [service] is 0: no frames are kept")
 
 
 def _body(file: Path) -> models.Recording:

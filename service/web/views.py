@@ -9,6 +9,7 @@ from pydantic_core import to_json
 from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
+from monitor_core.wording import sentence
 from service.pipeline.alarm_recording import NOT_RECORDED
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
@@ -96,6 +97,7 @@ def _axis(a: AxisSnapshot, now_us: int) -> dict[str, object]:
             "output": a.output,
             "nominal": [{"name": n, "value": value, "unit": unit} for n, (value, unit) in a.nominal.items()],
         },
+        "sentences": models.sentences((*status.confounded, *a.outside_calibration, a.gated_by)),
     }
 
 
@@ -217,9 +219,12 @@ def service(
 ) -> models.Service:
     """The daemon itself; the address of the report of its commissioning; why it is not protected; its links."""
     reasons = list(reasons_not_ready(snapshot, now_us))
+    down = (sentence("link", "link {name}: {why}", name=n.name, why=n.problem) for n in links if n.problem)
+    messages = [*snapshot.messages, *down]
     own = {
         "links": list(links),
-        "messages": [*snapshot.messages, *(f"link {n.name}: {n.problem}" for n in links if n.problem)],
+        "messages": messages,
+        "sentences": models.sentences((*messages, *(bus.state for bus in snapshot.buses), insecure)),
         "version": VERSION,
         "ready": not reasons,
         "reasons": [reason.words for reason in reasons],

@@ -61,6 +61,7 @@ def test_from_the_overview_to_what_is_to_be_done(page: Page, stage: Stage, fm_al
         "97.0 %",
         "would look the same: ka",
         "Acknowledge it",
+        "from −0.6 s to +0.2 s with a probability of 90 %",
         "fm (viscous friction of the motor)",
         "step",
     ):
@@ -192,7 +193,54 @@ def test_what_is_refused_is_said_in_the_form_and_an_ended_alarm_gets_a_comment(
     page.get_by_role("button", name="Comment").click()
     form = page.get_by_role("dialog", name="Comment: demo.axis1 fm ▲ up")
     form.get_by_role("button", name="Comment").click()
-    expect(form.get_by_role("alert")).to_contain_text("give comment, work_order or both")
+    expect(form.get_by_role("alert")).to_contain_text("Give a comment, a work order or both.")
     form.get_by_label("Work order").fill("WO-18")
     form.get_by_role("button", name="Comment").click()
     expect(page.get_by_role("table", name="What has happened to it")).to_contain_text("work order WO-18")
+
+
+def test_the_oldest_alarm_can_be_reached(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
+    """A page has a hundred; each older one begins where the one before has ended."""
+    for k in range(250):
+        at_us = fm_alarm.raised_us - 60_000_000 * (250 - k)
+        ended = replace(
+            fm_alarm, onset_us=at_us, raised_us=at_us, updated_us=at_us, ended_us=at_us + 1, past=()
+        )
+        stage.record(f"demo.axis{1 + k % 2}", "N m s/rad", 0.06, ended)
+    page.goto("/#/alarms")
+    page.get_by_role("button", name="ended").click()
+    newer, older = (page.get_by_role("button", name=f"{which} alarms") for which in ("Newer", "Older"))
+    for words in ("1 to 100 of 250", "101 to 200 of 250", "201 to 250 of 250"):
+        expect(page.get_by_text(words)).to_be_visible()
+        if not words.startswith("201"):
+            older.press("Enter")
+    expect(older).to_be_disabled()
+    expect(older).to_be_focused()
+    expect(alarm_row(page, 50).get_by_role("link", name="fm")).to_have_attribute("href", "#/alarms/1")
+    newer.click()
+    expect(page.get_by_text("101 to 200 of 250")).to_be_visible()
+    page.get_by_role("button", name="all", exact=True).click()
+    expect(page.get_by_text("1 to 100 of 250")).to_be_visible()
+
+
+def test_after_a_form_the_keyboard_goes_on_where_it_was(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
+    stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto("/#/alarms")
+    row = alarm_row(page)
+    button = row.get_by_role("button", name="Acknowledge")
+    for end in ("Escape", "Cancel"):
+        button.focus()
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("dialog").get_by_label("Comment")).to_be_visible()
+        if end == "Escape":
+            page.keyboard.press("Escape")
+        else:
+            page.get_by_role("dialog").get_by_role("button", name="Cancel").press("Enter")
+        expect(page.get_by_role("dialog")).to_have_count(0)
+        expect(button).to_be_focused()
+    page.keyboard.press("Enter")
+    page.get_by_role("dialog").get_by_role("button", name="Acknowledge").press("Enter")
+    expect(button).to_have_count(0)
+    expect(row.get_by_role("button", name="Shelve")).to_be_focused()
+    page.get_by_role("button", name="unacknowledged").click()
+    expect(page.get_by_text("No alarm in this list.")).to_be_visible()

@@ -77,7 +77,8 @@ def test_ipv6_where_there_is_any() -> None:
 # --- static files -------------------------------------------------------------------------------------------
 
 
-FILES = ["/", "/docs", *(f"/static/{path.name}" for path in sorted(STATIC.glob("*")))]
+ICONS = [f"/static/icon-{number}.svg" for number in (*range(1, 10), "9+")]
+FILES = ["/", "/docs", *(f"/static/{path.name}" for path in sorted(STATIC.glob("*"))), *ICONS]
 
 
 def test_pages_forbid_what_they_do_not_need(client: TestClient) -> None:
@@ -88,6 +89,14 @@ def test_pages_forbid_what_they_do_not_need(client: TestClient) -> None:
         assert answer.headers["x-content-type-options"] == "nosniff", path
         hosts = set(re.findall(r"(\w+://[^/\s\"'`]+)", answer.text))
         assert hosts <= {"http://www.w3.org"}, path  # names of the languages of the page, which nobody asks
+
+
+def test_the_icon_has_the_number_of_alarms(client: TestClient) -> None:
+    for path, words in zip(ICONS, [*"123456789", "9+"], strict=True):
+        answer = client.get(path)
+        assert answer.headers["content-type"] == "image/svg+xml"
+        assert f'text-anchor="middle">{words}</text></svg>' in answer.text
+    assert client.get("/static/icon-10.svg").status_code == 422
 
 
 def test_no_file_outside_is_served(client: TestClient) -> None:

@@ -1,8 +1,11 @@
 // The small form in which a person says why: what it is about, a comment, the number of a work order; and sends it.
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
-import { ask, isSilence } from "./ask";
+import { ask } from "./ask";
+import { failure } from "./sentences";
 import { t } from "./texts";
+
+const AFTER_DRAWING_MS = 100;
 
 interface Props {
   /** What is done, as on the button that sends it. */
@@ -12,6 +15,8 @@ interface Props {
   path: string;
   body?: (given: FormData) => Record<string, unknown> | Promise<Record<string, unknown>>;
   required?: boolean;
+  /** Comment or work order must be given. */
+  either?: boolean;
   /** Fields before the comment, and a confirmation behind the work order. */
   children?: ComponentChildren;
   confirm?: string | undefined;
@@ -19,20 +24,29 @@ interface Props {
   done: () => Promise<unknown>;
 }
 
-export function ActionForm({ label, title, path, body, required = false, children, confirm, close, done }: Props) {
+export function ActionForm({ label, title, path, body, required = false, either = false, children, confirm, close, done }: Props) {
   const dialog = useRef<HTMLDialogElement>(null);
+  const opener = useRef(document.activeElement);
   const [problem, setProblem] = useState("");
   useEffect(() => dialog.current?.showModal(), []);
   const send = async (event: SubmitEvent): Promise<void> => {
     event.preventDefault();
     const given = new FormData(event.currentTarget as HTMLFormElement);
+    if (either && !given.get("comment") && !given.get("order")) return setProblem(t.giveEither);
     try {
       await ask(path, { comment: given.get("comment"), work_order: given.get("order"), ...(await body?.(given)) });
     } catch (error) {
-      return setProblem(isSilence(error) ? t.noAnswer : (error as Error).message);
+      return setProblem(failure(error));
     }
-    close();
+    const place = opener.current?.parentElement;
+    dialog.current?.close();
     await done();
+    // The button that was pressed may be gone: whoever uses the keyboard goes on beside it, or at the content.
+    setTimeout(() => {
+      if (document.activeElement !== document.body) return;
+      const next = place?.isConnected ? place.querySelector("button") : null;
+      (next ?? document.getElementById("main"))?.focus();
+    }, AFTER_DRAWING_MS);
   };
   return (
     <dialog ref={dialog} aria-labelledby="action-title" onClose={close}>
@@ -44,7 +58,7 @@ export function ActionForm({ label, title, path, body, required = false, childre
         {confirm && <label class="confirm"><input type="checkbox" required /> {confirm}</label>}
         {problem && <p class="banner bad" role="alert">{problem}</p>}
         <div class="choices">
-          <button type="button" onClick={close}>{t.actions.cancel}</button>
+          <button type="button" onClick={() => dialog.current?.close()}>{t.actions.cancel}</button>
           <button type="submit">{label}</button>
         </div>
       </form>

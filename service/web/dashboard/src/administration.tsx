@@ -1,8 +1,9 @@
 // What is for who answers for the daemon: its configuration without secrets, and who has changed what.
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
-import { alarmLink, axisLink, Time, Words } from "./marks";
-import { failure, Table, type Cells } from "./table";
+import { alarmLink, axisLink, Time } from "./marks";
+import { causeName, failure, whoName, Words } from "./sentences";
+import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
 export function Administration() {
@@ -74,10 +75,10 @@ function cellsOf({ at, who, subject, event, axis, number, parameter, comment, wo
   const order = work_order === null ? "" : t.workOrder(work_order);
   return [
     <Time at={at} />,
-    <bdi>{who}</bdi>,
+    <bdi>{whoName(who)}</bdi>,
     t.event[event] ?? t.audit.event[event] ?? event,
     <a href={axisLink(axis)}><bdi>{axis}</bdi></a>,
-    subject === "alarm" ? <a href={alarmLink(number)}>{t.alarmTitle(number)} <bdi>{parameter}</bdi></a>
+    subject === "alarm" ? <a href={alarmLink(number)}>{t.alarmTitle(number)} <bdi>{causeName(parameter ?? "")}</bdi></a>
       : subject === "epoch" ? `${t.epochs.columns.number} ${number}` : t.audit.alarmsOfAxis,
     <bdi>{[comment, order].filter(Boolean).join("; ") || "–"}</bdi>,
   ];

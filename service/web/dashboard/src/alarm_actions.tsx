@@ -5,6 +5,7 @@ import type { Alarm } from "./ask";
 import { refresh } from "./live";
 import { AlarmWords } from "./alarm_words";
 import { arrow } from "./marks";
+import { causeName } from "./sentences";
 import { t } from "./texts";
 
 type Action = "acknowledge" | "shelve" | "unshelve" | "comment";
@@ -22,7 +23,7 @@ export function AlarmButtons({ alarm, done }: { alarm: Alarm; done: () => Promis
   const { id } = alarm;
   if (id === null) return null;
   const fitting = (Object.keys(STATES) as Action[]).filter((action) => STATES[action]?.includes(alarm.state) ?? true);
-  const title = <><bdi>{alarm.axis}</bdi> <bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</>;
+  const title = <><bdi>{alarm.axis}</bdi> <bdi>{causeName(alarm.parameter)}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</>;
   return (
     <span class="actions">
       {fitting.map((action) => (
@@ -31,7 +32,7 @@ export function AlarmButtons({ alarm, done }: { alarm: Alarm; done: () => Promis
         </button>
       ))}
       {opened && (
-        <ActionForm label={t.actions[opened]} title={title} path={`/api/v1/alarms/${id}/${opened}`} close={() => open(null)}
+        <ActionForm label={t.actions[opened]} title={title} either={opened === "comment"} path={`/api/v1/alarms/${id}/${opened}`} close={() => open(null)}
           body={(given) => (opened === "shelve" ? { duration_s: Number(given.get("duration")) } : {})}
           done={() => Promise.all([done(), refresh()])}>
           <p class="quiet"><AlarmWords alarm={alarm} /></p>

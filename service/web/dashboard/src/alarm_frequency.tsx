@@ -1,8 +1,9 @@
 // The names that were raised most often in seven days, and how many alarms came in ten minutes.
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
-import { count, number, percent } from "./format";
+import { count, few, percent } from "./format";
 import { arrow, axisLink, Time } from "./marks";
+import { causeName } from "./sentences";
 import { t } from "./texts";
 
 const EVERY_MS = 30_000;
@@ -21,7 +22,7 @@ export function AlarmFrequency() {
     <>
       <dl>
         <dt>{t.raisedWeek}</dt><dd>{count(found.raised)}</dd>
-        <dt>{t.perTenMinutes}</dt><dd>{number(found.mean_per_ten_minutes)}</dd>
+        <dt>{t.perTenMinutes}</dt><dd>{few(found.mean_per_ten_minutes)}</dd>
         <dt>{t.worstTenMinutes}</dt><dd>{count(found.most_in_ten_minutes)}{found.most_at !== null && <small><Time at={found.most_at} /></small>}</dd>
         <dt>{t.frequency.floods}</dt><dd>{percent(found.flood_share, false)}</dd>
       </dl>
@@ -34,7 +35,7 @@ export function AlarmFrequency() {
                 <tr key={`${name.axis} ${name.parameter} ${name.direction}`}>
                   <td>{count(name.alarms)}</td>
                   <td><a href={axisLink(name.axis)}><bdi>{name.axis}</bdi></a></td>
-                  <td><bdi>{name.parameter}</bdi> {arrow(name.direction)} {t.direction[name.direction]}</td>
+                  <td><bdi>{causeName(name.parameter)}</bdi> {arrow(name.direction)} {t.direction[name.direction]}</td>
                 </tr>
               ))}
             </tbody>

@@ -1,5 +1,5 @@
 // The alarms: those that are active, or another part of the journal.
-import { useCallback, useEffect, useState } from "preact/hooks";
+import { useCallback, useEffect, useRef, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { AlarmFrequency } from "./alarm_frequency";
 import { ask, download, hasToken, type Alarm, type Body } from "./ask";
@@ -8,6 +8,7 @@ import { useLive } from "./live";
 import { AlarmWords } from "./alarm_words";
 import { alarmLink, AlarmMark, arrow, axisLink, Time } from "./marks";
 import { isHidden } from "./need";
+import { causeName } from "./sentences";
 import { Z95 } from "./series";
 import { t } from "./texts";
 
@@ -18,7 +19,6 @@ const QUERIES = {
 type Filter = keyof typeof QUERIES;
 const CHOICES = [...(Object.keys(QUERIES) as Filter[]), "frequent"] as const;
 const LIMIT = 100;
-const MOST = 1000; // that the daemon gives at once
 const EVERY = 5; // answers of the daemon
 
 export function AlarmList() {
@@ -35,22 +35,26 @@ export function AlarmList() {
           ))}
         </div>
       </div>
-      {chosen === "frequent" ? <AlarmFrequency /> : <Found filter={chosen} />}
+      {chosen === "frequent" ? <AlarmFrequency /> : <Found key={chosen} filter={chosen} />}
     </>
   );
 }
 
+/** A page of the alarms; each older one begins where the one before has ended. A button at the end keeps the focus. */
 function Found({ filter }: { filter: Filter }) {
-  const [limit, setLimit] = useState(LIMIT);
-  useEffect(() => setLimit(LIMIT), [filter]);
-  const [found, refresh] = useAlarms(QUERIES[filter], limit);
-  const left = found === null ? 0 : found.total - found.alarms.length;
+  const [before, turn] = useState<string[]>([]);
+  const cursor = before.at(-1);
+  const [found, refresh] = useAlarms(cursor === undefined ? QUERIES[filter] : `${QUERIES[filter]}&cursor=${encodeURIComponent(cursor)}`, LIMIT);
+  const first = before.length * LIMIT;
+  const older = found?.next ?? null;
   return (
     <>
       {found === null ? <p class="quiet">{t.waiting}</p> : <AlarmTable alarms={found.alarms} refresh={refresh} axis />}
-      {left > 0 && (
-        <p class="quiet">
-          {t.more(left)} {limit < MOST && <button type="button" onClick={() => setLimit(Math.min(MOST, 3 * limit))}>{t.showMore}</button>}
+      {found !== null && (before.length > 0 || older !== null) && (
+        <p class="tools">
+          <button type="button" aria-disabled={before.length === 0} onClick={() => turn(before.slice(0, -1))}>{t.newerAlarms}</button>
+          <button type="button" aria-disabled={older === null} onClick={() => older !== null && older !== cursor && turn([...before, older])}>{t.olderAlarms}</button>
+          <span class="quiet" role="status">{t.alarmsOf(first + 1, first + found.alarms.length, found.total)}</span>
         </p>
       )}
       {found?.total === 0 && <p class="quiet">{filter === "all" ? t.noAlarm : t.noAlarmHere}</p>}
@@ -64,14 +68,16 @@ export function useAlarms(query: string, limit: number): [Body<"Alarms"> | null,
   const [found, set] = useState<Body<"Alarms"> | null>(null);
   const key = JSON.stringify(active.map((alarm) => [alarm.id, alarm.state, alarm.parameter, alarm.updated, alarm.work_order, alarm.first_out]));
   const beat = Math.floor((answered ?? 0) / (EVERY * 1000));
+  const wanted = useRef(query);
+  wanted.current = query;
   const refresh = useCallback(async () => {
     try {
-      set(await ask<Body<"Alarms">>(`/api/v1/alarms?${query}&limit=${limit}`));
+      const answer = await ask<Body<"Alarms">>(`/api/v1/alarms?${query}&limit=${limit}`);
+      if (wanted.current === query) set(answer);
     } catch {
       // The header says that there is no answer, or that a token is needed.
     }
   }, [query, limit]);
-  useEffect(() => set(null), [query]);
   useEffect(() => void refresh(), [refresh, key, beat]);
   return [found, refresh];
 }
@@ -98,7 +104,7 @@ function Row({ alarm, refresh, axis }: { alarm: Alarm; refresh: () => Promise<vo
       <td role="cell" data-label={t.columns.state}><State alarm={alarm} /></td>
       {axis && <td role="cell" data-label={t.columns.axis}><a href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a></td>}
       <td role="cell" data-label={t.columns.parameter}>
-        <a href={alarmLink(alarm.id)}><b><bdi>{alarm.parameter}</bdi></b> {arrow(alarm.direction)} {t.direction[alarm.direction]}</a>
+        <a href={alarmLink(alarm.id)}><b><bdi>{causeName(alarm.parameter)}</bdi></b> {arrow(alarm.direction)} {t.direction[alarm.direction]}</a>
         <Names alarm={alarm} />
         <small><AlarmWords alarm={alarm} /></small>
       </td>
@@ -144,7 +150,7 @@ export function Frames({ name, full = false }: { name: string; full?: boolean })
 function Names({ alarm }: { alarm: Alarm }) {
   if (alarm.stage === "changed") return alarm.active ? <span class="quiet"> {t.notNamed}</span> : null;
   const before = [...new Set(alarm.past.map((name) => name.parameter))].filter((name) => name !== alarm.parameter);
-  return before.length === 0 ? null : <span class="quiet"> {t.atFirst(before.join(", "))}</span>;
+  return before.length === 0 ? null : <span class="quiet"> {t.atFirst(before.map(causeName).join(", "))}</span>;
 }
 
 /** The ends of the interval in which the onset lies, as far as they are known. */
@@ -154,11 +160,17 @@ function onsetRange(alarm: Alarm): string {
   return t.onsetRange(low ?? "", high ?? "");
 }
 
+/** How far they are from the onset; `full`: in words. */
 export function OnsetRange({ alarm, full = false }: { alarm: Alarm; full?: boolean }) {
-  const away = (end: string): string => span(Math.abs(Date.parse(end) - Date.parse(alarm.onset)) / 1000);
-  const ends = [alarm.onset_low && `−${away(alarm.onset_low)}`, alarm.onset_high && `+${away(alarm.onset_high)}`].filter(Boolean);
-  if (ends.length === 0) return null;
-  return <small title={onsetRange(alarm)}>{full ? t.onsetWithin(ends.join(" ")) : <span class="nowrap">{ends.join(" ")}</span>}</small>;
+  const { onset, onset_low: low, onset_high: high } = alarm;
+  const away = (end: string): string => span(Math.abs(Date.parse(end) - Date.parse(onset)) / 1000);
+  const [before, after] = [low && `−${away(low)}`, high && `+${away(high)}`];
+  if (!before && !after) return null;
+  return (
+    <small title={onsetRange(alarm)}>
+      {full ? t.onsetRange(before ?? t.unknown, after ?? t.unknown) : <span class="nowrap">{[before, after].filter(Boolean).join(" ")}</span>}
+    </small>
+  );
 }
 
 /** Size with its 95 % interval, also as a share of nominal. */

@@ -3,10 +3,11 @@ import { useCallback, useEffect, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord } from "./ask";
-import { moment, percent, zone } from "./format";
+import { moment, percent, stamp, zone } from "./format";
 import { useLive } from "./live";
 import { AlarmWords, Meaning, meaningOf, Reached } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time } from "./marks";
+import { causeName, whoName } from "./sentences";
 import { t } from "./texts";
 
 export function AlarmPage({ id }: { id: string }) {
@@ -41,7 +42,7 @@ export function AlarmPage({ id }: { id: string }) {
           <h2>{t.found}</h2>
           <dl>
             <dt>{t.state}</dt><dd><State alarm={alarm} /></dd>
-            <dt>{t.columns.parameter}</dt><dd><bdi>{alarm.parameter}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}{meaning && <small><Meaning of={meaning} /></small>}</dd>
+            <dt>{t.columns.parameter}</dt><dd><bdi>{causeName(alarm.parameter)}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}{meaning && <small><Meaning of={meaning} /></small>}</dd>
             <dt>{t.columns.size}</dt><dd>{sizeText(alarm)}</dd>
             <dt>{t.nominal}</dt><dd>{numberWithUnit(alarm.nominal, alarm.unit)}</dd>
             <dt>{t.columns.onset}</dt><dd><Time at={alarm.onset} /><OnsetRange alarm={alarm} full /></dd>
@@ -59,8 +60,8 @@ export function AlarmPage({ id }: { id: string }) {
           {alarm.inside_calibration !== null && <p>{alarm.inside_calibration ? t.inside : t.outside}</p>}
           <h2>{t.whatToDo}</h2>
           <ol>{advice(alarm, meaningOf(meaning)).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
-          {(alarm.recording !== null || report) && <h2 class="no-print">{t.files}</h2>}
-          <ul class="no-print">
+          {(alarm.recording !== null || report) && <h2>{t.files}</h2>}
+          <ul>
             {alarm.recording !== null && <li><Frames name={alarm.recording} full /></li>}
             {report && <li><a href={report}>{t.pages.report}</a></li>}
           </ul>
@@ -70,7 +71,7 @@ export function AlarmPage({ id }: { id: string }) {
         <h2>{t.history}</h2>
         <Transitions alarm={alarm} />
       </section>
-      <p class="print-only quiet">axiswatch {live.service?.version}. {t.printed(moment(Date.now()))}. {t.zone(zone())}</p>
+      <p class="print-only quiet">axiswatch {live.service?.version}. {t.printed(stamp(Date.now()))}. {t.zone(zone())}</p>
     </article>
   );
 }
@@ -82,7 +83,7 @@ function Causes({ alarm }: { alarm: AlarmRecord }) {
       <tbody>
         {alarm.causes.map((cause) => (
           <tr key={cause.parameter}>
-            <td><bdi>{cause.parameter}</bdi>{cause.alike.length > 0 && <small><bdi>{t.alike(cause.alike.join(", "))}</bdi></small>}</td>
+            <td><bdi>{causeName(cause.parameter)}</bdi>{cause.alike.length > 0 && <small><bdi>{t.alike(cause.alike.map(causeName).join(", "))}</bdi></small>}</td>
             <td>{percent(cause.probability, false)}</td>
           </tr>
         ))}
@@ -90,6 +91,9 @@ function Causes({ alarm }: { alarm: AlarmRecord }) {
     </table>
   );
 }
+
+const SENSOR = /^(torque|output) |^delay$/;
+const PAYLOAD = /^(load|inertia)$/;
 
 /** What the state and the causes of an alarm ask for. */
 function advice(alarm: AlarmRecord, meaning: string): string[] {
@@ -99,9 +103,11 @@ function advice(alarm: AlarmRecord, meaning: string): string[] {
   if (!alarm.active) return [...words, t.advice.gone];
   if (alarm.stage === "changed") return [...words, t.advice.wait];
   if (["model", "sign", "still"].includes(alarm.doubt)) return [...words, t.advice.sensor, t.advice.order];
-  words.push(t.advice.inspect(meaning ? `${alarm.parameter} (${meaning})` : alarm.parameter));
+  if (SENSOR.test(alarm.parameter)) words.push(t.advice.sensor);
+  if (PAYLOAD.test(alarm.parameter)) words.push(t.advice.payload);
+  words.push(t.advice.inspect(meaning ? `${alarm.parameter} (${meaning})` : causeName(alarm.parameter)));
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
-  if (alike.length > 0) words.push(t.advice.inspectAlike(alike.join(", ")));
+  if (alike.length > 0) words.push(t.advice.inspectAlike(alike.map(causeName).join(", ")));
   return [...words, t.advice.order];
 }
 
@@ -116,7 +122,7 @@ function Transitions({ alarm }: { alarm: AlarmRecord }) {
             <tr key={number} role="row">
               <td role="cell" data-label={when}><Time at={step.at} /></td>
               <td role="cell" data-label={what}>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</td>
-              <td role="cell" data-label={who}><bdi>{step.who}</bdi></td>
+              <td role="cell" data-label={who}><bdi>{whoName(step.who)}</bdi></td>
               <td role="cell" data-label={step.comment || step.work_order ? note : undefined}><bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi></td>
             </tr>
           ))}

@@ -1,7 +1,7 @@
 // An alarm in one sentence: in the language of the page, or as the daemon says it, in English.
 import type { Alarm, Body } from "./ask";
 import { unit } from "./format";
-import { Words } from "./marks";
+import { Words } from "./sentences";
 import { t } from "./texts";
 
 /** The sentence as a text, for what is read out. */

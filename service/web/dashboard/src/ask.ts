@@ -11,8 +11,15 @@ export type Service = Body<"Service">;
 const PATIENCE_MS = 4000;
 const KEY = "axiswatch-token";
 
+/** The daemon has refused a request; why, as a text and, where it has a kind, as values. */
+export class Refused extends Error {
+  constructor(detail: string, readonly sentences: Body<"Sentence">[]) {
+    super(detail);
+  }
+}
+
 /** The daemon wants a token, and has none, or one that is not valid. */
-export class TokenNeeded extends Error {}
+export class TokenNeeded extends Refused {}
 
 export const hasToken = (): boolean => sessionStorage.getItem(KEY) !== null;
 
@@ -35,8 +42,8 @@ export async function ask<T>(path: string, body: unknown = null, patienceMs = PA
   }
   const answer = await fetch(path, request);
   const found = await answer.json();
-  if (answer.status === 401) throw new TokenNeeded(found.detail);
-  if (!answer.ok) throw new Error(typeof found.detail === "string" ? found.detail : `status ${answer.status}`);
+  if (answer.status === 401) throw new TokenNeeded(found.detail, found.sentences ?? []);
+  if (!answer.ok) throw new Refused(typeof found.detail === "string" ? found.detail : `status ${answer.status}`, found.sentences ?? []);
   return found as T;
 }
 

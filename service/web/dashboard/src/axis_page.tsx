@@ -11,7 +11,8 @@ import { number, percent, span, withMargin } from "./format";
 import { useHistory } from "./history";
 import { ageOf, useLive } from "./live";
 import { liveBuffer } from "./live_buffer";
-import { deviationText, estimateText, kindOf, numberWithUnit, stateOf, Words } from "./marks";
+import { deviationText, estimateText, kindOf, numberWithUnit, stateOf } from "./marks";
+import { causeName, translated, Words } from "./sentences";
 import { evidence, isSilent } from "./need";
 import { Plot, type Range } from "./plot";
 import { SignalPanel } from "./signal_panel";
@@ -34,6 +35,7 @@ export function AxisPage({ id }: { id: string }) {
   if (!axis) return <p class="quiet">{live.answered === null ? t.waiting : t.notThere(id)}</p>;
   const change = ([from, to]: Range): void => show({ length: to - from, end: to >= now ? null : to });
   const monitored = axis.parameters.map((p) => p.name);
+  const shadow = axis.detectors.some((detector) => detector.name === "cusum" && !detector.alarms);
   return (
     <>
       <Head axis={axis} age={ageOf(axis, live)} />
@@ -55,7 +57,7 @@ export function AxisPage({ id }: { id: string }) {
           <span>{t.plotHelp}</span>
         </p>
         {inQuestionFirst(axis.parameters).map((p) => (
-          <ParameterPanel key={p.name} {...{ p, id, history, range, monitored, changes }} alarms={alarms?.alarms ?? []} onRange={change} />
+          <ParameterPanel key={p.name} {...{ p, id, history, range, monitored, changes, shadow }} alarms={alarms?.alarms ?? []} onRange={change} />
         ))}
       </TimeRange>
       <Trends id={id} />
@@ -81,21 +83,22 @@ function newest(axis: Axis | undefined): number {
 }
 
 function Head({ axis, age }: { axis: Axis; age: number | null }) {
+  const localised = (words: string): string => translated(words, axis.sentences) ?? words;
   const notes = [
     ...t.notTestedSentences(axis),
     ...(epochWords(axis) === "" ? [] : [epochWords(axis)]),
-    ...(axis.gated_by === null ? [] : [t.paused(axis.gated_by)]),
-    ...axis.outside_calibration.map(t.outsideCalibration),
+    ...(axis.gated_by === null ? [] : [t.paused(localised(axis.gated_by))]),
+    ...axis.outside_calibration.map((words) => t.outsideCalibration(localised(words))),
   ];
   return (
     <div class="axis-head">
       <h1><bdi>{axis.id}</bdi></h1>
       <p class={isSilent(axis) ? "late" : "quiet"}>{age === null ? t.noSample : t.lastSample(span(age))}</p>
-      <p class="quiet"><bdi>{axis.model.drive}, {axis.model.output}</bdi> · {t.bus} <bdi>{axis.bus}</bdi></p>
+      <p class="quiet"><bdi>{axis.model.drive}</bdi>, {t.output[axis.model.output] ?? axis.model.output} · {t.bus} <bdi>{axis.bus}</bdi></p>
       {(axis.confounded.length > 0 || notes.length > 0) && (
         <ul class="banner warn" aria-label={`${t.notTested}: ${axis.id}`}>
           {notes.map((words) => <li key={words}><bdi>{words}</bdi></li>)}
-          {axis.confounded.map((words) => <li key={words}><Words>{words}</Words></li>)}
+          {axis.confounded.map((words) => <li key={words}><Words by={axis.sentences}>{words}</Words></li>)}
         </ul>
       )}
     </div>
@@ -111,14 +114,18 @@ interface PanelProps {
   monitored: string[];
   changes: number[];
   onRange: (range: Range) => void;
+  /** Another detector raises the alarms. */
+  shadow: boolean;
 }
 
-function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onRange }: PanelProps) {
+function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onRange, shadow }: PanelProps) {
   // The history of the daemon is up to a minute behind: the end is what this page has seen.
   const newestSeen = liveBuffer.after(id, 0).at(-1)?.time;
   const columns = useMemo(() => columnsOf(p.name, history, liveBuffer.after(id, 0)), [p.name, id, history, newestSeen]);
   const marks = useMemo(() => marksOf(alarms, p.name, monitored, range[0], range[1]), [alarms, p.name, range[0], range[1]]);
-  const active = alarms.find((alarm) => alarm.active && alarm.parameter === p.name);
+  // The colour of its own alarm, or of one that has no parameter, which is drawn in all plots.
+  const drawn = alarms.filter((alarm) => alarm.active && (alarm.parameter === p.name || !monitored.includes(alarm.parameter)));
+  const active = drawn.find((alarm) => alarm.parameter === p.name) ?? drawn[0];
   const inside = within(columns, range);
   const half = p.tolerance ?? 0;
   const least: Range | null = p.nominal === null ? null : [p.nominal - half, p.nominal + half];
@@ -126,7 +133,7 @@ function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onR
     <section class={`panel parameter ${kindOf(p)} prio-${active?.priority ?? "none"}`} aria-label={p.name}>
       <div class="figures">
         <h2><bdi>{p.name}</bdi> <small><Meaning of={p.meaning} /></small></h2>
-        <Figures p={p} />
+        <Figures {...{ p, shadow }} />
       </div>
       <div class="plots">
         {inside === 0 && <p class="quiet">{t.noHistory}</p>}
@@ -155,7 +162,7 @@ const within = ({ time, estimate }: Columns, [from, to]: Range): number =>
 const visible = (columns: (number | null)[][], { time }: Columns, [from, to]: Range): (number | null)[][] =>
   columns.map((column) => column.filter((_, i) => (time[i] ?? 0) >= from && (time[i] ?? 0) <= to));
 
-function Figures({ p }: { p: Parameter }) {
+function Figures({ p, shadow }: { p: Parameter; shadow: boolean }) {
   return (
     <dl>
       <dt>{t.state}</dt><dd><span class={`pill ${kindOf(p)}`}>{stateOf(p)}</span>{p.not_tested_reason && <small>{t.notTestedReason[p.not_tested_reason]}</small>}</dd>
@@ -163,7 +170,7 @@ function Figures({ p }: { p: Parameter }) {
       <dt>{t.nominal}</dt><dd>{numberWithUnit(p.nominal, p.unit)}</dd>
       <dt>{t.deviation}</dt><dd class="share">{p.status === "waiting" ? "–" : deviationText(p)}</dd>
       <dt>{t.tolerance}</dt><dd>± {numberWithUnit(p.tolerance, p.unit)}</dd>
-      <dt>{t.test}</dt><dd>{t.ofThreshold(percent(evidence(p), false))}<small>▲ {number(p.cusum.up)} ▼ {number(p.cusum.down)} / {number(p.threshold)}</small></dd>
+      <dt>{t.test}</dt><dd>{t.ofThreshold(percent(evidence(p), false))}<small>▲ {number(p.cusum.up)} ▼ {number(p.cusum.down)} / {number(p.threshold)}</small>{shadow && <small>{t.testInShadow}</small>}</dd>
       <dt>{t.excitation}</dt><dd>{t.observation[p.observation]}<small>{t.testedFor(span(p.tested_s ?? 0))}</small></dd>
     </dl>
   );
@@ -177,7 +184,7 @@ function Facts({ axis }: { axis: Axis }) {
         {axis.detectors.map((detector) => (
           <li key={detector.name}>
             {t.detector[detector.name] ?? detector.name}: {detector.alarms ? t.alarming : t.shadow}
-            {detector.leading !== null && `; ${t.nearest(detector.leading, t.ofThreshold(percent(detector.evidence, false)))}`}
+            {detector.leading !== null && `; ${t.nearest(causeName(detector.leading), t.ofThreshold(percent(detector.evidence, false)))}`}
           </li>
         ))}
         {axis.heat !== null && <li>{t.heat(`${withMargin(axis.heat.heat_w, Z95 * (axis.heat.sd_w ?? 0))} W`)}</li>}

@@ -4,6 +4,7 @@ import { ActionForm } from "./action_form";
 import type { Axis } from "./ask";
 import { refresh } from "./live";
 import { Time } from "./marks";
+import { whoName } from "./sentences";
 import { t } from "./texts";
 
 export function AxisService({ axis }: { axis: Axis }) {
@@ -16,7 +17,7 @@ export function AxisService({ axis }: { axis: Axis }) {
     <section class="axis-service" aria-label={t.service.title}>
       {out === null ? <p>{button}</p> : (
         <p class="banner warn">
-          <b>{t.service.out}</b> {out.since !== null && <>{t.since} <Time at={out.since} /></>} (<bdi>{[out.who, ...texts].join("; ")}</bdi>). {t.service.meaning}
+          <b>{t.service.out}</b> {out.since !== null && <>{t.since} <Time at={out.since} /></>} (<bdi>{[whoName(out.who), ...texts].join("; ")}</bdi>). {t.service.meaning}
           {out.since !== null && <> {button}</>}
         </p>
       )}

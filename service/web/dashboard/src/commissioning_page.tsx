@@ -2,8 +2,9 @@
 import { useRef, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
 import { number, percent } from "./format";
-import { axisLink, Words } from "./marks";
-import { failure, Table, usePolled, type Cells } from "./table";
+import { axisLink } from "./marks";
+import { failure, Words } from "./sentences";
+import { Table, usePolled, type Cells } from "./table";
 import { t } from "./texts";
 
 type Check = Body<"SignalCheck">;

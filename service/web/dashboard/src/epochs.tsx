@@ -3,7 +3,8 @@ import { useEffect, useState } from "preact/hooks";
 import { ActionForm } from "./action_form";
 import { ask, type Axis, type Body } from "./ask";
 import { moment } from "./format";
-import { numberWithUnit, Time, Words } from "./marks";
+import { numberWithUnit, Time } from "./marks";
+import { whoName, Words } from "./sentences";
 import { t } from "./texts";
 
 export type Epoch = Body<"Epoch">;
@@ -55,18 +56,18 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
         {" "}<bdi>{epochWords(axis)}</bdi>
       </p>
       <div class="panel">
-        <table role="table" aria-label={t.epochs.title}>
-          <thead><tr>{[number, state, source, since, who, values, ""].map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
-          <tbody>
+        <table class="stacked" role="table" aria-label={t.epochs.title}>
+          <thead role="rowgroup"><tr role="row">{[number, state, source, since, who, values, t.columns.action].map((name) => <th key={name} role="columnheader" scope="col">{name}</th>)}</tr></thead>
+          <tbody role="rowgroup">
             {epochs.map((epoch) => (
-              <tr key={epoch.number}>
-                <td>{epoch.number}</td>
-                <td>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words>{epoch.reason}</Words></small>}</td>
-                <td>{t.epochs.source[epoch.source]}</td>
-                <td>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</td>
-                <td><bdi>{[epoch.who, epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi></td>
-                <td>{epoch.values.map((v) => <Value key={v.name} v={v} />)}</td>
-                <td>{["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
+              <tr key={epoch.number} role="row">
+                <td role="cell" data-label={number}>{epoch.number}</td>
+                <td role="cell" data-label={state}>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words>{epoch.reason}</Words></small>}</td>
+                <td role="cell" data-label={source}>{t.epochs.source[epoch.source]}</td>
+                <td role="cell" data-label={since}>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</td>
+                <td role="cell" data-label={who}><bdi>{[whoName(epoch.who), epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi></td>
+                <td role="cell" data-label={values}>{epoch.values.map((v) => <Value key={v.name} v={v} />)}</td>
+                <td role="cell">{["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
                   <button type="button" onClick={() => want({ action: "restore", number: epoch.number })}>{t.epochs.restore}</button>
                 )}</td>
               </tr>

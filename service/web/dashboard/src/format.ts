@@ -27,6 +27,7 @@ const powerOf = (e: number): number => (e < -4 || e > 4 ? e : 0);
 /** Four significant digits; powers of ten outside 0.0001 to 99 999. */
 export function number(x: number | null): string {
   if (x === null || !Number.isFinite(x)) return "–";
+  if (x === 0) return "0";
   const e = exponentOf(x);
   const power = powerOf(e);
   return scaled(x, power, 3 - e + power);
@@ -59,7 +60,17 @@ export function withMargin(x: number | null, half: number | null, sign = false):
 export function percent(share: number | null, sign = true): string {
   if (share === null || !Number.isFinite(share)) return "–";
   const text = (100 * share).toFixed(Math.abs(share) < 1 ? 1 : 0);
-  return `${sign && Number(text) > 0 ? "+" : ""}${local(text).replace(/^−(0[.,]?0*)$/, "$1")} %`;
+  return `${sign && Number(text) > 0 ? "+" : ""}${local(text).replace(/^−(0[.,]?0*)$/, "$1")}\u00a0%`;
+}
+
+/** How many on average: "0", "< 0.01", "0.35". */
+export const few = (x: number | null): string =>
+  x === null || x === 0 || x >= 0.01 ? (x ? local(x.toFixed(2)) : number(x)) : `<\u00a0${local("0.01")}`;
+
+/** The size of a file or of a memory: "293 kB", "6.9 MB", "78 GB". */
+export function size(bytes: number): string {
+  const [unit, n] = bytes < 1e6 ? ["kB", bytes / 1e3] as const : bytes < 1e9 ? ["MB", bytes / 1e6] as const : ["GB", bytes / 1e9] as const;
+  return `${local(n.toFixed(n < 10 && unit !== "kB" ? 1 : 0))}\u00a0${unit}`;
 }
 
 export const count = (n: number): string => String(n).replace(/\B(?=(\d{3})+$)/g, "\u202f");
@@ -80,11 +91,16 @@ export function date(d: Date): string {
   return language() === "de" ? `${day}.${m}.${y}` : `${y}-${m}-${day}`;
 }
 
-/** Local time of an ISO 8601 text or a Date; the date only where it is not today. */
-export function moment(when: string | number | Date): string {
+/** Local time of an ISO 8601 text or a Date, with the date. */
+export function stamp(when: string | number | Date): string {
   const d = new Date(when);
-  const clock = `${two(d.getHours())}:${two(d.getMinutes())}:${two(d.getSeconds())}`;
-  return d.toDateString() === new Date().toDateString() ? clock : `${date(d)} ${clock}`;
+  return `${date(d)} ${two(d.getHours())}:${two(d.getMinutes())}:${two(d.getSeconds())}`;
+}
+
+/** The same; the date only where it is not today. */
+export function moment(when: string | number | Date): string {
+  const text = stamp(when);
+  return new Date(when).toDateString() === new Date().toDateString() ? text.slice(-8) : text;
 }
 
 /** "Europe/Berlin, UTC+01:00": the zone of this browser, at a time. */

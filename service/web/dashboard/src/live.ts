@@ -3,6 +3,7 @@ import { useEffect, useState } from "preact/hooks";
 import { allowReports, ask, isSilence, TokenNeeded, type Alarm, type Axis, type Body, type Service } from "./ask";
 import { Follower } from "./events";
 import { liveBuffer } from "./live_buffer";
+import { failure } from "./sentences";
 
 const EVERY_MS = 1000;
 const EVERY_HIDDEN_MS = 10_000;
@@ -97,7 +98,7 @@ export async function refresh(): Promise<void> {
       ...(active === null ? {} : { active: active.alarms, activeTotal: active.total }),
     });
   } catch (error) {
-    if (error instanceof TokenNeeded) set({ locked: error.message });
+    if (error instanceof TokenNeeded) set({ locked: failure(error) });
     else set({ failure: isSilence(error) ? "-" : String((error as Error).message) });
   }
 }

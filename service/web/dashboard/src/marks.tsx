@@ -1,8 +1,9 @@
 // What several pages draw: the mark of a state by its shape, the bar of a parameter, times.
 import type { Alarm, Parameter } from "./ask";
-import { moment, number, percent, unit, withMargin } from "./format";
+import { moment, number, percent, stamp, unit, withMargin } from "./format";
 import { isHidden, type Item, type Need } from "./need";
 import { Z95 } from "./series";
+import { causeName } from "./sentences";
 import { t } from "./texts";
 
 const PRIORITY: Record<string, string> = { high: "1", medium: "2", low: "3" };
@@ -83,10 +84,15 @@ export function Bar({ p }: { p: Parameter }) {
 export const barText = (p: Parameter): string =>
   `${p.name} ${estimateText(p)}, ${p.status === "waiting" ? "" : `${deviationText(p)}, `}${stateOf(p)}`;
 
-export const Time = ({ at }: { at: string }) => <time dateTime={at} title={at} class="nowrap">{moment(at)}</time>;
-
-/** A text of the daemon, which is English, and may hold names of any script. */
-export const Words = ({ children }: { children: string }) => <bdi lang="en">{children}</bdi>;
+/** A time; on paper always with its date, as tomorrow nobody knows when "today" was. */
+export function Time({ at }: { at: string }) {
+  const [shown, dated] = [moment(at), stamp(at)];
+  return (
+    <time dateTime={at} title={at} class="nowrap">
+      {shown !== dated && <span class="print-date">{dated.slice(0, -shown.length)}</span>}{shown}
+    </time>
+  );
+}
 
 export const axisLink = (id: string): string => `#/axes/${encodeURIComponent(id)}`;
 export const alarmLink = (id: number | null): string => (id === null ? "#/alarms" : `#/alarms/${id}`);
@@ -94,7 +100,8 @@ export const alarmLink = (id: number | null): string => (id === null ? "#/alarms
 /** The state of an axis, in words. */
 export function needText({ axis, need, alarms }: Item): string {
   const first = alarms[0];
-  if (first) return `${arrow(first.direction)} ${first.parameter}`;
+  const more = alarms.length > 1 ? ` +${alarms.length - 1}` : "";
+  if (first) return `${arrow(first.direction)} ${causeName(first.parameter)}${more}`;
   if (need === "silent") return axis.last_sample_age_s === null ? t.noSample : t.needs.silent;
   if (need === "service") return t.needs.service;
   if (need === "untested") return axis.parameters.some((p) => p.status === "seeding") ? t.learning : t.notTested;

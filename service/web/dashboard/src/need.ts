@@ -8,7 +8,7 @@ export type Need = (typeof NEEDS)[number];
 export interface Item {
   axis: Axis;
   need: Need;
-  /** Its active alarms that are shown, the most urgent first. */
+  /** Its active alarms that are shown, the most urgent first, of these the earliest. */
   alarms: Alarm[];
 }
 
@@ -23,7 +23,8 @@ export const isSilent = (axis: Axis): boolean => axis.last_sample_age_s === null
 /** Of an alarm, before and after it is recorded and whatever its name becomes. */
 export const keyOf = (alarm: Alarm): string => `${alarm.axis} ${alarm.raised} ${(alarm.past[0] ?? alarm).parameter}`;
 
-const urgency = (alarm: Alarm): number => PRIORITIES.indexOf(alarm.priority) + (alarm.state === "acknowledged" ? 10 : 0);
+/** The smaller the more urgent: by priority; what is acknowledged comes last. */
+export const urgency = (alarm: Alarm): number => PRIORITIES.indexOf(alarm.priority) + (alarm.state === "acknowledged" ? 10 : 0);
 
 /** The larger one of the two test statistics, relative to its threshold; 0 where there is none. */
 export const evidence = (p: Parameter): number =>
@@ -44,7 +45,8 @@ export function itemsOf(axes: Axis[], active: Alarm[]): Item[] {
     if (!isHidden(alarm)) shown.set(alarm.axis, [...(shown.get(alarm.axis) ?? []), alarm]);
   }
   return axes.map((axis) => {
-    const alarms = (shown.get(axis.id) ?? []).sort((a, b) => urgency(a) - urgency(b));
+    // Of equal ones the first: what came later may follow from it.
+    const alarms = (shown.get(axis.id) ?? []).sort((a, b) => urgency(a) - urgency(b) || Date.parse(a.raised) - Date.parse(b.raised));
     return { axis, alarms, need: needOf(axis, alarms) };
   });
 }

@@ -1,5 +1,5 @@
 // All axes on one screen, the one that needs most first.
-import { memo } from "preact/compat";
+import { Component } from "preact";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Alarm, Axis } from "./ask";
 import { AlarmWords, Meaning } from "./alarm_words";
@@ -7,7 +7,7 @@ import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
 import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
-import { isHidden, itemsOf, matches, NEEDS, ordered, type Item, type Need } from "./need";
+import { isHidden, itemsOf, matches, NEEDS, ordered, urgency, type Item, type Need } from "./need";
 import { t } from "./texts";
 import { GAP, layoutOf } from "./tile_layout";
 import { useInTurns } from "./turns";
@@ -67,10 +67,11 @@ export function Overview() {
 
 function AlarmLines({ alarms, axes }: { alarms: Alarm[]; axes: Axis[] }) {
   if (alarms.length === 0) return null;
+  const urgent = [...alarms].sort((a, b) => urgency(a) - urgency(b)); // else the latest first, as the daemon has them
   const meanings = new Map(axes.flatMap((axis) => axis.parameters.map((p) => [axis.id + p.name, p.meaning])));
   return (
     <ul class="alarm-lines" aria-label={t.activeAlarms(alarms.length)}>
-      {alarms.slice(0, LINES).map((alarm) => (
+      {urgent.slice(0, LINES).map((alarm) => (
         <li key={`${alarm.axis} ${alarm.raised} ${alarm.parameter}`}>
           <AlarmMark alarm={alarm} />
           <a class="axis-name" href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a>
@@ -94,7 +95,9 @@ function usePlace(): [preact.RefObject<HTMLUListElement | null>, { width: number
     const measure = (): void => {
       const node = place.current;
       if (!node) return;
-      const height = Math.max(120, innerHeight - (node.getBoundingClientRect().top + scrollY) - MARGIN);
+      const seen = node.getBoundingClientRect();
+      const zoom = seen.width / node.clientWidth || 1; // of very large screens: it is in what is seen, not in sizes
+      const height = Math.max(120, (innerHeight - (seen.top + scrollY)) / zoom - MARGIN);
       setSize((was) => (was.width === node.clientWidth && was.height === height ? was : { width: node.clientWidth, height }));
     };
     measure();
@@ -154,7 +157,13 @@ interface TileProps {
   age: string;
 }
 
-const Tile = memo(function Tile({ item, known, wide, age }: TileProps) {
+/** An axis that has not changed is not drawn again. */
+class Tile extends Component<TileProps> {
+  override shouldComponentUpdate = (next: TileProps): boolean => !sameTile(this.props, next);
+  override render = ({ item, known, wide, age }: TileProps) => drawnTile(item, known, wide, age);
+}
+
+function drawnTile(item: Item, known: boolean, wide: boolean, age: string) {
   const { axis, need, alarms } = item;
   const words = needText(item) || epochWords(axis) || t.needs.normal;
   // A wide one says all this in its own text.
@@ -173,14 +182,13 @@ const Tile = memo(function Tile({ item, known, wide, age }: TileProps) {
       </a>
     </li>
   );
-}, sameTile);
+}
 
 const idOf = (item: Item): string => item.axis.id;
 
 const sameItem = (a: Item, b: Item): boolean =>
   a.axis === b.axis && a.need === b.need && a.alarms.length === b.alarms.length && a.alarms.every((alarm, i) => alarm === b.alarms[i]);
 
-/** An axis that has not changed is not drawn again. */
 function sameTile(a: TileProps, b: TileProps): boolean {
   return a.wide === b.wide && a.age === b.age && a.known === b.known && sameItem(a.item, b.item);
 }

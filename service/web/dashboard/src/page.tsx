@@ -13,6 +13,7 @@ import { silence, start, useLive, type Live } from "./live";
 import { isHidden, keyOf } from "./need";
 import { Overview } from "./overview";
 import "./page.css";
+import { translated, Words } from "./sentences";
 import { SignIn } from "./sign_in";
 import { SystemPage } from "./system_page";
 import { choose, language, t } from "./texts";
@@ -99,11 +100,11 @@ function Header({ live, gone, page, other }: HeaderProps) {
           <button type="button" class="plain" lang={language() === "en" ? "de" : "en"} onClick={other}>{t.otherLanguage}</button>
         </nav>
       </div>
-      {service?.insecure && <p id="insecure" class="banner warn"><bdi lang="en">{service.insecure}</bdi></p>}
+      {service?.insecure && <p id="insecure" class="banner warn"><Words by={service.sentences}>{service.insecure}</Words></p>}
       {gone !== null && <Gone {...{ live, gone }} />}
       {live.locked !== null && <SignIn why={live.locked} />}
-      {gone === null && <Sentences id="reasons" label={t.reasons} kind="warn" words={(service?.not_ready ?? []).map(reasonWords)} />}
-      <Sentences id="messages" label={t.messages} kind="note" words={service?.messages ?? []} lang="en" />
+      {gone === null && <Sentences id="reasons" label={t.reasons} kind="warn" words={(service?.not_ready ?? []).map((reason) => reasonWords(reason, service?.sentences ?? []))} />}
+      <Sentences id="messages" label={t.messages} kind="note" words={service?.messages ?? []} by={service?.sentences ?? []} />
       <News active={live.active} answered={live.answered !== null} />
     </header>
   );
@@ -128,31 +129,31 @@ function Gone({ live, gone }: { live: Live; gone: number }) {
 
 const MOST_SENTENCES = 3;
 
-/** Sentences of the daemon; of many, the first ones, and the others behind a click. */
 /** Why not all is monitored, or recorded. */
-function reasonWords({ lack, name, state, since_s, alarms }: Body<"NotReady">): string {
+function reasonWords({ lack, name, state, since_s, alarms }: Body<"NotReady">, sentences: Body<"Sentence">[]): string {
   const since = since_s === null ? null : span(since_s);
-  if (lack === "bus") return t.lacks.bus(name, state);
+  if (lack === "bus") return t.lacks.bus(name, translated(state, sentences) ?? state);
   if (lack === "record") return t.lacks.record(alarms);
   return lack === "worker" ? t.lacks.worker(since ?? "?") : t.lacks.samples(name, since);
 }
 
+/** Of many, the first ones, and the others behind a click. */
 interface SentencesProps {
   id: string;
   label: string;
   kind: string;
   words: string[];
-  /** Of the words, where it is not that of the page. */
-  lang?: string;
+  /** Where they are of the daemon, by which they can be put into the language of the page. */
+  by?: Body<"Sentence">[];
 }
 
-function Sentences({ id, label, kind, words, lang }: SentencesProps) {
+function Sentences({ id, label, kind, words, by }: SentencesProps) {
   const [all, setAll] = useState(false);
   if (words.length === 0) return null;
   const shown = all ? words : words.slice(0, MOST_SENTENCES);
   return (
     <ul id={id} class={`banner ${kind}`} aria-label={label}>
-      {shown.map((sentence) => <li key={sentence}><bdi lang={lang}>{sentence}</bdi></li>)}
+      {shown.map((sentence) => <li key={sentence}>{by ? <Words by={by}>{sentence}</Words> : <bdi>{sentence}</bdi>}</li>)}
       {shown.length < words.length && (
         <li><button type="button" class="plain" onClick={() => setAll(true)}>{t.more(words.length - shown.length)}</button></li>
       )}
@@ -183,7 +184,7 @@ function useTitle(live: Live, gone: number | null): void {
   const shown = live.active.filter((alarm) => !isHidden(alarm)).length;
   const title = live.locked !== null ? `${t.tokenNeeded} – axiswatch` : gone !== null ? `${t.noAnswer} – axiswatch`
     : shown > 0 ? `(${shown}) axiswatch` : "axiswatch";
-  const icon = shown === 0 ? "icon" : shown > 9 ? "icon-many" : `icon-${shown}`;
+  const icon = shown === 0 ? "icon" : `icon-${shown > 9 ? "9+" : shown}`;
   useEffect(() => {
     document.title = title;
     const link = document.querySelector<HTMLLinkElement>("link[rel=icon]");

@@ -97,7 +97,7 @@ function optionsOf(latest: { current: PlotProps }, node: HTMLElement): uPlot.Opt
     scales: { x: { time: overTime, distr: overTime ? 1 : 3, auto: false }, y: { auto: false } },
     axes: [
       { ...axis, size: 28, space: (_, __, from, to) => (overTime && to - from < 60 ? 80 : 50), values: overTime ? timeTexts : frequencyTexts },
-      { ...axis, size: 74, values: (_, ticks) => tickTexts(ticks) },
+      { ...axis, size: 74, space: 18, values: (_, ticks) => tickTexts(ticks) },
     ],
     series: [{}, ...lines.map(({ colour: name, dash, width: w = 1.5, points }) => ({
       stroke: name === "none" ? "transparent" : colour(name), width: w, ...(dash ? { dash } : {}), spanGaps: false,

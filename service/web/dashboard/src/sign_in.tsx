@@ -10,7 +10,7 @@ export function SignIn({ why }: { why: string }) {
   };
   return (
     <form id="sign-in" class="banner note" onSubmit={use}>
-      <p role="status"><bdi lang="en">{why}</bdi></p>
+      <p role="status"><bdi>{why}</bdi></p>
       <label for="token">{t.token}</label>
       <input id="token" name="token" type="password" autocomplete="off" required pattern="[A-Za-z0-9_\-]+" autofocus />
       <button>{t.useToken}</button>

@@ -63,12 +63,12 @@ function LastSeconds({ axis }: { axis: Axis }) {
     <>
       <p class="legend quiet">
         <span><i class="key up" /> {t.signals.measured}</span>
-        <span><i class="key dashes" /> {t.signals.predicted}</span>
+        <span><i class="key dashes predicted" /> {t.signals.predicted}</span>
         {limit !== null && <span><i class="key threshold" /> {t.signals.limit(`± ${number(limit)} ${unit(of)}`)}</span>}
         <span><i class="key point" /> {t.signals.passed}</span>
       </p>
       <h3>{t.signals.torque}</h3>
-      <Plot label={t.signals.torque} height={110} {...plot} columns={[c.torque]} lines={[MEASURED]} scale={rangeOf([c.torque])} />
+      <Plot label={t.signals.torque} height={130} {...plot} columns={[c.torque]} lines={[MEASURED]} scale={rangeOf([c.torque])} />
       <h3>{t.signals.motion(unit(of))}</h3>
       <Plot label={t.signals.motion(unit(of))} height={130} {...plot} columns={[c.measured, c.predicted]} lines={[MEASURED, PREDICTED]}
         scale={rangeOf([c.measured, c.predicted])} />

@@ -2,11 +2,12 @@
 import { useRef, useState } from "preact/hooks";
 import { Administration } from "./administration";
 import { Frames } from "./alarm_list";
-import { ask, type Axis, type Body } from "./ask";
-import { count, number, percent, span } from "./format";
+import { ask, type Axis, type Body, type Service } from "./ask";
+import { count, few, number, percent, size, span } from "./format";
 import { useLive, type Live } from "./live";
-import { axisLink, Time, Words } from "./marks";
-import { failure, reasons, Table, usePolled, type Cells } from "./table";
+import { axisLink, Time } from "./marks";
+import { failure, Words } from "./sentences";
+import { reasons, Table, usePolled, type Cells } from "./table";
 import { t } from "./texts";
 
 export function SystemPage() {
@@ -27,7 +28,7 @@ export function SystemPage() {
             <dt>{t.checkpoint}</dt><dd>{service.checkpoint === null ? t.none : <Time at={service.checkpoint} />}</dd>
             <dt>{t.answerTime}</dt><dd>{live.took === null ? "–" : `${live.took} ms`}</dd>
           </dl>
-          <p><a href="#/system/commissioning">{t.commissioning.title}</a></p>
+          <p class="after"><a href="#/system/commissioning">{t.commissioning.title}</a></p>
         </section>
         {system !== null && <Process system={system} />}
         <Load />
@@ -35,7 +36,7 @@ export function SystemPage() {
       <h2>{t.buses}</h2>
       <Buses live={live} />
       {service.links.length > 0 && <Links links={service.links} />}
-      {system !== null && <Databases system={system} />}
+      {system !== null && <Databases {...{ system, service }} />}
       <h2>{t.dropsAxis}</h2>
       <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={live.axes.map(samplesOf)} />
       <h2>{t.clocks}</h2>
@@ -66,8 +67,8 @@ function Buses({ live }: { live: Live }) {
     const rate = rates.current.get(bus.name);
     return [
       <bdi>{bus.name}</bdi>,
-      <span class={bus.up ? "" : "pill warn"}><Words>{bus.state}</Words></span>,
-      <Words>{bus.reader}</Words>,
+      <span class={bus.up ? "" : "pill warn"}>{bus.up ? t.up : <Words by={service.sentences}>{bus.state}</Words>}</span>,
+      t.readerKind[bus.reader] ?? (bus.reader || "–"),
       count(bus.frames),
       rate === undefined ? "–" : count(Math.round(rate)),
       reasons(bus.dropped),
@@ -114,27 +115,26 @@ function Process({ system }: { system: Body<"System"> }) {
   const passed = system.uptime_s - before.current.uptime_s;
   if (passed > 0) shown.current = (system.cpu_s - before.current.cpu_s) / passed;
   before.current = system;
-  const megabytes = (bytes: number | null): string => (bytes === null ? "–" : `${count(Math.round(bytes / 1e6))} MB`);
   return (
     <section class="panel">
       <h2>{t.process.title}</h2>
       <dl>
         <dt>{t.process.cpu}</dt><dd>{shown.current === null ? "–" : t.process.ofCore(percent(shown.current, false), system.cores)}</dd>
-        <dt>{t.process.memory}</dt><dd>{megabytes(system.memory_bytes)}</dd>
-        <dt>{t.process.disk}</dt><dd>{megabytes(system.free_bytes)}</dd>
+        <dt>{t.process.memory}</dt><dd>{system.memory_bytes === null ? "–" : size(system.memory_bytes)}</dd>
+        <dt>{t.process.disk}</dt><dd>{system.free_bytes === null ? "–" : size(system.free_bytes)}</dd>
         <dt>{t.process.versions}</dt><dd>{Object.entries(system.versions).map((words) => words.join(" ")).join(", ")}</dd>
       </dl>
     </section>
   );
 }
 
-function Databases({ system }: { system: Body<"System"> }) {
+function Databases({ system, service }: { system: Body<"System">; service: Service }) {
   const d = t.databases;
   const rows = system.databases.map(({ name, size_bytes, written, problem }): Cells => [
     <><bdi>{name}</bdi>{d.holds[name] && <small>{d.holds[name]}</small>}</>,
-    `${number(size_bytes / 1e6)} MB`,
+    size(size_bytes),
     written === null ? t.none : <Time at={written} />,
-    problem === null ? d.fine : <span class="pill warn"><Words>{problem}</Words></span>,
+    problem === null ? d.fine : <span class="pill warn"><Words by={service.sentences}>{problem}</Words></span>,
   ]);
   return (
     <>
@@ -153,7 +153,7 @@ function Load() {
       {found === null ? <p class="quiet">{t.waiting}</p> : (
         <dl>
           <dt>{t.raisedWeek}</dt><dd>{count(found.raised)}</dd>
-          <dt>{t.perTenMinutes}</dt><dd>{number(found.mean_per_ten_minutes)}</dd>
+          <dt>{t.perTenMinutes}</dt><dd>{few(found.mean_per_ten_minutes)}</dd>
           <dt>{t.worstTenMinutes}</dt><dd>{count(found.most_in_ten_minutes)}{found.most_at !== null && <small><Time at={found.most_at} /></small>}</dd>
         </dl>
       )}
@@ -174,7 +174,7 @@ function Recordings() {
     }
   };
   const rows = [...(found?.recordings ?? [])].reverse().map(({ name, size_bytes }): Cells => [
-    <Frames name={name} full />, `${number(size_bytes / 1e6)} MB`,
+    <Frames name={name} full />, size(size_bytes),
   ]);
   return (
     <section>

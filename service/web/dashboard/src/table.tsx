@@ -1,7 +1,8 @@
 // A table, and what it shows asked for again from time to time.
 import { useEffect, useState } from "preact/hooks";
-import { ask, isSilence } from "./ask";
+import { ask } from "./ask";
 import { count } from "./format";
+import { failure } from "./sentences";
 import { t } from "./texts";
 
 const EVERY_MS = 10_000;
@@ -26,14 +27,11 @@ export function Table({ label, columns, rows }: { label: string; columns: string
   );
 }
 
-/** Counts that are not zero: "gated 1200, gap 2". */
+/** Counts that are not zero: "gated 1200, gap 2"; a reason has its name in the metrics as its title. */
 export const reasons = (counts: Record<string, number>): Cells => {
   const found = Object.entries(counts).filter(([, n]) => n > 0);
-  return [found.length === 0 ? "–" : found.map(([reason, n]) => <span key={reason} class="reason">{reason} {count(n)}</span>)];
+  return [found.length === 0 ? "–" : found.map(([reason, n]) => <span key={reason} class="reason" title={reason}>{t.reason[reason] ?? reason.replaceAll("_", " ")} {count(n)}</span>)];
 };
-
-/** Why a request has failed, in words. */
-export const failure = (error: unknown): string => (isSilence(error) ? t.noAnswer : (error as Error).message);
 
 /** An answer, why there is none, and what asks at once; the last answer stays. */
 export function usePolled<T>(path: string): [T | null, string, () => Promise<void>] {

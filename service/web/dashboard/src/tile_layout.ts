@@ -11,7 +11,9 @@ export interface Layout {
 export const GAP = 4;
 const WIDE = 250;
 const LARGEST = 430;
-const SMALLEST = 78;
+const SMALLEST = 74;
+const READABLE = 130; // the name of an axis, beside its mark
+const NEARLY = 1.25; // screens
 const FEW = 24;
 const PHONE = 700;
 
@@ -32,7 +34,8 @@ export function layoutOf(axes: number, parameters: number, width: number, height
       return { columns, wide, bar: Math.max(6, bar) };
     }
   }
-  // They do not fit: the page scrolls, a few with all numbers, many as small tiles.
+  // They do not fit: the page scrolls, a few with all numbers, many as small tiles whose names can be read.
   if (axes <= FEW) return { columns: Math.max(1, Math.floor(width / (WIDE + 40))), wide: true, bar: 14 };
-  return { columns: most, wide: false, bar: 6 };
+  const nearly = Math.ceil(axes / most) * (heightOf(false, parameters) + GAP) <= NEARLY * height;
+  return { columns: nearly ? most : Math.max(1, Math.floor((width + GAP) / (READABLE + GAP))), wide: false, bar: 6 };
 }

@@ -2,8 +2,8 @@
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
 import { unit } from "./format";
-import { Words } from "./marks";
 import { Plot } from "./plot";
+import { Words } from "./sentences";
 import { rangeOf } from "./series";
 import { t } from "./texts";
 import { trendColumns } from "./trend_columns";

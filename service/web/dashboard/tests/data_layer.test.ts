@@ -1,13 +1,14 @@
 // The data layer of the dashboard: what is plotted, the order of the axes, how numbers and times are written.
 import { beforeEach, describe, expect, test } from "vitest";
 import { alarmSentence, meaningOf } from "../src/alarm_words";
-import type { Alarm, Axis, Body } from "../src/ask";
+import { Refused, type Alarm, type Axis, type Body } from "../src/ask";
 import { chainOf, monitoredIn, placeless, type Component, type DriveModel } from "../src/chain";
 import { EventParser } from "../src/events";
 import * as format from "../src/format";
 import { liveBuffer } from "../src/live_buffer";
 import { itemsOf, matches, ordered } from "../src/need";
 import { farthest, signsOf } from "../src/resonances";
+import { causeName, failure, translated } from "../src/sentences";
 import { columnsOf, marksOf, rangeOf, type History } from "../src/series";
 import { emptySignals, joined, type Signals } from "../src/signal_buffer";
 import { choose, t } from "../src/texts";
@@ -26,7 +27,7 @@ function parameter(changes: object = {}) {
 }
 
 function axisOf(id: string, changes: object = {}): Axis {
-  return { id, bus: "can0", last_sample: iso(0), last_sample_age_s: 0.1, parameters: [parameter()], ...changes } as unknown as Axis;
+  return { id, bus: "can0", last_sample: iso(0), last_sample_age_s: 0.1, parameters: [parameter()], sentences: [], ...changes } as unknown as Axis;
 }
 
 function alarmOf(axis: string, changes: object = {}): Alarm {
@@ -249,7 +250,7 @@ describe("tiles", () => {
     expect(layoutOf(6, 3, 1888, 850).wide).toBe(true);
     expect(layoutOf(6, 3, 340, 400)).toMatchObject({ columns: 1, wide: true });
   });
-  test("that do not fit are as many as there is room for in a row", () => expect(layoutOf(2000, 3, 1888, 850).columns).toBe(23));
+  test("that do not fit have names that can be read", () => expect(layoutOf(2000, 3, 1888, 850).columns).toBe(14));
 });
 
 describe("the range of time", () => {
@@ -278,6 +279,44 @@ describe("a trend", () => {
   test("has a bar where the limit is reached", () => expect(c.limits[0]!.slice(0, 3)).toEqual([null, 2, 2]));
 });
 
+describe("sentences of the daemon", () => {
+  const words = (kind: string, values: Body<"Sentence">["values"] = {}, text = kind): Body<"Sentence"> => ({ words: text, kind, values });
+  const names = words("joined", { 0: "kT", 1: "fm", 2: "fc", separator: ", and " }, "kT, fm and fc");
+  const lost = words("not used", { axis: "a.b", why: words("lost", { why: words("damaged"), parts: words("part of", { part: words("part history"), names }) }) }, "in English");
+  const german = (...found: Body<"Sentence">[]) => translated(found[0]?.words ?? "", found);
+
+  beforeEach(() => {
+    globalThis.document = { documentElement: {} } as unknown as Document;
+    choose("de");
+  });
+  test("are German by their kind and values, also within each other", () => {
+    expect(german(lost)).toBe(
+      "a.b: der gesicherte Zustand wird nicht verwendet und wurde beiseitegelegt: er ist beschädigt (falsche Prüfsumme)"
+      + " (neu begonnen: die Langzeitgeschichte von kT, fm und fc)",
+    );
+    expect(german(words("alike", { first: "fm", last: "fc" }))).toBe("fm und fc sind nicht zu unterscheiden");
+    expect(german(words("down", { why: "Network is down" }))).toBe("gestört: Network is down");
+    expect(german(words("not calibrated", { name: "T", value: "41.5", low: "20", high: "3.5e-07" }))).toBe("T = 41,5, kalibriert von 20 bis 3,5e−07");
+    expect(german(words("joined", { 0: words("closed"), 1: "b", separator: "; " }))).toBe("geschlossen; b");
+    const clock = german(words("clock set back", { way: "back", by: "2 hours", by_s: "7200.0", at: "2026-03-01T12:00:00Z" }));
+    expect(clock).toMatch(/^Die Uhr dieses Rechners wurde um 2 h zurückgestellt; 01\.03\.2026 .* ist die erste Zeit danach/);
+    expect(german(words("not possible", { event: "acknowledge", state: "acknowledged", advice: "wait" }))).toBe("Nicht möglich („quittiert“): der Alarm ist jetzt „quittiert“");
+  });
+  test("are English where the page is, or where there is no German", () => {
+    expect(german(words("of tomorrow"))).toBeNull();
+    expect(translated("another text", [lost])).toBeNull();
+    expect(failure(new Refused("full", []))).toBe("full");
+    expect(failure(new Refused("none", [words("no frames kept", {}, "none")]))).toMatch(/^recordings_mb in \[service\] ist 0/);
+    choose("en");
+    expect(german(lost)).toBeNull();
+  });
+  test("causes that are no parameter have a name", () => {
+    expect([causeName("torque sign"), causeName("kT")]).toEqual(["Vorzeichen des Moments", "kT"]);
+    choose("en");
+    expect(causeName("torque sign")).toBe("torque sign");
+  });
+});
+
 test("events come in pieces; comments are none", () => {
   const parser = new EventParser();
   expect(parser.add("event: axes\ndata: {\"a\"")).toEqual([]);
@@ -293,7 +332,7 @@ describe("numbers and times", () => {
   test.each([
     [format.number(0.06), "0.06000"],
     [format.number(95.717), "95.72"],
-    [format.number(0), "0.000"],
+    [format.number(0), "0"],
     [format.number(-123456), "−1.235·10⁵"],
     [format.number(0.0000123), "1.230·10⁻⁵"],
     [format.number(null), "–"],
@@ -304,16 +343,22 @@ describe("numbers and times", () => {
     [format.withMargin(0, 0.002), "0.0000 ± 0.0020"],
     [format.withMargin(0.5, null, true), "+0.5000"],
     [format.withMargin(NaN, 1), "–"],
-    [format.percent(0.305), "+30.5 %"],
-    [format.percent(-0.00001), "0.0 %"],
-    [format.percent(-0.2), "−20.0 %"],
-    [format.percent(1.57), "+157 %"],
+    [format.percent(0.305), "+30.5\u00a0%"],
+    [format.percent(-0.00001), "0.0\u00a0%"],
+    [format.percent(-0.2), "−20.0\u00a0%"],
+    [format.percent(1.57), "+157\u00a0%"],
     [format.count(1234567), "1\u202f234\u202f567"],
     [format.unit("kg m^2"), "kg\u202fm²"],
     [format.unit("1"), ""],
     [format.span(0.44), "0.4 s"],
     [format.span(75), "75 s"],
     [format.span(3600 * 5), "5 h"],
+    [format.few(0.0009921), "<\u00a00.01"],
+    [format.few(0.349), "0.35"],
+    [format.few(0), "0"],
+    [format.size(292_500), "293\u00a0kB"],
+    [format.size(6_937_000), "6.9\u00a0MB"],
+    [format.size(78.016e9), "78\u00a0GB"],
     [format.ticks([145.25, 145.5, 145.75]).join(" "), "145.25 145.50 145.75"],
     [format.ticks([0.95, 1, 1.05]).join(" "), "0.95 1.00 1.05"],
     [format.ticks([0, 2e-5, 4e-5]).join(" "), "0·10⁻⁵ 2·10⁻⁵ 4·10⁻⁵"],
@@ -321,7 +366,7 @@ describe("numbers and times", () => {
   test("have a comma in German, and its dates", () => {
     choose("de");
     expect(format.withMargin(0.07832, 0.00256)).toBe("0,0783 ± 0,0026");
-    expect(format.percent(-0.00001)).toBe("0,0 %");
+    expect(format.percent(-0.00001)).toBe("0,0\u00a0%");
     expect(format.date(new Date(2026, 2, 1))).toBe("01.03.2026");
   });
 });

@@ -1,6 +1,7 @@
-// German. Messages and which parameters cannot be distinguished are sentences of the daemon, English in every language.
+// German. Sentences of the daemon are here by their kinds; what is not, as the text of an error of the system, is English.
 import type { Alarm, Body, Parameter } from "../ask";
 import { moment, unit as unitOf } from "../format";
+import { translated } from "../sentences";
 import type { Texts } from "./en";
 
 const comma = (digits: string): string => digits.replace(".", ",");
@@ -163,6 +164,97 @@ function sentence(alarm: Alarm, unit: string): string | null {
   return `${which}${words}${drifts}${same}${outside}`;
 }
 
+const CAUSES: Record<string, string> = {
+  "torque sign": "Vorzeichen des Moments", "torque stuck": "Moment hängt", "torque lost": "Moment fehlt",
+  "torque scale": "Maßstab des Moments", "torque offset": "Versatz des Moments", "output sign": "Vorzeichen der Bewegung",
+  "output stuck": "Bewegung hängt", "output scale": "Maßstab der Bewegung", "output offset": "Versatz der Bewegung",
+  "output noise": "Rauschen der Bewegung", delay: "Verzögerung des Moments", load: "Last", inertia: "Trägheit der Last",
+};
+
+const BUS_UP = "einschalten mit `ip link set {channel} up`";
+const NO_TLS = "was gesendet wird, kann unterwegs gelesen und verändert werden (kein TLS)";
+const NO_TOKEN = "ungeschützt: Jeder, dessen Rechner diese Adresse erreicht, darf ohne Token lesen und bedienen";
+const CLOCK = "Die Uhr dieses Rechners wurde um {by_s}";
+const CLOCK_AFTER = "gestellt; {at} ist die erste Zeit danach. Ein Alarm von vorher endet so lange nach seiner Auslösung, wie er gedauert hat";
+
+/** Sätze des Dienstes nach ihrer Art; tests/service/test_sentences.py hält sie und ihre Werte gleich. */
+const SENTENCES: Record<string, string> = {
+  "not observed": "{name} ist nicht beobachtet",
+  alike: "{first} und {last} sind nicht zu unterscheiden",
+  unidentifiable: "{first} und {second} sind durch die Aufnahme für ihre Nennwerte nicht zu unterscheiden: nichts wird geprüft."
+    + " Die Achse mit einer Aufnahme mit mehreren Geschwindigkeiten und Beschleunigungen identifizieren, oder mit"
+    + " `axiswatch identify --fix {second}`, das diesen auf seinem Wert in der Konfiguration hält",
+  value: "{name} = {value}",
+  "not known": "{name} ist nicht bekannt",
+  slow: "langsamer als {speed} rad/s",
+  bounds: "{name} würde seine Grenzen verlassen",
+  beyond: "{found}, außerhalb von {low} bis {high}",
+  heat: "Wärme = {heat}, Reibung bekannt von {low} bis {high}",
+  "not calibrated": "{name} = {value}, kalibriert von {low} bis {high}",
+  wider: "{why}: mit größerer Toleranz geprüft",
+
+  "not opened": "gestört: noch nicht geöffnet",
+  down: "gestört: {why}",
+  closed: "geschlossen",
+  "interface down": `gestört: die Schnittstelle ist ausgeschaltet; ${BUS_UP}`,
+  "interface gone": "gestört: die Schnittstelle ist weg; wird wieder geöffnet, sobald das geht",
+  "bus fault": "gestört: {why}; wird wieder geöffnet, sobald das geht",
+  "only errors": "gestört: seit den letzten Daten nur Fehlerframes; stimmen Bitrate, Kabel und Abschluss?",
+  "reader stopped": "gestört: der Leser hat aufgehört, was ein Fehler des Programms ist",
+  "no interface": "Bus {bus}: die Schnittstelle {interface} geht hier nicht: {why}",
+  "no device": "Bus {bus}: es gibt keine Netzwerkschnittstelle {channel}: den Adapter anschließen, oder für eine virtuelle"
+    + " `ip link add dev {channel} type vcan && ip link set {channel} up`",
+  "no CAN": "dieser Kernel hat kein CAN (modprobe can-raw)",
+  "cannot open": "Bus {bus}: {where} lässt sich nicht öffnen: {why}",
+
+  compiling: "Der numerische Kern wird übersetzt; Frames warten, bis er fertig ist",
+  "compiling multimodel": "Der Kern des Multimodell-Detektors wird übersetzt; dessen Messwerte warten, bis er fertig ist",
+  "out of service": "Außer Betrieb, Alarme werden gespeichert, aber nicht gemeldet: {axes}",
+  "clock set back": `${CLOCK} zurück${CLOCK_AFTER}`,
+  "clock set forward": `${CLOCK} vor${CLOCK_AFTER}`,
+  link: "Verbindung {name}: {why}",
+  "alarms wait": "{alarms} Alarme sind noch nicht gespeichert",
+  "alarm not recorded": "Alarm von {alarms}: kann noch nicht gespeichert werden, wird wieder versucht: {why}",
+  "frames not recorded": "Rohdaten um einen Alarm sind noch nicht aufgezeichnet: {why}",
+  "recording ended": "Die Aufzeichnung ist beendet: {why}",
+  "no frames kept": "recordings_mb in [service] ist 0: es werden keine Rohdaten aufbewahrt",
+  "history failed": "Die Geschichte wird nicht mehr geschrieben: ein Fehler des Programms, siehe Log",
+  "history not written": "Die Geschichte kann noch nicht geschrieben werden, es wird wieder versucht: {why}",
+  "not saved": "Der Zustand der Überwachung kann nicht gespeichert werden: {why}",
+  unmonitored: "{axis}: der Alarm von {name} wurde beendet: das wird nicht mehr überwacht",
+  "not configured": "{axis} ist nicht mehr konfiguriert, hat aber offene Alarme im Journal",
+  "not used": "{axis}: der gesicherte Zustand wird nicht verwendet und wurde beiseitegelegt: {why}",
+  "part not used": "{axis}: ein Teil des gesicherten Zustands wird nicht verwendet und wurde beiseitegelegt: {why}",
+  lost: "{why} (neu begonnen: {parts})",
+  "part of": "{part} von {names}",
+  "part estimates": "die Schätzwerte",
+  "part evidence": "die Teststatistik des Multimodell-Detektors",
+  "part warmth": "der Wärmezustand",
+  "part window": "das Lernfenster",
+  "part history": "die Langzeitgeschichte",
+  damaged: "er ist beschädigt (falsche Prüfsumme)",
+  version: "er passt nicht zu dieser Version ({why})",
+  unreadable: "er ist nicht lesbar ({why})",
+  "other settings": "er gehört zu einem anderen Modell, anderen Parametern oder anderen Einstellungen",
+  "other epoch": "er gehört zu {before}, nicht zu {now}",
+  epoch: "Epoche {number}",
+  "the configuration": "der Konfiguration",
+  "file damaged": "{path} ist beschädigt ({why}); die Datei heißt jetzt {name}, und eine neue wurde begonnen",
+  "configuration changed": "{axis}: die Konfiguration wurde geändert, seit Epoche {before} begann: sie gilt, als Epoche {epoch};"
+    + " `axiswatch baseline restore {axis} {before}` nimmt das zurück",
+  "epoch in force": "{axis}: es gelten die Nennwerte von Epoche {epoch}, nicht die der Konfiguration",
+  "epoch does not fit": "Epoche {epoch} passt nicht mehr zur Konfiguration, deshalb gilt diese: {why}",
+  "begins again": "{axis}: das Lernfenster von Epoche {epoch} beginnt von vorn",
+
+  "no token": NO_TOKEN,
+  "no token, no TLS": `${NO_TOKEN}; ${NO_TLS}`,
+  "no TLS": `ungeschützt: ${NO_TLS}, auch Token`,
+  "token needed": "Es wird ein Token gebraucht, wie ihn `axiswatch token new` macht: Authorization: Bearer TOKEN",
+  "token not known": "Dieser Token ist nicht bekannt oder wurde widerrufen",
+  scope: "Das braucht einen Token mit dem Umfang {scope}; der von {name} hat weniger",
+  "not possible": "Nicht möglich („{event}“): der Alarm ist jetzt „{state}“",
+};
+
 const MEANINGS: Record<string, string> = {
   "viscous friction of the motor": "viskose Reibung des Motors",
   "Coulomb friction of the motor": "Coulomb-Reibung des Motors",
@@ -213,7 +305,9 @@ export const de: Texts = {
   newAlarm: (axis, words) => `Neuer Alarm: ${axis}: ${words}`,
   alarmNamed: (axis, words) => `Alarm: ${axis}: ${words}`,
   more: (n) => `${n} weitere`,
-  showMore: "mehr zeigen",
+  newerAlarms: "Neuere Alarme",
+  olderAlarms: "Ältere Alarme",
+  alarmsOf: (first, last, total) => `${first} bis ${last} von ${total}`,
   sentence,
   reach,
   course,
@@ -221,6 +315,21 @@ export const de: Texts = {
   reciprocal: (words) => `Kehrwert von: ${words}`,
   progress: (state, doneS, lengthS) =>
     lengthS === null ? null : `${state === "learning" ? "lernt" : "wird geprüft"}: ${operated(doneS ?? 0)} von ${operated(lengthS)} Betrieb`,
+
+  sentences: SENTENCES,
+  list: (names) => names.join(", ").replace(/, ([^,]*)$/, " und $1"),
+  cause: CAUSES,
+  who: { configuration: "Konfiguration", local: "lokal" },
+  output: { speed: "Motordrehzahl", "mean speed": "mittlere Motordrehzahl", angle: "Motorwinkel" },
+  reason: {
+    queue_full: "Warteschlange voll", kernel_overflow: "im Kernel verloren", error_frame: "Fehlerframe", remote_frame: "Remote-Frame",
+    unwanted: "nicht gebraucht", too_short: "zu kurz", undecodable: "nicht dekodierbar", signal_absent: "Signal fehlt",
+    not_finite: "keine Zahl", absurd: "unmöglicher Wert", repeated: "wiederholt", out_of_order: "falsche Reihenfolge",
+    untimed: "ohne Zeit", unpaired: "ohne Partner", late: "zu spät", missing: "fehlt", ambiguous: "mehrdeutiger Winkel",
+    seeding: "lernt", settling: "schwingt ein", gated: "Betriebsbedingungen", outlier: "Ausreißer", starved: "zu wenig Bewegung",
+    started: "erster Messwert", gap: "Lücke", not_increasing: "Zeit läuft nicht vorwärts", diverged: "divergiert",
+    clock_reanchored: "Zeitlinie neu begonnen", clock_set_back: "Uhr zurückgestellt", age: "zu alt", refused: "vom Empfänger abgelehnt",
+  },
 
   axes: "Achsen",
   noAxis: "Es ist keine Achse konfiguriert.",
@@ -251,12 +360,12 @@ export const de: Texts = {
     "not observed": "nicht beobachtet", invalid: "ungültig", alarm: "Alarm",
   },
   notTested: "nicht geprüft",
-  notTestedSentences: ({ parameters, gated_by }) => {
+  notTestedSentences: ({ parameters, gated_by, sentences }) => {
     const reasons = [...new Set(parameters.map((p) => p.not_tested_reason))].filter((reason) => reason !== null);
     return reasons.map((reason) => {
       const names = parameters.filter((p) => p.not_tested_reason === reason).map((p) => p.name);
       const [why, needed] = NOT_TESTED[reason];
-      const condition = reason === "operating conditions" && gated_by !== null ? ` (${gated_by})` : "";
+      const condition = reason === "operating conditions" && gated_by !== null ? ` (${translated(gated_by, sentences) ?? gated_by})` : "";
       return `${names.join(", ")} ${names.length === 1 ? "wird" : "werden"} nicht geprüft: ${why}${condition}. Nötig: ${needed}`;
     });
   },
@@ -312,6 +421,7 @@ export const de: Texts = {
   durations: [[3600, "1 Stunde"], [28800, "8 Stunden"], [86400, "1 Tag"], [259200, "3 Tage"], [604800, "7 Tage"]],
   comment: "Kommentar",
   workOrderLabel: "Auftragsnummer",
+  giveEither: "Kommentar, Auftragsnummer oder beides angeben.",
 
   alarmTitle: (id) => `Alarm ${id}`,
   print: "Drucken",
@@ -336,7 +446,6 @@ export const de: Texts = {
   },
   inside: "Unter den Bedingungen der Kalibrieraufnahmen ausgelöst.",
   outside: "Außerhalb der Bedingungen der Kalibrieraufnahmen ausgelöst: Fehlalarme können dort häufiger sein.",
-  onsetWithin: (ends) => `${ends} mit einer Wahrscheinlichkeit von 90 %`,
   crossings: "Schwelle überschritten",
   times: (n) => (n === 1 ? "einmal" : `${n}-mal`),
   advice: {
@@ -345,6 +454,7 @@ export const de: Texts = {
     sensor: "Zuerst Sensor, Kabel und Einstellungen der Steuerung prüfen, dann die Mechanik.",
     inspect: (what) => `Die Achse auf diese Ursache prüfen: ${what}.`,
     inspectAlike: (names) => `Die Daten können dies nicht unterscheiden, also auch prüfen: ${names}.`,
+    payload: "Was der Roboter trägt, mit der in der Steuerung eingestellten Nutzlast vergleichen.",
     forecast: "Die Wartung vor dem Erreichen der Grenze einplanen.",
     order: "Auftragsnummer eintragen; Rohdaten und Bericht mitgeben.",
     gone: "Die Ursache ist weg. Den Verlauf davor und danach vergleichen.",
@@ -379,6 +489,7 @@ export const de: Texts = {
   tolerance: "Zulässig",
   test: "Teststatistik",
   ofThreshold: (share) => `${share} der Schwelle`,
+  testInShadow: "zum Vergleich: die Alarme kommen vom Multimodell-Detektor",
   excitation: "Anregung",
   testedFor: (s) => `seit dem Start ${s} lang geprüft`,
   state: "Zustand",
@@ -465,7 +576,9 @@ export const de: Texts = {
   none: "keine",
   buses: "Busse",
   bus: "Bus",
+  up: "in Betrieb",
   reader: "Leser",
+  readerKind: { "socketcan in blocks": "SocketCAN, in Blöcken", "udp_multicast in blocks": "UDP-Multicast, in Blöcken" },
   received: "Frames",
   rate: "Frames/s",
   dropped: "Verworfen",

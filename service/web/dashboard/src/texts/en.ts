@@ -25,7 +25,9 @@ export const en = {
   newAlarm: (axis: string, words: string) => `New alarm: ${axis}: ${words}`,
   alarmNamed: (axis: string, words: string) => `Alarm: ${axis}: ${words}`,
   more: (n: number) => `${n} more`,
-  showMore: "show more",
+  newerAlarms: "Newer alarms",
+  olderAlarms: "Older alarms",
+  alarmsOf: (first: number, last: number, total: number) => `${first} to ${last} of ${total}`,
   /** An alarm in one sentence; null: as the daemon says it. */
   sentence: (_alarm: Alarm, _unit: string): string | null => null,
   /** When a limit is reached, counted from a time; null: as the daemon says it. */
@@ -37,6 +39,17 @@ export const en = {
   reciprocal: (meaning: string) => `reciprocal of: ${meaning}`,
   /** What is under way in an epoch; null: as the daemon says it. */
   progress: (_state: string, _doneS: number | null, _lengthS: number | null): string | null => null,
+
+  /** Sentences of the daemon by their kind, with {values}; none: as the daemon says them. */
+  sentences: {} as Record<string, string>,
+  list: (names: string[]) => names.join(", ").replace(/, ([^,]*)$/, " and $1"),
+  /** Causes of alarms that are no parameter. */
+  cause: {} as Record<string, string>,
+  /** Who is no person. */
+  who: {} as Record<string, string>,
+  output: { speed: "motor speed", "mean speed": "mean motor speed", angle: "motor angle" } as Record<string, string>,
+  /** Why a frame, a value or a sample was not used, and why the time line of the samples restarted. */
+  reason: {} as Record<string, string>,
 
   axes: "Axes",
   noAxis: "No axis is configured.",
@@ -122,6 +135,7 @@ export const en = {
   durations: [[3600, "1 hour"], [28800, "8 hours"], [86400, "1 day"], [259200, "3 days"], [604800, "7 days"]] as [number, string][],
   comment: "Comment",
   workOrderLabel: "Work order",
+  giveEither: "Give a comment, a work order or both.",
 
   alarmTitle: (id: number) => `Alarm ${id}`,
   print: "Print",
@@ -146,7 +160,6 @@ export const en = {
   } as Record<string, string>,
   inside: "Raised in the conditions of the calibration records.",
   outside: "Raised outside the conditions of the calibration records: there, false alarms may be more frequent.",
-  onsetWithin: (ends: string) => `${ends} with a probability of 90 %`,
   crossings: "Threshold crossed",
   times: (n: number) => (n === 1 ? "once" : `${n} times`),
   advice: {
@@ -155,6 +168,7 @@ export const en = {
     sensor: "Check sensor, cable and controller settings of this axis first, then the mechanics.",
     inspect: (what: string) => `Inspect the axis for this cause: ${what}.`,
     inspectAlike: (names: string) => `The data cannot tell these apart, so check them, too: ${names}.`,
+    payload: "Compare what the robot carries with the payload that the controller has been given.",
     forecast: "Plan the maintenance before the limit is reached.",
     order: "Note the work order; send frames and report with it.",
     gone: "The cause is gone. Compare with the course before and after.",
@@ -189,6 +203,7 @@ export const en = {
   tolerance: "Tolerated",
   test: "Test statistic",
   ofThreshold: (share: string) => `${share} of threshold`,
+  testInShadow: "for comparison: the alarms come from the multi-model detector",
   excitation: "Excitation",
   testedFor: (s: string) => `tested for ${s} since the start`,
   state: "State",
@@ -275,7 +290,9 @@ export const en = {
   none: "none",
   buses: "Buses",
   bus: "Bus",
+  up: "up",
   reader: "Reader",
+  readerKind: {} as Record<string, string>,
   received: "Frames",
   rate: "Frames/s",
   dropped: "Dropped",

@@ -1,0 +1,88 @@
+"""The page in German: what the daemon says is German there too, by its kind and values."""
+
+from dataclasses import replace
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from monitor_core.detection import TORQUE_SIGN, Alarm, Cause
+from monitor_core.monitoring import AlarmEvent
+from monitor_core.wording import sentence
+from service.pipeline.snapshot import BusSnapshot, Snapshot
+from service.store.alarm_transitions import Note
+from tests.service.web.conftest import Stage
+from tests.service.web.page_parts import unfold
+
+pytestmark = pytest.mark.browser
+expect.set_options(timeout=30_000)  # a busy machine may take long
+
+
+def troubled(snapshot: Snapshot) -> Snapshot:
+    """A bus that is down, a message, an axis whose parameters cannot be told apart and whose estimation pauses."""
+    first, *others = snapshot.axes
+    alike = sentence("alike", "{first} and {last} cannot be distinguished", first="fm", last="kT")
+    gate = sentence("not known", "{name} is not known", name="temperature")
+    outside = sentence(
+        "not calibrated",
+        "{name} = {value}, calibrated from {low} to {high}",
+        name="load",
+        value="41.5",
+        low="20",
+        high="35",
+    )
+    status = replace(first.status, confounded=(alike,))
+    first = replace(first, status=status, gated_by=gate, outside_calibration=(outside,))
+    down = sentence(
+        "down", "down: {why}", why=sentence("no CAN", "this kernel has no CAN (modprobe can-raw)")
+    )
+    buses = snapshot.buses[0], BusSnapshot("can1", down, 0, {"queue_full": 7}, "python-can")
+    message = sentence("not saved", "the state of the monitors cannot be saved: {why}", why="disk full")
+    return replace(snapshot, axes=(first, *others), buses=buses, messages=(message,))
+
+
+def test_nothing_that_the_daemon_says_is_english_there(
+    configured: Stage, page: Page, fm_alarm: Alarm
+) -> None:
+    configured.snapshot, configured.links = troubled(configured.snapshot), ()
+    sign = replace(fm_alarm, parameter=TORQUE_SIGN, causes=(Cause(TORQUE_SIGN, 0.97),))
+    configured.record("demo.axis1", "1", 1.0, sign)
+    page.goto("/")
+    page.get_by_role("button", name="Deutsch").click()
+    expect(page.locator("#messages")).to_have_text(
+        "Der Zustand der Überwachung kann nicht gespeichert werden: disk full"
+    )
+    expect(page.locator("#reasons")).to_contain_text("Bus can1: gestört: dieser Kernel hat kein CAN")
+    shown = {
+        "#/": "Vorzeichen des Moments",
+        "#/axes/demo.axis1": "fm und kT sind nicht zu unterscheiden",
+        "#/alarms": "Vorzeichen des Moments",
+        "#/alarms/1": "Die Achse auf diese Ursache prüfen: Vorzeichen des Moments.",
+        "#/system": "gestört: dieser Kernel hat kein CAN (modprobe can-raw)",
+    }
+    for address, words in shown.items():
+        page.evaluate("(address) => { location.hash = address; }", address)
+        expect(page.locator("main")).to_contain_text(words)
+        unfold(page)
+        assert page.locator("main [lang=en], header bdi[lang=en]").all_inner_texts() == [], address
+    expect(page.get_by_role("table", name="Busse")).to_contain_text("Warteschlange voll 7")
+    page.evaluate("() => { location.hash = '#/axes/demo.axis1'; }")
+    banner = page.get_by_role("list", name="nicht geprüft: demo.axis1")
+    expect(banner).to_contain_text("Schätzung pausiert: temperature ist nicht bekannt")
+    expect(banner).to_contain_text("außerhalb der Kalibrierung: load = 41,5, kalibriert von 20 bis 35")
+
+
+def test_what_is_refused_is_said_in_german(stage: Stage, page: Page, fm_alarm: Alarm) -> None:
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto(f"/#/alarms/{number}")
+    page.get_by_role("button", name="Deutsch").click()
+    page.get_by_role("button", name="Quittieren").click()
+    stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, Note(stage.now_us, "somebody else"))
+    form = page.get_by_role("dialog")
+    form.get_by_role("button", name="Quittieren").click()
+    expect(form.get_by_role("alert")).to_have_text(
+        "Nicht möglich („quittiert“): der Alarm ist jetzt „quittiert“"
+    )
+    form.get_by_role("button", name="Abbrechen").click()
+    page.evaluate("() => { location.hash = '#/system'; }")
+    page.get_by_role("button", name="Die letzten Minuten aufzeichnen").click()
+    expect(page.get_by_role("alert")).to_contain_text("es werden keine Rohdaten aufbewahrt")
