@@ -55,9 +55,9 @@ def reference() -> Reference:
     u, y = (np.concatenate([getattr(record, field) for record in faulty], axis=1) for field in ("u", "y"))
     _, faults = AxisBatch([model] * W, [settings] * W).run_traced(t_us, u, y)
     healthy = experiments([SEED])
-    bank = AxisBatch([model], [settings])
-    bank.state.theta[:] *= FACTOR
-    _, homecoming = bank.run_traced(t_us[:, :1], healthy.u, healthy.y)
+    batch = AxisBatch([model], [settings])
+    batch.state.theta[:] *= FACTOR
+    _, homecoming = batch.run_traced(t_us[:, :1], healthy.u, healthy.y)
     return Reference(model, settings, homecoming, faults)
 
 
@@ -67,9 +67,9 @@ def _settings(model: AxisModel) -> Settings:
     settling = 5 * slowest_time_constant(model, settings.gain(len(model.drive.states)), INTERVAL_S)
     settings = replace(settings, settle_s=settling)
     t_us, u, y = experiments(_SEEDS_OF_P0, samples=_P0_SAMPLES)
-    bank = AxisBatch([model] * len(_SEEDS_OF_P0), [settings] * len(_SEEDS_OF_P0))
-    bank.run(np.repeat(t_us[:, np.newaxis], len(_SEEDS_OF_P0), axis=1), u, y)
-    return replace(settings, P0=tuple(float(v) for v in bank.state.P_nom.mean(axis=1)))
+    batch = AxisBatch([model] * len(_SEEDS_OF_P0), [settings] * len(_SEEDS_OF_P0))
+    batch.run(np.repeat(t_us[:, np.newaxis], len(_SEEDS_OF_P0), axis=1), u, y)
+    return replace(settings, P0=tuple(float(v) for v in batch.state.P_nom.mean(axis=1)))
 
 
 def figure_5(found: Reference) -> str:

@@ -51,30 +51,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from monitor_core.calibration.calibration_procedure import CalibrationOptions, calibrate
-    from monitor_core.calibration.record_doubts import CalibrationError
-    from monitor_core.calibration.result import CalibrationResult
-    from monitor_core.detection import Alarm
-    from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, least_delay
-    from monitor_core.drive.axis_model import AxisModel
-    from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
-    from monitor_core.drive.structure import Drive, Parameter
-    from monitor_core.excitation.accuracy import Accuracy
-    from monitor_core.excitation.design import plan
-    from monitor_core.excitation.multisine_signals import crest_factor, multisine
-    from monitor_core.excitation.reference_experiment import experiment
-    from monitor_core.identification.greybox import Estimate, fit
-    from monitor_core.identification.identification_procedure import (
+    from monitor_core.calibration import CalibrationError, CalibrationOptions, CalibrationResult, calibrate
+    from monitor_core.detection import Alarm, Limits, MultiModelDetector
+    from monitor_core.detection.multimodel.multimodel_detector import least_delay
+    from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Gate, Operating, Parameter
+    from monitor_core.excitation import Accuracy, crest_factor, experiment, multisine, plan
+    from monitor_core.identification import (
+        Disturbance,
+        Estimate,
+        IdentificationError,
         IdentificationOptions,
         IdentificationResult,
+        Problem,
+        Record,
+        fit,
         identify,
     )
-    from monitor_core.identification.problem import Disturbance, IdentificationError, Problem
-    from monitor_core.identification.records import suspicions as check_record
-    from monitor_core.identification.records.measured_record import Record
-    from monitor_core.modeling.simulated_axis import SimulatedAxis
-    from monitor_core.modeling.standard_drives import (
+    from monitor_core.identification import suspicions as check_record
+    from monitor_core.modeling import (
         REFERENCE_VALUES,
+        SimulatedAxis,
         five_mass,
         reference_model,
         three_mass,
@@ -86,19 +82,15 @@ if TYPE_CHECKING:
         AxisMonitor,
         AxisStatus,
         Fleet,
-        ParameterStatus,
-        Status,
-    )
-    from monitor_core.monitoring.recommended_settings import (
         MonitoringOptions,
+        ParameterStatus,
         SettingsError,
+        Status,
         recommended_settings,
     )
     from monitor_core.samples import SampleBlock
     from monitor_core.settings import Settings, Threshold
-    from monitor_core.trend.limit_forecast import forecast
-    from monitor_core.trend.slow_history import SlowHistory
-    from monitor_core.trend.trend import trend_of
+    from monitor_core.trend import SlowHistory, forecast, trend_of
 
 __all__ = [
     "REFERENCE_VALUES",
@@ -155,68 +147,31 @@ __all__ = [
     "two_mass",
 ]
 
-_HOME = {
-    "Drive": "drive.structure",
-    "Parameter": "drive.structure",
-    "AxisModel": "drive.axis_model",
-    "two_mass": "modeling.standard_drives",
-    "three_mass": "modeling.standard_drives",
-    "five_mass": "modeling.standard_drives",
-    "REFERENCE_VALUES": "modeling.standard_drives",
-    "SimulatedAxis": "modeling.simulated_axis",
-    "reference_model": "modeling.standard_drives",
-    "experiment": "excitation.reference_experiment",
-    "Conditions": "drive.operating_conditions",
-    "Follow": "drive.operating_conditions",
-    "Gate": "drive.operating_conditions",
-    "Operating": "drive.operating_conditions",
-    "multisine": "excitation.multisine_signals",
-    "crest_factor": "excitation.multisine_signals",
-    "plan": "excitation.design",
-    "Accuracy": "excitation.accuracy",
-    "Record": "identification.records",
-    "check_record": "identification.records:suspicions",
-    "Problem": "identification.problem",
-    "Disturbance": "identification.problem",
-    "identify": "identification.identification_procedure",
-    "IdentificationOptions": "identification.identification_procedure",
-    "IdentificationResult": "identification.identification_procedure",
-    "IdentificationError": "identification.problem",
-    "fit": "identification.greybox",
-    "Estimate": "identification.greybox",
-    "Settings": "settings",
-    "Threshold": "settings",
-    "MonitoringOptions": "monitoring.recommended_settings",
-    "recommended_settings": "monitoring.recommended_settings",
-    "SettingsError": "monitoring.recommended_settings",
-    "AxisMonitor": "monitoring.axis_monitor",
-    "AxisBatch": "monitoring.axis_batch",
-    "Fleet": "monitoring.fleet",
-    "AxisStatus": "monitoring.axis_status",
-    "ParameterStatus": "monitoring.axis_status",
-    "Status": "monitoring.axis_status",
-    "Alarm": "detection.alarm",
-    "AlarmChange": "monitoring.alarm_tracker",
-    "SampleBlock": "samples",
-    "MultiModelDetector": "detection.multimodel.multimodel_detector",
-    "Limits": "detection.multimodel.multimodel_detector",
-    "least_delay": "detection.multimodel.multimodel_detector",
-    "SlowHistory": "trend.slow_history",
-    "trend_of": "trend.trend",
-    "forecast": "trend.limit_forecast",
-    "CalibrationOptions": "calibration.calibration_procedure",
-    "calibrate": "calibration.calibration_procedure",
-    "CalibrationResult": "calibration.result",
-    "CalibrationError": "calibration.record_doubts",
+_NAMES = {
+    "calibration": "CalibrationError CalibrationOptions CalibrationResult calibrate",
+    "detection": "Alarm Limits MultiModelDetector",
+    "detection.multimodel.multimodel_detector": "least_delay",
+    "drive": "AxisModel Conditions Drive Follow Gate Operating Parameter",
+    "excitation": "Accuracy crest_factor experiment multisine plan",
+    "identification": "Disturbance Estimate IdentificationError IdentificationOptions IdentificationResult Problem "
+    "Record fit identify suspicions",
+    "modeling": "REFERENCE_VALUES SimulatedAxis five_mass reference_model three_mass two_mass",
+    "monitoring": "AlarmChange AxisBatch AxisMonitor AxisStatus Fleet MonitoringOptions ParameterStatus SettingsError "
+    "Status recommended_settings",
+    "samples": "SampleBlock",
+    "settings": "Settings Threshold",
+    "trend": "SlowHistory forecast trend_of",
 }
-"""Module of each name, and the name there where it is another one."""
+"""The names on the face of each package."""
+_HOME = {name: (package, name) for package, names in _NAMES.items() for name in names.split()}
+_HOME["check_record"] = _HOME.pop("suspicions")
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, attribute = _HOME[name].partition(":")
-    value = getattr(import_module(f"{__name__}.{module}"), attribute or name)
+    package, attribute = _HOME[name]
+    value = getattr(import_module(f"{__name__}.{package}"), attribute)
     globals()[name] = value
     return value
 

@@ -63,7 +63,7 @@ class Settings:
     K: tuple[float, ...] = ()
     """Filter gain of the innovations form, one number per state; empty is K = 0, the paper's output error."""
     K_after: tuple[tuple[float, ...], ...] = ()
-    """The gain after 0, 2, 3 .. 11 intervals (identification/kalman.py); empty: K after each."""
+    """The gain after 0, 2, 3 .. 11 intervals (drive/kalman.py); empty: K after each."""
     delay_s: float = 0.0
     """Time by which the torque acts later than its sample, at most one interval."""
     max_gap_s: float = 0.05

@@ -107,6 +107,7 @@ BINS = 50
 OFFSET = 0.3
 """Standard deviations: a mean that is farther off the nominal value would leave a test no threshold."""
 _SMALL = 1e-12
+_RESAMPLINGS = 1000
 LONGEST, MOST_BLOCKS = 5, 30
 """Memories in a block, and how many blocks there are at least, where the record is long enough for both."""
 
@@ -145,10 +146,8 @@ def stride(memory: float) -> int:
     return max(1, round(memory / BINS))
 
 
-def scatter(
-    found: Sequence[Deviations], memory: float, rng: np.random.Generator, times: int = 1000
-) -> Scatter:
-    """Scatter of the records, with ``times`` resamplings of their blocks.
+def scatter(found: Sequence[Deviations], memory: float, rng: np.random.Generator) -> Scatter:
+    """Scatter of the records, with resamplings of their blocks.
 
     Raises:
         ValueError: the records have no tested samples.
@@ -163,11 +162,11 @@ def scatter(
     around = d - mean
     length = max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS)))
     sums, count = _blocks(np.hstack([around, around**2]), starts, length)
-    weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=times)
+    weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=_RESAMPLINGS)
     means, squares = np.hsplit((weights @ sums) / (weights @ count)[:, np.newaxis], 2)
     variance = (around**2).mean(axis=0)
     power = _mirrored_variance(squares / variance, memories)
-    chance = rng.multivariate_normal(np.zeros(d.shape[1]), _correlation(means), size=times)
+    chance = rng.multivariate_normal(np.zeros(d.shape[1]), _correlation(means), size=_RESAMPLINGS)
     variance *= 1 + 2 / memories  # the mean is of the same record
     off = np.sqrt(2 * variance / memories) * chance
     return Scatter(mean, s.mean(axis=0), np.sqrt(variance), power, off, memories, memory)

@@ -54,7 +54,7 @@ def multimodel_statistics(
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> MultiModelStatistics:
-    """Run the bank over the records, and over ``samples`` of bootstrap copies.
+    """Run the bank over the records, and over ``copies`` samples of bootstrap copies.
 
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
@@ -109,11 +109,8 @@ def _as_they_may_be(
     for i, error in enumerate(settings.model_errors(p) * model.scale):
         for step in (error, -error) if error > 0 else ():
             move = np.where(np.arange(p) == i, step, 0.0)
-            yield [record._replace(shift=_shift(record, p) + move) for record in records]
-
-
-def _shift(record: SampleBlock, p: int) -> Floats:
-    return np.zeros((record.size, p)) if record.shift is None else record.shift
+            shifts = [np.zeros((r.size, p)) if r.shift is None else r.shift for r in records]
+            yield [r._replace(shift=shift + move) for r, shift in zip(records, shifts, strict=True)]
 
 
 class _Blocks:

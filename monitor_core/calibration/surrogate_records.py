@@ -188,18 +188,18 @@ class _Copies:
 
     def __init__(self, model: AxisModel, settings: Settings) -> None:
         self.model, self.settings = model, settings
-        self._bank = AxisBatch([model] * LANES, [without_tests(settings)] * LANES)
+        self._batch = AxisBatch([model] * LANES, [without_tests(settings)] * LANES)
 
     def run(self, source: CopySource, blocks: MatchedBlocks) -> Iterator[tuple[Floats, Floats]]:
         """Deviations and sqrt(lambda_0 P_ii) (n, p, LANES) of copies of a record, at every q-th sample."""
         model, settings, since = self.model, self.settings, 0
         scale, q = model.scale[:, np.newaxis], stride(settings.memory)
         for a in range(LANES):
-            self._bank.restore(a, *source.column)
+            self._batch.restore(a, *source.column)
         for t_us, u, y, weight in bootstrap_copies(model, settings, source, blocks.take):
             times = np.repeat(t_us[:, np.newaxis], LANES, axis=1)
             held = None if weight is None else np.repeat(weight[:, np.newaxis], LANES, axis=1)
-            trace = self._bank.trace(times, u, y, weight=held)
+            trace = self._batch.trace(times, u, y, weight=held)
             first = max(0, round(SETTLED * settings.memory) - since)
             since += len(u)
             rows = slice(first + q - 1, None, q)
@@ -273,8 +273,7 @@ def part_sums(d: Floats) -> PartSums:
 def own_error(parts: Sequence[PartSums]) -> Floats:
     """Covariance (2 p, 2 p) between copies due to their blocks: of the means, over sigma, and of log sigma.
 
-    More colour makes more bias and more scatter of all
-    parameters that it reaches, so these errors are correlated.
+    More colour makes more bias and more scatter of all parameters that it reaches, so these errors are correlated.
     """
     sums, n = np.array([s for s, _ in parts]), np.array([n for _, n in parts])[:, np.newaxis, np.newaxis]
     of_copy, square = sums.sum(axis=0) / n.sum()

@@ -91,7 +91,7 @@ class SieveBootstrap:
 
     def __init__(self, eps: Floats, copies: int, rng: np.random.Generator) -> None:
         self._copies, self._rng = copies, rng
-        self._a = autoregression(eps)
+        self._a = whitening_filter(eps)
         residuals = lfilter(self._a, [1.0], eps)[len(self._a) - 1 :]
         self._shocks = Shocks(residuals - residuals.mean())
         start = lfiltic([1.0], self._a, np.zeros(len(self._a) - 1))
@@ -116,7 +116,7 @@ class SieveBootstrap:
         return np.asarray(out)
 
 
-def autoregression(eps: Floats) -> Floats:
+def whitening_filter(eps: Floats) -> Floats:
     """Coefficients (1 + order,) of the whitening filter of eps (N,) (Yule and Walker).
 
     The order is twice that of the smallest AIC: coloured innovations have no finite order.  The AIC order predicts them

@@ -11,7 +11,7 @@ from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
-from monitor_core.drive.structure import DELAY, LOAD, Drive, Output, split_name
+from monitor_core.drive.structure import DELAY, LOAD, Drive, Output, Parameter, split_name
 from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, Unwatched
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
@@ -33,6 +33,7 @@ __all__ = [
     "NominalValueError",
     "Operating",
     "Output",
+    "Parameter",
     "Term",
     "ThermalModel",
     "ThermalStart",

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Drive, Parameter, split_name
+from monitor_core.drive.discretization import balance_of
+from monitor_core.drive.structure import Drive, Parameter, split_name, value_of, with_value
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 
@@ -88,7 +88,7 @@ class AxisModel:
 
     def _check_bounds(self) -> None:
         for name in self.monitored:
-            (lower, upper), value = self._limits(name), self._nominal(name)
+            (lower, upper), value = self._limits(name), value_of(self.nominal, name)
             positive = self.drive.parameter(name).positive
             if not lower < value < upper or (positive and lower <= 0):
                 need = "0 < lower < nominal < upper" if positive else "lower < nominal < upper"
@@ -102,7 +102,7 @@ class AxisModel:
     @cached_property
     def theta0(self) -> Floats:
         """Nominal theta (p,)."""
-        return np.array([self._nominal(name) for name in self.monitored], dtype=float)
+        return np.array([value_of(self.nominal, name) for name in self.monitored], dtype=float)
 
     @cached_property
     def scale(self) -> Floats:
@@ -119,8 +119,7 @@ class AxisModel:
         """All parameter values with theta in place of the nominal ones."""
         values = dict(self.nominal)
         for name, value in zip(self.monitored, theta, strict=True):
-            base, inverse = split_name(name)
-            values[base] = 1 / value if inverse else value
+            values = with_value(values, name, value)
         return values
 
     def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
@@ -141,23 +140,18 @@ class AxisModel:
 
     @cached_property
     def _balance(self) -> Floats:
-        _, (d, _) = sla.matrix_balance(self._at_nominal[0], permute=False, separate=True)
-        return np.asarray(d, dtype=float)
-
-    def _nominal(self, name: str) -> float:
-        base, inverse = split_name(name)
-        return 1 / self.nominal[base] if inverse else self.nominal[base]
+        return balance_of(self._at_nominal[0])
 
     def _size(self, name: str) -> float:
-        return self.scales.get(name, abs(self._nominal(name)))
+        return self.scales.get(name, abs(value_of(self.nominal, name)))
 
     def _limits(self, name: str) -> tuple[float, float]:
         if name in self.bounds:
             return self.bounds[name]
-        size = self._size(name)
+        size, value = self._size(name), value_of(self.nominal, name)
         if not self.drive.parameter(name).positive:
-            return (self._nominal(name) - 10 * size, self._nominal(name) + 10 * size)
-        return (0.1 * self._nominal(name), 10 * self._nominal(name))
+            return value - 10 * size, value + 10 * size
+        return 0.1 * value, 10 * value
 
 
 def _check_value(name: str, value: float, p: Parameter) -> None:

@@ -1,10 +1,15 @@
-"""Exact zero-order hold as matrices, for simulation, Kalman gain and fits; the recursion does not use it."""
+"""Balancing and exact zero-order hold as matrices, for simulation, Kalman gain and fits; not for the recursion."""
 
 import numpy as np
 import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
 from monitor_core.kernel.matrix_exponential import hold_intervals
+
+
+def balance_of(A: Floats) -> Floats:
+    """The diagonal d (n,) of powers of two that balances A: in states x_i / d_i it is D^-1 A D."""
+    return np.asarray(sla.matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)
 
 
 def zero_order_hold(A: Floats, B: Floats, interval_s: float) -> tuple[Floats, Floats]:

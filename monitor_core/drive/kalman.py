@@ -199,10 +199,8 @@ def _last_stable(model: AxisModel, i: int, unstable: float, K: Floats, interval_
 def _stable(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> NDArray[np.bool_]:
     """Whether (I - K C) Ad is stable at each theta (points, p); K (n,)."""
     d = model.balance()
-    A, C = (
-        np.array([model.matrices(theta)[0] for theta in thetas]),
-        np.array([model.matrices(theta)[2] for theta in thetas]) * d,
-    )
+    A, _, C = (np.array(parts) for parts in zip(*map(model.matrices, thetas), strict=True))
+    C = C * d
     Ad = sla.expm(A / d[:, np.newaxis] * d * interval_s)
     if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
         Ad[:, :, s], C = 0.0, C / interval_s

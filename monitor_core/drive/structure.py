@@ -235,7 +235,7 @@ class Drive:
             ValueError: as ``with_load``.
         """
         unit = self.parameter(offset).unit
-        return self._with_torque(offset, Parameter(f"{offset} per {signal}", unit, "slope", positive=False))
+        return self._with_torque(offset, Parameter(slope_name(offset, signal), unit, "slope", positive=False))
 
     def _with_torque(self, offset: str, factor: Parameter) -> Drive:
         if not self._is_constant_torque(offset):
@@ -347,6 +347,23 @@ def split_name(name: str) -> tuple[str, bool]:
         if _in_brackets(base):
             return base[1:-1].strip(), True
     return name, False
+
+
+def slope_name(name: str, term: str) -> str:
+    """What the slope of a parameter over a signal, or a function of signals, is called: "fm per temperature"."""
+    return f"{name} per {term}"
+
+
+def value_of(values: Mapping[str, float], name: str) -> float:
+    """The value of a parameter, or of the reciprocal that "1/Ja" names."""
+    base, inverse = split_name(name)
+    return 1 / values[base] if inverse else values[base]
+
+
+def with_value(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
+    """The values with this one of a parameter, or of the reciprocal that "1/Ja" names."""
+    base, inverse = split_name(name)
+    return {**values, base: 1 / value if inverse else value}
 
 
 def _in_brackets(text: str) -> bool:

@@ -32,10 +32,10 @@ from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.prediction import (
     Estimation,
     Optimum,
+    distinguishable,
     information,
     linear_part,
     optimal_powers,
-    told_apart,
 )
 from monitor_core.wording import percent
 
@@ -174,7 +174,7 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
     random = Multisine.random(rng, task.period, task.plant.interval_s, task.grid)
     flat = _trial(task, random)
     inputs = flat.fitted.motion.inputs
-    names = task.free or told_apart(task.estimation, inputs, task.find)
+    names = task.free or distinguishable(task.estimation, inputs, task.find)
     if missing := [name for name in task.find if name not in names]:
         raise ExcitationError(f"{missing[0]} is to be found, so it must be among the free parameters")
     accuracy = task.estimation.accuracy(names, inputs)

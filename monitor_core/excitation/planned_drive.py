@@ -9,10 +9,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.discretization import balance_of, zero_order_hold
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation.multisine_signals import Complex
 from monitor_core.kernel.compile import entry
@@ -62,7 +61,7 @@ class Plant:
         """A, B and the rows of angle and speed (2, n), in states x_i / d_i."""
         A, B, C = (self.drive.matrix(which, self.values) for which in ("A", "B", "C"))
         B[:, [kind == COULOMB for kind in self.drive.inputs]] *= self.coulomb
-        d = np.asarray(sla.matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)
+        d = balance_of(A)
         A, B, C = A / d[:, None] * d, B / d[:, None], C * d
         return A, B, np.vstack([C, C @ A])
 

@@ -97,7 +97,7 @@ class Estimation:
         return out
 
 
-def told_apart(estimation: Estimation, inputs: Floats, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+def distinguishable(estimation: Estimation, inputs: Floats, wanted: Sequence[str] = ()) -> tuple[str, ...]:
     """All parameters that one record can determine, without those that must be held for it: pure numbers first.
 
     Raises:
@@ -110,14 +110,13 @@ def told_apart(estimation: Estimation, inputs: Floats, wanted: Sequence[str] = (
         movable = [name for name in parts if name not in wanted]
         pure = [name for name in movable if estimation.drive.parameter(name).unit == "1"]
         if not pure and len(movable) < len(parts):
-            raise ExcitationError(_not_beside([name for name in parts if name in wanted], movable))
+            kept = listed([name for name in parts if name in wanted])
+            beside = listed(movable) if movable else "one another"
+            raise ExcitationError(
+                f"{kept} cannot be estimated beside {beside}: say which are estimated (free), the others are held"
+            )
         names.remove(pure[0] if pure else movable[-1])
     return tuple(names)
-
-
-def _not_beside(wanted: Sequence[str], others: Sequence[str]) -> str:
-    beside = listed(others) if others else "one another"
-    return f"{listed(wanted)} cannot be estimated beside {beside}: say which are estimated (free), the others are held"
 
 
 def linear_part(responses: Complex) -> list[int]:
@@ -160,7 +159,10 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
         numpy.linalg.LinAlgError: the lines together do not tell all parameters.
     """
     p = 1 / (len(M) * costs.max(axis=0))
-    _must_tell_all(np.tensordot(p, M, axes=1))
+    together = np.tensordot(p, M, axes=1)
+    scale = np.sqrt(np.diag(together))
+    if not (scale > 0).all() or np.linalg.eigvalsh(together / np.outer(scale, scale))[0] < _SINGULAR:
+        raise np.linalg.LinAlgError("the lines do not tell all parameters")
     weights = np.ones(len(costs)) / len(costs)
     best, least, powers = np.inf, 0.0, p
     for _ in range(_STEPS):
@@ -179,12 +181,6 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
         weights = np.maximum(weights * np.sqrt(used / used.max()), _FLOOR)
         weights /= weights.sum()
     return Optimum(powers, best, best / least - 1)
-
-
-def _must_tell_all(M: Floats) -> None:
-    scale = np.sqrt(np.diag(M))
-    if not (scale > 0).all() or np.linalg.eigvalsh(M / np.outer(scale, scale))[0] < _SINGULAR:
-        raise np.linalg.LinAlgError("the lines do not tell all parameters")
 
 
 def _gains(M: Floats, p: Floats, wanted: Floats) -> tuple[Floats, float]:

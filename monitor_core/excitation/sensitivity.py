@@ -10,11 +10,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.discretization import zero_order_hold_slopes
+from monitor_core.drive.discretization import balance_of, zero_order_hold_slopes
 from monitor_core.drive.structure import Drive, Matrix, split_name
 from monitor_core.kernel.fixed_predictor import simulate_known
 
@@ -51,7 +50,7 @@ class Sensitivities:
         stepped = [_stepped(drive, values, name, scales or {}) for name in names]
         at = drive.complete(values)
         A = drive.matrix("A", at)
-        d = np.asarray(sla.matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)
+        d = balance_of(A)
         (n, m), p = (len(A), len(drive.inputs)), len(names)
         units: dict[Matrix, Floats] = {
             "A": d / d[:, np.newaxis],

@@ -1,9 +1,9 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
-* ``identification_procedure``: the whole way, ``identify``, and what it returns; ``problem``, ``parameter_selection``:
-  what is estimated; ``holding``: what the records do not determine; ``verdict`` on the fit; ``outlook``: what can be
-  watched with it; ``bode``: the drive beside black boxes and the record;
-  ``warm_up``: friction that follows a heat which nobody measures.
+* ``identification_procedure``: the whole way, ``identify``; ``identification_result``: what it returns; ``problem``,
+  ``parameter_selection``: what is estimated; ``holding``: what the records do not determine; ``verdict`` on the fit;
+  ``outlook``: what can be watched with it; ``bode``: the drive beside black boxes and the record; ``warm_up``: friction
+  that follows a heat which nobody measures.
 * ``records``: records, and whether they can be used.
 * ``predictor``: prediction errors of a drive; ``greybox``: its fit.
 * ``starting``: values to start from, and the number of masses.
@@ -13,17 +13,14 @@
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse
 from monitor_core.identification.bode import Bode, drive_response
-from monitor_core.identification.greybox import LEVEL, Correlation, Trace, fit
-from monitor_core.identification.identification_procedure import (
-    MOST_MASSES,
-    USUAL_MASSES,
+from monitor_core.identification.greybox import LEVEL, Correlation, Estimate, Trace, fit
+from monitor_core.identification.identification_procedure import MOST_MASSES, USUAL_MASSES, Progress, identify
+from monitor_core.identification.identification_result import (
     IdentificationOptions,
     IdentificationResult,
     ParameterRow,
-    Progress,
     Rejection,
     Start,
-    identify,
 )
 from monitor_core.identification.outlook import Obstacle, Watched
 from monitor_core.identification.parameter_selection import (
@@ -72,6 +69,7 @@ __all__ = [
     "Correlation",
     "Disturbance",
     "Effect",
+    "Estimate",
     "FoundWarmUp",
     "FrequencyResponse",
     "Growth",

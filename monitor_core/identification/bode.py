@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import welch
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Complexes, Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Drive
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import (
-    Complexes,
     FrequencyResponse,
     by_gradient,
     local_response,
@@ -27,7 +26,7 @@ from monitor_core.identification.black_boxes.frequency_response import (
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.measured_record import Bools, Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import grid_interval, resample
 
 _POINTS = 300

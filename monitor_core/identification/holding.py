@@ -9,17 +9,17 @@ on the width of the prior, which nobody knows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.structure import split_name, value_of, with_value
 from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import RELATIVE
-from monitor_core.identification.problem import Problem, value_of
+from monitor_core.identification.problem import Problem
 from monitor_core.settings import DOUBTFUL, TOGETHER
 
 _AGREES = 3.0
@@ -64,8 +64,7 @@ def hold_undetermined(
 
 
 def _without(problem: Problem, hold: Held) -> Problem:
-    base, inverse = split_name(hold.name)
-    nominal = {**problem.nominal, base: 1 / hold.value if inverse else hold.value}
+    nominal = with_value(problem.nominal, hold.name, hold.value)
     bounds = {name: bound for name, bound in problem.bounds.items() if name != hold.name}
     free = tuple(name for name in problem.free if name != hold.name)
     return replace(problem, nominal=nominal, free=free, bounds=bounds)
@@ -82,7 +81,9 @@ def _next(found: Estimate, configured: Mapping[str, float], monitored: Collectio
     if lost := [name for name in table.names if not np.isfinite(table.sd[name])]:
         first = min(lost, key=lambda name: (name not in RELATIVE, *table.rank(name)))
         return _kept(first, "the records do not determine it", table, configured)
-    poor = [name for name in table.names if table.is_signless(name) and table.relative(name) > POOR]
+    # Where a negative value makes no sense, one about zero is not determined.
+    signless = [name for name in table.names if found.drive.parameter(name).least == 0]
+    poor = [name for name in signless if table.relative(name) > POOR]
     if poor:
         worst = max(poor, key=table.relative)
         name = table.weakest(worst, table.partners(worst))
@@ -116,14 +117,9 @@ class _Table:
     def __init__(self, found: Estimate, monitored: Collection[str]) -> None:
         self._found, self._monitored = found, monitored
         self.names = [name for name in found.problem.free if name not in found.problem.varying]
-        place = {name: k for k, name in enumerate(found.names)}
-        self._place = place
+        self._place = place = {name: k for k, name in enumerate(found.names)}
         self.theta = {name: float(found.theta[place[name]]) for name in self.names}
         self.sd = {name: float(found.sd[place[name]]) for name in self.names}
-
-    def is_signless(self, name: str) -> bool:
-        """Whether a negative value makes no sense, so that one about zero is not determined."""
-        return self._found.drive.parameter(name).least == 0
 
     def relative(self, name: str) -> float:
         """Standard deviation over the value."""
@@ -135,14 +131,9 @@ class _Table:
 
     def partners(self, name: str) -> list[str]:
         """Those whose estimates go together with this one, the closest first."""
-        r = dict(self._correlated(name))
-        return sorted((other for other in r if r[other] > TOGETHER), key=lambda other: -r[other])
-
-    def _correlated(self, name: str) -> Iterator[tuple[str, float]]:
         row = self._found.correlation[self._place[name]]
-        for other in self.names:
-            if other != name:
-                yield other, abs(float(row[self._place[other]]))
+        r = {other: abs(float(row[self._place[other]])) for other in self.names if other != name}
+        return sorted((other for other in r if r[other] > TOGETHER), key=lambda other: -r[other])
 
     def weakest(self, name: str, partners: list[str]) -> str:
         """The one to hold, of a parameter and its closest partner."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Term
-from monitor_core.drive.structure import Drive, split_name
+from monitor_core.drive.structure import Drive, slope_name, split_name
 from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.modeling.identifiability import structural
@@ -167,7 +167,7 @@ class ScheduledTerm(NamedTuple):
     @property
     def slope(self) -> str:
         """Name of the slope among the estimates."""
-        return f"{self.parameter} per {self.term}"
+        return slope_name(self.parameter, self.term)
 
 
 class Slope(NamedTuple):

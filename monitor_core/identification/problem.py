@@ -138,12 +138,6 @@ class Problem:
                 raise ValueError(f"bounds of {name} = {lower}, {upper}: the first must be below the second")
 
 
-def value_of(values: Mapping[str, float], name: str) -> float:
-    """The value of a parameter, or of the reciprocal that "1/Ja" names."""
-    base, inverse = split_name(name)
-    return 1 / values[base] if inverse else values[base]
-
-
 # --- The error that an identification raises where a user can mend the cause ------------------------------------------
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.structure import slope_name, split_name
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import SIGNAL, Balance, Term, unexplained
@@ -103,7 +103,9 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
         for k in np.flatnonzero((kinds == COSINE) | (kinds == SINE)).tolist():
             turned = ratio[k] * record.y
             pose = pose + takes[k] * (np.cos(turned) if kinds[k] == COSINE else np.sin(turned))
-        posed.append(replace(record, signals={SIGNAL: _without_gaps(record.t, pose)}))
+        known = np.isfinite(pose)
+        filled = np.interp(record.t, record.t[known], pose[known]) if known.any() else np.zeros(len(record))
+        posed.append(replace(record, signals={SIGNAL: filled}))
     if any(record.signals[SIGNAL].any() for record in posed):
         torques["signal"] = 1.0
     return posed, Balance(rigid.inertia, torques), scale
@@ -137,13 +139,8 @@ class _Rigid:
 def _offsets(problem: Problem) -> list[tuple[str, float, str]]:
     """Constant torques that follow signals: name, slope and signal."""
     return [
-        (name, problem.slopes.get(f"{name} per {signal}", 0.0), signal)
+        (name, problem.slopes.get(slope_name(name, signal), 0.0), signal)
         for name, signals in problem.varying.items()
         if not split_name(name)[1] and name in problem.drive.constant_torques()
         for signal in signals
     ]
-
-
-def _without_gaps(t: Floats, values: Floats) -> Floats:
-    known = np.isfinite(values)
-    return np.interp(t, t[known], values[known]) if known.any() else np.zeros(len(t))

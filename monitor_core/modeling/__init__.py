@@ -23,12 +23,21 @@ from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.resonances import Resonances, modes, resonances_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
-from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model, two_mass
+from monitor_core.modeling.standard_drives import (
+    INTERVAL_S,
+    MONITORED,
+    REFERENCE_VALUES,
+    five_mass,
+    reference_model,
+    three_mass,
+    two_mass,
+)
 from monitor_core.modeling.statespace import StateSpace, drive_of, nominal_of
 
 __all__ = [
     "INTERVAL_S",
     "MONITORED",
+    "REFERENCE_VALUES",
     "FlatComponent",
     "FlatInput",
     "FlatModel",
@@ -41,11 +50,13 @@ __all__ = [
     "StateSpace",
     "drive_of",
     "eliminate",
+    "five_mass",
     "from_tables",
     "modes",
     "nominal_of",
     "reference_model",
     "resonances_of",
     "structural",
+    "three_mass",
     "two_mass",
 ]

@@ -10,12 +10,10 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Complexes, Floats
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.statespace import Entries, StateSpace, nominal_of
-
-Complex = NDArray[np.complex128]
 
 _ROUNDING = 1e-12
 """Relative size below which a root is zero, and an element that stands for a direct effect, too."""
@@ -85,7 +83,7 @@ def modes(roots: Iterable[complex]) -> tuple[Mode, ...]:
     return tuple(Mode(abs(s) / (2 * math.pi), -s.real / abs(s)) for s in upper)
 
 
-def zeros_of(A: Floats, b: Floats, c: Floats) -> Complex:
+def zeros_of(A: Floats, b: Floats, c: Floats) -> Complexes:
     """Invariant zeros (rad/s) of one input and one output, balanced.
 
     While the input has no direct effect, holding the output at zero removes one state, and the variable that drives

@@ -113,9 +113,7 @@ class SimulatedAxis:
     def _follow(self, u: Floats) -> None:
         """Friction and gravity of the motion now."""
         if self._friction:
-            speed = (
-                float(self._speed.dot(self._x)) / self._speed_scale
-            )  # in units of that of Coulomb friction
+            speed = self.speed / self._speed_scale  # in units of that of Coulomb friction
             for i, _, ratio in self._friction:
                 u[i] = math.tanh(ratio * speed)
         if self._weight:

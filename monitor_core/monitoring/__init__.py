@@ -62,6 +62,7 @@ from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,
     MIN_MEMORY_SAMPLES,
     MonitoringOptions,
+    SettingsError,
     recommended_settings,
     short_memory,
 )
@@ -113,6 +114,7 @@ __all__ = [
     "Priority",
     "Range",
     "Remedy",
+    "SettingsError",
     "ShelfEndError",
     "Status",
     "Trace",

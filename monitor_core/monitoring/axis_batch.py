@@ -22,7 +22,7 @@ from monitor_core.kernel.update import compile_update
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8
-"""From so many axes on the bank runs in lanes.  Lanes are faster from four on, twice as fast at eight (``make bench``
+"""From so many axes on the batch runs in lanes.  Lanes are faster from four on, twice as fast at eight (``make bench``
 measures it), but the six axes of one robot then save a thousandth of a core and wait 3 s longer for the compiler."""
 
 MOST_LANES = 64
@@ -44,9 +44,9 @@ class AxisBatch:
         first = models[0]
         for model in models:
             if (model.drive, model.monitored) != (first.drive, first.monitored):
-                raise ValueError("the axes of a bank must share the drive and the monitored parameters")
+                raise ValueError("the axes of a batch must share the drive and the monitored parameters")
         if len({s.run_on for s in settings}) > 1:
-            raise ValueError("the axes of a bank must agree on run_on")
+            raise ValueError("the axes of a batch must agree on run_on")
         self.models, self.settings = tuple(models), tuple(settings)
         assembly = Assembly(first.drive, first.monitored)
         self._tables = t = assembly.tables if any(map(rubs, models)) else without_friction(assembly.tables)

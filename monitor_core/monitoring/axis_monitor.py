@@ -336,7 +336,9 @@ class AxisMonitor:
             NotTested.NO_SAMPLE: st.t[a] == NEVER,
             NotTested.UNIDENTIFIABLE: self.settings.unidentifiable,
             NotTested.SETTLING: st.t[a] < st.settled[a],
-            NotTested.CONDITIONS: st.mode[a] == GATED and self._gated_s() > self._memory_s,
+            # For how long gates have left out all samples: a robot that rests between two motions is tested.
+            NotTested.CONDITIONS: st.mode[a] == GATED
+            and (int(st.t[a]) - self._open_us) * 1e-6 > self._memory_s,
             NotTested.WARM_UP: not self.batch.judged[a],
             NotTested.NOT_OBSERVED: unseen and (st.mode[a] == IDLE or not st.seed_left[a]),
             NotTested.UNCERTAIN: (again and unseen) or (not seeding and self._is_uncertain(i)),
@@ -349,10 +351,6 @@ class AxisMonitor:
     @property
     def _memory_s(self) -> float:
         return self.settings.memory * self.settings.interval_s
-
-    def _gated_s(self) -> float:
-        """For how long gates have left out all samples: a robot that rests between two motions is tested."""
-        return (int(self.batch.state.t[self.lane]) - self._open_us) * 1e-6
 
     def _is_uncertain(self, i: int) -> bool:
         """Whether the CUSUM tests could not find a change of parameter i by its whole size, as commissioned or now."""

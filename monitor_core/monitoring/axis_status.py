@@ -24,9 +24,7 @@ class Status(StrEnum):
     TRACKING = "tracking"
     WEAK = "weakly observed"  # tracking, with less information than at commissioning
     UNSEEN = "not observed"  # the last samples have almost no information on it
-    INVALID = (
-        "invalid"  # the model is wrong: the estimate is at a bound, or errors are far larger than before
-    )
+    INVALID = "invalid"  # the model is wrong: an estimate at a bound, or errors far larger than before
     ALARM = "alarm"  # an alarm episode is open
 
 

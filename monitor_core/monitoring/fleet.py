@@ -144,14 +144,9 @@ class _Group(NamedTuple):
             n = count[lane]
             t_us[:n, lane], u[:n, lane], y[:n, lane] = block.t_us, block.u, block.y
         before = self.batch.state.shift
-        shift = _filled(
-            {lane: block.shift for lane, block in taken.items()},
-            lambda: np.repeat(before[np.newaxis], shape[0], axis=0),
-        )
-        gate = _filled({lane: block.gate for lane, block in taken.items()}, lambda: np.ones(shape, np.bool_))
-        weight = _filled(
-            {lane: block.weight for lane, block in taken.items()}, lambda: np.full(shape, math.nan)
-        )
+        shift = _filled("shift", taken, lambda: np.repeat(before[np.newaxis], shape[0], axis=0))
+        gate = _filled("gate", taken, lambda: np.ones(shape, np.bool_))
+        weight = _filled("weight", taken, lambda: np.full(shape, math.nan))
         samples, trace = (t_us, u, y, count, shift, gate, weight), None
         if traced:
             events, trace = self.batch.run_traced(*samples)
@@ -183,14 +178,16 @@ def _axis_update(
     return AxisUpdate(monitor.apply(events, found, block), readings, traces)
 
 
-def _filled(given: Mapping[int, NDArray[_T] | None], empty: Callable[[], NDArray[_T]]) -> NDArray[_T] | None:
-    """The lanes' values (N, ..., W) in an array of the default value; None, where no lane has any."""
-    if all(values is None for values in given.values()):
+def _filled(
+    name: str, blocks: Mapping[int, SampleBlock], empty: Callable[[], NDArray[_T]]
+) -> NDArray[_T] | None:
+    """An array of the blocks (N, ..., W), of the default value where a lane has none; None, where no lane has any."""
+    given = {lane: values for lane, block in blocks.items() if (values := getattr(block, name)) is not None}
+    if not given:
         return None
     out = empty()
     for lane, values in given.items():
-        if values is not None:
-            out[: len(values), ..., lane] = values
+        out[: len(values), ..., lane] = values
     return out
 
 

@@ -18,8 +18,9 @@ from monitor_core.trend.learning_window import (
     WindowDoubt,
     WindowError,
 )
+from monitor_core.trend.limit_forecast import forecast
 from monitor_core.trend.slow_history import SlowHistory
-from monitor_core.trend.trend import Trend
+from monitor_core.trend.trend import Trend, trend_of
 
 __all__ = [
     "PARTS",
@@ -32,5 +33,7 @@ __all__ = [
     "Trend",
     "WindowDoubt",
     "WindowError",
+    "forecast",
     "thinned",
+    "trend_of",
 ]

@@ -112,7 +112,9 @@ def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | No
     variance = np.array([e.variance for e in few]) / size**2
     share = np.minimum(1.0, hour_s / np.array([e.operating_s for e in few]))
     weighed, noises, likely = _weighed(t, y, variance, share, hour_s)
-    return _told(entries, t, weighed, (zero, size), zero_us, _scatter(noises, likely, variance))
+    variances = noises.white + noises.lasting + np.median(variance)
+    scatter = float(np.sqrt(likely @ variances / likely.sum()))
+    return _summary(entries, t, weighed, (zero, size), zero_us, scatter)
 
 
 def _weighed(
@@ -159,12 +161,7 @@ def _by_noise(w: Weighed, G: int, M: int) -> Floats:
     return np.asarray(np.logaddexp.reduce(np.concatenate(parts, axis=1), axis=1))
 
 
-def _scatter(noises: Noises, likely: Floats, variance: Floats) -> float:
-    variances = noises.white + noises.lasting + np.median(variance)
-    return float(np.sqrt(likely @ variances / likely.sum()))
-
-
-def _told(
+def _summary(
     entries: Sequence[Entry], t: Floats, w: Weighed, scale: tuple[float, float], zero_us: int, scatter: float
 ) -> Trend:
     zero, size = scale

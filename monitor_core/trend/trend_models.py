@@ -116,7 +116,7 @@ def _changed(
     )
 
 
-# --- How a series scatters about its course: by P, by itself, and with a memory; sums for least squares in that noise--
+# --- How a series scatters about its course: by P, by itself, and with a memory ---------------------------------------
 
 
 # Beside the errors of estimation, of variance s_k^2, each mean is off by what differs from hour to hour (white, the

@@ -1,12 +1,12 @@
 """``axiswatch alarms``: the alarms of a running daemon, and what a person does about them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
 
 import typer
 
 from monitor_core.wording import percent, seconds_in
-from service.client import AlarmJson, AlarmRecordJson, AlarmText, AxisServiceJson, Client
+from service.client import AlarmAction, Client, Json, Remark, Value
 from service.commands.daemon_options import (
     DEFAULT_URL,
     AsJson,
@@ -14,7 +14,7 @@ from service.commands.daemon_options import (
     Token,
     Url,
     WorkOrder,
-    print_json,
+    print_answer,
     short_time,
 )
 from service.commands.exit_codes import GROUP, explained
@@ -58,17 +58,10 @@ def list_alarms(
         found = client.alarms(state=state, axis=axis, limit=limit)
         if axis is not None and not found["alarms"]:
             client.axis(axis)  # a name with a slip must not read as "no alarm"
-    if as_json:
-        print_json(found)
-        return
-    for alarm in found["alarms"]:
-        print(alarm_lines(alarm))
+    none = "no alarm" + ("" if axis is None else f" of {axis}") + ("" if state is None else f" is {state}")
     left = found["total"] - len(found["alarms"])
-    if left > 0:
-        print(f"{left} more")
-    if not found["alarms"]:
-        named = "" if axis is None else f" of {axis}"
-        print(f"no alarm{named}" if state is None else f"no alarm{named} is {state}")
+    more = [f"{left} more"] if left > 0 else []
+    print_answer(found, as_json, [*map(alarm_lines, found["alarms"]), *more] or [none])
 
 
 @alarms.command()
@@ -81,19 +74,7 @@ def show(
     """Show an alarm, and all that has happened to it."""
     with explained(), Client(url, token) as client:
         found = client.alarm(alarm_id)
-    if as_json:
-        print_json(found)
-        return
-    print(alarm_lines(found))
-    for fact in _facts(found):
-        print(f"  {fact}")
-    if found["recording"] is not None:
-        print(f"  frames around it: {found['recording']}")
-    for t in found["transitions"]:
-        words = [f"  {short_time(t['at'])}  {t['event']} by {t['who']}: {t['to_state']}"]
-        words += [f"until {short_time(t['until'])}"] if t["until"] and t["event"] == "shelve" else []
-        words += [f"({text})" for text in (t["comment"], t["work_order"]) if text]
-        print(" ".join(words))
+    print_answer(found, as_json, [alarm_lines(found), *(f"  {fact}" for fact in _facts(found))])
 
 
 @alarms.command()
@@ -106,8 +87,7 @@ def ack(
     as_json: AsJson = False,
 ) -> None:
     """Acknowledge alarms."""
-    text = AlarmText(comment, work_order)
-    _each(alarm_ids, url, token, as_json, lambda client, number: client.acknowledge(number, text))
+    _act(url, token, alarm_ids, as_json, "acknowledge", Remark(comment, work_order))
 
 
 @alarms.command()
@@ -134,8 +114,8 @@ def shelve(
         seconds = None if duration is None else seconds_in(duration)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--for") from None
-    text = AlarmText(comment, work_order)
-    _each(alarm_ids, url, token, as_json, lambda client, number: client.shelve(number, seconds, until, text))
+    remark = Remark(comment, work_order)
+    _act(url, token, alarm_ids, as_json, "shelve", remark, duration_s=seconds, until=until)
 
 
 @alarms.command()
@@ -148,8 +128,7 @@ def unshelve(
     as_json: AsJson = False,
 ) -> None:
     """Show alarms again before their time is over."""
-    text = AlarmText(comment, work_order)
-    _each(alarm_ids, url, token, as_json, lambda client, number: client.unshelve(number, text))
+    _act(url, token, alarm_ids, as_json, "unshelve", Remark(comment, work_order))
 
 
 @alarms.command("comment")
@@ -164,8 +143,7 @@ def comment_alarm(
     """Add a comment, the number of a work order, or both, to alarms of any state."""
     if not comment and not work_order:
         raise typer.BadParameter("give --comment, --work-order or both")
-    text = AlarmText(comment, work_order)
-    _each(alarm_ids, url, token, as_json, lambda client, number: client.comment(number, text))
+    _act(url, token, alarm_ids, as_json, "comment", Remark(comment, work_order))
 
 
 @alarms.command()
@@ -189,17 +167,18 @@ def statistics(
     """Print alarms per ten minutes (EEMUA 191), and the most frequent ones."""
     with explained(), Client(url, token) as client:
         found = client.statistics(since, until)
-    if as_json:
-        print_json(found)
-        return
-    print(f"{short_time(found['since'])} to {short_time(found['until'])}")
-    print(f"raised: {found['raised']}, announced: {found['announced']}")
+    print_answer(found, as_json, _statistics(found))
+
+
+def _statistics(found: Json) -> Iterator[str]:
+    yield f"{short_time(found['since'])} to {short_time(found['until'])}"
+    yield f"raised: {found['raised']}, announced: {found['announced']}"
     most = f"{found['most_in_ten_minutes']} at most"
     most += f" (from {short_time(found['most_at'])})" if found["most_at"] else ""
-    print(f"announced in ten minutes: {found['mean_per_ten_minutes']:.3g} in the mean, {most}")
-    print(f"ten minutes with more than ten: {100 * found['flood_share']:.3g} %")
+    yield f"announced in ten minutes: {found['mean_per_ten_minutes']:.3g} in the mean, {most}"
+    yield f"ten minutes with more than ten: {100 * found['flood_share']:.3g} %"
     for name in found["most_frequent"]:
-        print(f"{name['alarms']:6}  {name['axis']} {name['parameter']} {name['direction']}")
+        yield f"{name['alarms']:6}  {name['axis']} {name['parameter']} {name['direction']}"
 
 
 Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="The axis, as in `axiswatch alarms list`.")]
@@ -215,10 +194,9 @@ def out_of_service(
     as_json: AsJson = False,
 ) -> None:
     """Take an axis out of service: its alarms are recorded, but not announced."""
-    text = AlarmText(comment, work_order)
     with explained(), Client(url, token) as client:
-        found = client.change_service(axis, "out-of-service", text)
-    _print_service(found, "taken out of service", as_json)
+        found = client.change_service(axis, "out-of-service", Remark(comment, work_order))
+    print_answer(found, as_json, [_service_line(found, "taken out of service")])
 
 
 @alarms.command("return-to-service")
@@ -231,40 +209,35 @@ def return_to_service(
     as_json: AsJson = False,
 ) -> None:
     """Return an axis to service: its alarms are announced again."""
-    text = AlarmText(comment, work_order)
     with explained(), Client(url, token) as client:
-        found = client.change_service(axis, "return-to-service", text)
-    _print_service(found, "returned to service", as_json)
+        found = client.change_service(axis, "return-to-service", Remark(comment, work_order))
+    print_answer(found, as_json, [_service_line(found, "returned to service")])
 
 
-def _print_service(found: AxisServiceJson, done: str, as_json: bool) -> None:
-    if as_json:
-        print_json(found)
-        return
+def _service_line(found: Json, done: str) -> str:
     step = found["steps"][-1]
     texts = "".join(f" ({text})" for text in (step["comment"], step["work_order"]) if text)
-    print(f"{found['axis']}: {done} by {step['who']} at {short_time(step['at'])}{texts}")
+    return f"{found['axis']}: {done} by {step['who']} at {short_time(step['at'])}{texts}"
 
 
-def _each(
-    alarm_ids: Sequence[int],
+def _act(
     url: str,
     token: str,
+    alarm_ids: Sequence[int],
     as_json: bool,
-    action: Callable[[Client, int], AlarmRecordJson],
+    action: AlarmAction,
+    remark: Remark,
+    **end: Value,
 ) -> None:
     """Do it for each alarm; the first that is refused ends it."""
     with explained(), Client(url, token) as client:
         for number in alarm_ids:
-            found = action(client, number)
-            if as_json:
-                print_json(found)
-            else:
-                print(alarm_lines(found))
+            found = client.act(number, action, remark, **end)
+            print_answer(found, as_json, [alarm_lines(found)])
 
 
-def _facts(a: AlarmRecordJson) -> Iterator[str]:
-    """Since when, how much, and how sure, as far as it is known."""
+def _facts(a: Json) -> Iterator[str]:
+    """Since when, how much, and how sure, as far as it is known; its recording; what has happened to it."""
     ends = [("from", a["onset_low"]), ("to", a["onset_high"])]
     words = " ".join(f"{word} {short_time(end)}" for word, end in ends if end is not None)
     yield f"onset: {short_time(a['onset'])}" + (f" (90 %: {words})" if words else "")
@@ -275,9 +248,16 @@ def _facts(a: AlarmRecordJson) -> Iterator[str]:
     for cause in a["causes"]:
         alike = f"; {', '.join(cause['alike'])} would look the same" if cause["alike"] else ""
         yield f"cause: {cause['parameter']}, probability {percent(cause['probability'])}{alike}"
+    if a["recording"] is not None:
+        yield f"frames around it: {a['recording']}"
+    for t in a["transitions"]:
+        parts = [f"{short_time(t['at'])}  {t['event']} by {t['who']}: {t['to_state']}"]
+        parts += [f"until {short_time(t['until'])}"] if t["until"] and t["event"] == "shelve" else []
+        parts += [f"({text})" for text in (t["comment"], t["work_order"]) if text]
+        yield " ".join(parts)
 
 
-def alarm_lines(a: AlarmJson) -> str:
+def alarm_lines(a: Json) -> str:
     """An alarm in two lines: what is done about it, and what it says."""
     number = "not yet recorded" if a["id"] is None else f"{a['id']}"
     state = a["state"] + (f" until {short_time(a['shelved_until'])}" if a["shelved_until"] else "")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -17,9 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.calibration import CalibrationError, CalibrationOptions
+from monitor_core.drive import split_name
 from monitor_core.excitation import ExcitationError
 from monitor_core.identification import IdentificationError, turning_weight
 from monitor_core.modeling import ModelError
+from monitor_core.wording import listed
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.commands.calibrate import as_identified, calibrate_axis
@@ -38,7 +40,7 @@ from service.commands.link_load import link_load
 from service.commands.output_files import replace_text
 from service.commands.planned_motion import MotionRequest, planned, torque_columns
 from service.commands.signal_proposals import Review, configured
-from service.config import ConfigErrors
+from service.config import AxisConfig, ConfigErrors
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of
 from service.ingest.axis_records import sha256_of, wanted
@@ -105,6 +107,8 @@ def commission_axis(
     outcome = _identified(order, text, first, progress)
     if outcome.found is not None:
         outcome = _calibrated(order, text, outcome, progress)
+        _, axis = configured(text, name, order.folder)
+        outcome = replace(outcome, notes=(*outcome.notes, *unmonitored_words(axis.config, outcome.watched)))
     replace_text(kept, json.dumps({"digest": digest, "outcome": asdict(outcome)}, indent=1) + "\n")
     return outcome
 
@@ -174,6 +178,20 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         replace_text(order.folder / own_config(axis.id), own)
     outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
     return _with_motion(order, own, outcome, motion.request)
+
+
+def unmonitored_words(axis: AxisConfig, watched: Sequence[str]) -> Iterator[str]:
+    """Which keys are left out, as they name a parameter that is monitored no more."""
+    model, alarms = axis.model, axis.alarms
+    for name in model.monitor:
+        base = split_name(name)[0]
+        tables: dict[str, Iterable[str]] = {
+            "scales": model.scales, "bounds": model.bounds, "limits": model.limits,
+            "priorities": alarms.priorities, "latched": alarms.latched, "suppressed": alarms.suppressed,
+        }  # fmt: skip
+        keys = [key for key, names in tables.items() if base in {split_name(own)[0] for own in names}]
+        if keys and base not in {split_name(own)[0] for own in watched}:
+            yield f"{name} is not monitored, so it is left out of {listed(keys)} in the new configuration."
 
 
 def not_identified(report: IdentificationReport, taken: str) -> str:

@@ -114,9 +114,12 @@ def _commission(order: Order, review: Review) -> Outcome:
 
 
 def _commissioned(order: Order, review: Review, show: Callable[[Step], None]) -> Outcome:
-    """What becomes of an axis; a fault of the program is printed, and ends the way of this axis alone."""
+    """What becomes of an axis; a file that cannot be written, or a fault of the program, ends its way alone."""
     try:
         return commission_axis(order, review, _steps(order.axis_id, show))
+    except OSError as error:  # such as a full disk
+        reason = f"{error.filename or order.folder}: {error.strerror}"
+        return Outcome(order.axis_id, refusal=f"not commissioned: {reason}")
     except Exception as error:
         traceback.print_exc()
         reason = f"a fault of the program ({type(error).__name__}: {error}), please report it"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from service.client import AlarmText, Client, EpochJson
+from service.client import Client, Json, Remark, Value
 from service.commands.daemon_options import (
     DEFAULT_URL,
     AsJson,
@@ -15,7 +16,7 @@ from service.commands.daemon_options import (
     Token,
     Url,
     WorkOrder,
-    print_json,
+    print_answer,
     short_time,
 )
 from service.commands.exit_codes import GROUP, explained
@@ -76,7 +77,7 @@ def start(
         raise typer.BadParameter("give one of --hours and --nominal")
     if thresholds is not None and nominal is None:
         raise typer.BadParameter("--thresholds belongs to --nominal")
-    plan: dict[str, float | str | None] = {
+    plan: dict[str, Value] = {
         "mode": "files" if hours is None else "window",
         "hours": hours,
         "nominal": _text(nominal, "--nominal"),
@@ -84,7 +85,8 @@ def start(
         "verify_hours": verify_hours,
     }
     with explained(), Client(url, token) as client:
-        _print(client.baseline(axis, AlarmText(comment, work_order), **plan), as_json)
+        found = client.baseline(axis, Remark(comment, work_order), **plan)
+    print_answer(found, as_json, _lines(found))
 
 
 @baseline.command()
@@ -92,11 +94,7 @@ def status(axis: Axis, url: Url = DEFAULT_URL, token: Token = "", as_json: AsJso
     """Show the epochs of an axis, the newest first."""
     with explained(), Client(url, token) as client:
         found = client.epochs(axis)
-    if as_json:
-        print_json(found)
-        return
-    for epoch in found["epochs"]:
-        _print(epoch)
+    print_answer(found, as_json, (line for epoch in found["epochs"] for line in _lines(epoch)))
 
 
 @baseline.command()
@@ -110,7 +108,8 @@ def cancel(
 ) -> None:
     """End the learning window of an axis: the epoch before stays in force."""
     with explained(), Client(url, token) as client:
-        _print(client.cancel_baseline(axis, AlarmText(comment, work_order)), as_json)
+        found = client.cancel_baseline(axis, Remark(comment, work_order))
+    print_answer(found, as_json, _lines(found))
 
 
 @baseline.command()
@@ -126,7 +125,8 @@ def restore(
 ) -> None:
     """Let the values of a former epoch be in force again."""
     with explained(), Client(url, token) as client:
-        _print(client.restore_epoch(axis, number, verify_hours, AlarmText(comment, work_order)), as_json)
+        found = client.restore_epoch(axis, number, verify_hours, Remark(comment, work_order))
+    print_answer(found, as_json, _lines(found))
 
 
 def _text(path: Path | None, option: str) -> str | None:
@@ -138,10 +138,8 @@ def _text(path: Path | None, option: str) -> str | None:
         raise typer.BadParameter(f"cannot read {path}: {error}", param_hint=option) from None
 
 
-def _print(e: EpochJson, as_json: bool = False) -> None:
-    if as_json:
-        print_json(e)
-        return
+def _lines(e: Json) -> Iterator[str]:
+    """An epoch: its state and where its values come from, what was written about it, its values."""
     head = f"epoch {e['number']}: {e['state'].replace('_', ' ')}"
     if e["length_s"] is not None:
         head += f", {(e['done_s'] or 0) / 3600:.3g} of {e['length_s'] / 3600:.3g} h of operation"
@@ -151,16 +149,16 @@ def _print(e: EpochJson, as_json: bool = False) -> None:
         head += f", from {_SOURCES[e['source']]}"
     order = f", work order {e['work_order']}" if e["work_order"] else ""
     ended = f", ended {short_time(e['ended'])}" if e["ended"] else ""
-    print(f"{head}; by {e['who']} at {short_time(e['began'])}{order}{ended}")
+    yield f"{head}; by {e['who']} at {short_time(e['began'])}{order}{ended}"
     for text in (e["comment"], e["reason"]):
         if text:
-            print(f"    {text}")
+            yield f"    {text}"
     for v in e["values"]:
         sd = "" if v["standard_deviation"] is None else f" +- {v['standard_deviation']:.2g}"
         former = "" if v["former"] in (None, v["value"]) else f" (before: {v['former']:.6g})"
         unit = "" if v["unit"] == "1" else f" {v['unit']}"
         kept = f" ({v['kept']})" if v["kept"] else ""
-        print(f"    {v['name']} = {v['value']:.6g}{sd}{unit}{former}{kept}")
+        yield f"    {v['name']} = {v['value']:.6g}{sd}{unit}{former}{kept}"
 
 
 _SOURCES = {

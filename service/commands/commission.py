@@ -18,7 +18,7 @@ from service.can.user_errors import RecordError
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
 from service.commands.options import LOG_KINDS, ConfigPath, configuration
-from service.commands.output_files import replace_text
+from service.commands.output_files import write
 from service.commands.progress import axes_bars
 from service.config import Config
 from service.config.commissioned import RECORDS, REPORT, Correction, commissioned, corrected, relocated
@@ -256,11 +256,11 @@ def _write(path: Path, order: Order, outcomes: Sequence[Outcome], words: str) ->
     """The report, and the configuration at this path with what was found, if anything was."""
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
-    replace_text(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))
+    write(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))
     if found:
         for outcome in outcomes:
             text = corrected(text, outcome.axis_id, outcome.corrections)
         heading = [f"Made from {path.name} by `axiswatch commission`, {order.provenance.date}."]
-        replace_text(order.folder / CONFIG, commissioned(text, found, heading))
+        write(order.folder / CONFIG, commissioned(text, found, heading))
         written.insert(0, order.folder / CONFIG)
     print(f"written: {', '.join(map(str, written))}", file=sys.stderr)

@@ -82,6 +82,8 @@ def retry(
     """
     watched = watched_in(report)
     if report.rejection or not watched:
+        if axis.config.model.components:
+            return None  # what the user has drawn is not replaced
         if not tried and axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY and (weight := links()):
             return _with_links(text, axis, weight)
         missing = report.result.verdict.missing
@@ -154,11 +156,9 @@ def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -
 
 def memories_of(axis: AxisConfig) -> tuple[float, ...]:
     """The memories [s] to choose from; none: that of the configuration."""
-    usual_s = axis.sample_interval_s / (1 - axis.forgetting)
     if axis.estimator.memory_s:
         return ()
-    # lambda was made of the memory: the way back is not exact.
-    return tuple(float(f"{usual_s * times:.6g}") for times in _MEMORIES)
+    return tuple(float(f"{axis.memory_s * times:.6g}") for times in _MEMORIES)
 
 
 def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Correction, ...]:

@@ -1,6 +1,7 @@
 """What the commands of a running daemon share: their options, and how they print its answers."""
 
 import json
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import typer
@@ -30,9 +31,13 @@ WorkOrder = Annotated[
 ]
 
 
-def print_json(found: Any) -> None:
-    """Print an answer of the API."""
-    print(json.dumps(found, indent=1, ensure_ascii=False))
+def print_answer(found: Any, as_json: bool, lines: Iterable[str]) -> None:
+    """Print an answer of the API as JSON, or these lines about it."""
+    if as_json:
+        print(json.dumps(found, indent=1, ensure_ascii=False))
+    else:
+        for line in lines:
+            print(line)
 
 
 def short_time(iso: str | None) -> str:

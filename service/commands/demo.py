@@ -18,7 +18,7 @@ from service.commands.daemon_logs import configure_logs
 from service.commands.exit_codes import explained
 from service.commands.init import init
 from service.commands.options import Port, axis_named, configuration
-from service.commands.output_files import replace_text
+from service.commands.output_files import write
 from service.commands.progress import progress_bar
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
@@ -197,12 +197,12 @@ def _commissioned(source: Path, robot: Config, folder: Path, minutes: float, bud
 
     console.print(f"[bold]1. Record[/] {minutes:g} minutes of the healthy robot: {record}")
     with progress_bar(record.name) as progress:
-        replace_text(record, "".join(table_lines(robot, 60 * minutes, _RECORD_SEED, progress)))
+        write(record, "".join(table_lines(robot, 60 * minutes, _RECORD_SEED, progress)))
 
     console.print(f"[bold]2. Describe it[/]: axiswatch init {record} --output {first}")
     init(record, first, force=True)
     name = f'name = "{robot.robot[0].name}"'
-    replace_text(first, first.read_text(encoding="utf-8").replace(_PROPOSED, name))
+    write(first, first.read_text(encoding="utf-8").replace(_PROPOSED, name))
 
     console.print(
         f"[bold]3. Commission it[/]: axiswatch commission {record} --config {first} --budget {budget}"
@@ -215,5 +215,5 @@ def _commissioned(source: Path, robot: Config, folder: Path, minutes: float, bud
     text = connected(
         made.read_text(encoding="utf-8"), signals, f"The bus and the signals are those of {source.name}."
     )
-    replace_text(made, text)
+    write(made, text)
     return made

@@ -11,7 +11,7 @@ from monitor_core.wording import seconds_in
 from service.client import Client
 from service.commands.daemon_options import DEFAULT_URL, Token, Url
 from service.commands.exit_codes import explained
-from service.commands.output_files import STDOUT, check_writable
+from service.commands.output_files import STDOUT, check_writable, write
 
 Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="Id of the axis.", show_default=False)]
 Since = Annotated[
@@ -76,7 +76,7 @@ def history(
         if output == STDOUT:
             sys.stdout.write(content.decode("utf-8"))
         else:
-            output.write_bytes(content)
+            write(output, content)
             print(f"written: {output}")
 
 

@@ -168,19 +168,19 @@ def prepare(
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     options = IdentificationOptions(
-        start,
-        _monitored(axis.config, drive, schedule),
-        axis.config.interval_mean,
-        request.masses,
-        selection.held,
-        unknown,
-        scheduled,
-        axis.config.sample_interval_s / (1 - axis.config.forgetting),
-        request.memories_s,
-        scales_of(axis.config),
-        tuple(scales),
-        _thermal_start(request, axis.config, drive, schedule),
-        tuple(item.source.begins_s for item in used),
+        start=start,
+        monitored=_monitored(axis.config, drive, schedule),
+        interval_mean=axis.config.interval_mean,
+        max_masses=request.masses,
+        held=selection.held,
+        unknown=unknown,
+        scheduled=scheduled,
+        memory_s=axis.config.memory_s,
+        memories_s=request.memories_s,
+        sizes=scales_of(axis.config),
+        speed_scales=tuple(scales),
+        thermal=_thermal_start(request, axis.config, drive, schedule),
+        begins_s=tuple(item.source.begins_s for item in used),
     )
     return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
 

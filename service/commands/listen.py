@@ -80,10 +80,15 @@ class LiveBus(NamedTuple):
     ingest: Ingest
 
     @property
-    def lost(self) -> dict[str, int]:
-        """Frames that were dropped, by reason; those that no axis needs are none of them."""
+    def dropped(self) -> dict[str, int]:
+        """Frames that gave no sample, by reason."""
         counts = {**self.reader.stats().dropped, **self.ingest.dropped}
-        return {reason: n for reason, n in counts.items() if n and reason != "unwanted"}
+        return {reason: n for reason, n in counts.items() if n}
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Those that were dropped, without those that no axis needs."""
+        return {reason: n for reason, n in self.dropped.items() if reason != "unwanted"}
 
 
 @contextmanager
@@ -127,8 +132,7 @@ def bus_lines(buses: Sequence[LiveBus]) -> list[str]:
     words = []
     for bus in buses:
         stats = bus.reader.stats()
-        dropped = {reason: n for reason, n in {**stats.dropped, **bus.ingest.dropped}.items() if n}
-        lost = "".join(f", {n} {reason}" for reason, n in dropped.items())
+        lost = "".join(f", {n} {reason}" for reason, n in bus.dropped.items())
         words.append(f"{bus.name}: {stats.state}, {stats.frames} frames{lost}")
     return words
 

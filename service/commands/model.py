@@ -1,10 +1,7 @@
 """``axiswatch model``: the minimal state space of a drive: states, A, B, C, poles, identifiability."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -12,12 +9,10 @@ from rich.console import Console
 from service.commands.exit_codes import explained
 from service.commands.options import AxisName, JsonFile, axis_of
 from service.commands.output_files import STDOUT, write
+from service.config import given_values
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import LIBRARY, model_called, model_of_axis
 from service.reports.model_report import as_json, facts_of, print_text
-
-if TYPE_CHECKING:
-    from monitor_core.modeling import StateSpace
 
 DriveArgument = Annotated[
     str | None,
@@ -59,7 +54,8 @@ def model(
     _check_source(drive, name, config, axis)
     with explained():
         if config is not None:
-            space, values = _drive_of_axis(config, axis, output)
+            found = axis_of(config, axis).config
+            space, values = model_of_axis(found, output).space, given_values(found)
         else:
             space, values = model_called(drive or "", name, output).space, {}
         facts = facts_of(space, values)
@@ -78,13 +74,3 @@ def _check_source(drive: str | None, name: str | None, config: Path | None, axis
         raise typer.BadParameter("goes with --config FILE", param_hint="--axis")
     if name is not None and not (drive or "").endswith(SUFFIX):
         raise typer.BadParameter(f"goes with a Modelica file (FILE{SUFFIX})", param_hint="--model")
-
-
-def _drive_of_axis(
-    config: Path, axis: str | None, output: Literal["speed", "angle"] | None
-) -> tuple[StateSpace, Mapping[str, float]]:
-    """The state space, and nominal values that go before the drawing's own."""
-    from service.config import given_values
-
-    found = axis_of(config, axis).config
-    return model_of_axis(found, output).space, given_values(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,6 +14,7 @@ from service.ingest.drive_objects import DriveObjects
 from service.ingest.signal_roles import BusAxis, SignalRole
 from service.ingest.unit_names import UNITS, Quantity, current_in, unit_in, unit_of
 from service.ingest.unknown_messages import UnknownMessage
+from service.reports.formats import toml_value
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
 """Of every axis: from the motion of production, springs are seldom determined."""
@@ -39,7 +39,7 @@ def bus_lines(
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts the unit on the bus, -1 turns the sign; of the angle of an arm it is the gear ratio."
     yield from _bus_lines(bus)
-    yield f"messages = {_quoted(os.path.relpath(messages.resolve(), output.resolve().parent))}"
+    yield f"messages = {toml_value(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
     yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
 
@@ -67,7 +67,7 @@ def drive_lines(
         yield "#torque = { kT_Nm_per_A = 0.1 }  # torque constant of the motor"
     yield ""
     yield "[robot.defaults.canopen]"
-    yield f"eds = {_quoted(os.path.relpath(eds.resolve(), output.resolve().parent))}"
+    yield f"eds = {toml_value(os.path.relpath(eds.resolve(), output.resolve().parent))}"
     known = "in this file; compare "
     if current:
         value, where = (
@@ -93,7 +93,7 @@ def drive_lines(
     if first.others:
         yield ""
         yield f"# Also sent, as signals for conditions: {', '.join(first.others)}."
-        yield f'# Of an axis: signal = [{{ name = "NAME", signal = {_quoted(first.others[-1].split()[0])} }}]'
+        yield f'# Of an axis: signal = [{{ name = "NAME", signal = {toml_value(first.others[-1].split()[0])} }}]'
     for place, node_id in enumerate(drives, 1):
         yield ""
         yield "[[robot.axis]]"
@@ -106,14 +106,14 @@ def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
     yield "[[bus]]"
     if bus is None:
         name = channel if re.fullmatch(r"[\w-]+", channel, re.ASCII) else _BUS
-        yield f"name = {_quoted(name)}"
-        yield f"channel = {_quoted(channel)}  # of the interface; the name in a log"
+        yield f"name = {toml_value(name)}"
+        yield f"channel = {toml_value(channel)}  # of the interface; the name in a log"
         return
-    yield f"name = {_quoted(bus.name)}"
-    yield f"interface = {_quoted(bus.interface)}"
-    yield f"channel = {_quoted(bus.channel)}"
+    yield f"name = {toml_value(bus.name)}"
+    yield f"interface = {toml_value(bus.interface)}"
+    yield f"channel = {toml_value(bus.channel)}"
     if bus.options:
-        yield f"options = {{ {', '.join(f'{key} = {json.dumps(v)}' for key, v in bus.options.items())} }}"
+        yield f"options = {{ {', '.join(f'{key} = {toml_value(v)}' for key, v in bus.options.items())} }}"
 
 
 def unknown_bus_lines(
@@ -129,7 +129,7 @@ def unknown_bus_lines(
     for message in messages:
         yield ""
         yield "[[bus.message]]"
-        yield f"name = {_quoted(message.name)}"
+        yield f"name = {toml_value(message.name)}"
         yield f"id = 0x{message.key.can_id:x}"
         if message.key.extended:
             yield "extended = true"
@@ -137,7 +137,7 @@ def unknown_bus_lines(
         for bits in message.bits:
             order = "" if bits.byte_order == "little" else ', byte_order = "big"'
             place = f"start_bit = {bits.start_bit}, length = {bits.length}"
-            yield f'  {{ name = {_quoted(bits.name)}, {place}, kind = "{bits.kind}"{order} }},'
+            yield f'  {{ name = {toml_value(bits.name)}, {place}, kind = "{bits.kind}"{order} }},'
         yield "]"
     yield ""
     yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
@@ -156,7 +156,7 @@ def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
     for name, lines in axes.items():
         yield ""
         yield "[[robot.axis]]"
-        yield f"name = {_quoted(name)}"
+        yield f"name = {toml_value(name)}"
         yield from (line for line in lines if line not in common)
 
 
@@ -170,7 +170,7 @@ def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) 
         yield f"sample_interval_s = {interval_s:.4g}"
     if found.time is not None:
         unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
-        yield f"time = {{ column = {_quoted(found.time)}{unit} }}"
+        yield f"time = {{ column = {toml_value(found.time)}{unit} }}"
     yield _MODEL
     torque, motion = (unit_of(name, found.units.get(name, "")) for name in (axis.torque, axis.motion))
     sign = -1.0 if axis.turned else 1.0
@@ -205,7 +205,7 @@ _BY_HAND: Mapping[Quantity, str] = {
 def _column(column: str, factor: float, wrap_period: float | None = None) -> str:
     words = "" if factor == 1 else f", factor = {factor:.10g}"
     wraps = "" if wrap_period is None else f", wrap_period = {wrap_period:.10g}"
-    return f"{{ column = {_quoted(column)}{words}{wraps} }}"
+    return f"{{ column = {toml_value(column)}{words}{wraps} }}"
 
 
 # --- An axis on a bus -------------------------------------------------------------------------------------------------
@@ -230,14 +230,14 @@ def _time_lines(axis: BusAxis) -> Iterator[str]:
         remark, off = "a sample counter, by its name", ""
         if axis.interval_s is None:
             remark, off = f"{remark}: use it once sample_interval_s is right", "#"
-        beside = "" if message == axis.motion.message else f"counter_message = {_quoted(message)}, "
-        yield f"{off}time = {{ {beside}counter_signal = {_quoted(signal)} }}  # {remark}"
+        beside = "" if message == axis.motion.message else f"counter_message = {toml_value(message)}, "
+        yield f"{off}time = {{ {beside}counter_signal = {toml_value(signal)} }}  # {remark}"
     elif axis.bunched:
         yield 'time = { clock = "cyclic" }  # frames are received in bunches: the clock of the controller is fitted'
 
 
 def _source(role: SignalRole) -> str:
-    keys = [f"message = {_quoted(role.message)}", f"signal = {_quoted(role.signal)}"]
+    keys = [f"message = {toml_value(role.message)}", f"signal = {toml_value(role.signal)}"]
     factor = (1.0 if role.factor is None else role.factor) * (-1.0 if role.turned else 1.0)
     if factor != 1:
         keys.append(f"factor = {factor:.10g}")
@@ -266,7 +266,3 @@ def _unit_words(role: SignalRole) -> str:
     part = of_rated.get("" if known is None else known.words, "/ 1000 or / 100")
     rated, counts = f"rated torque {part} [N m]", "2 pi / counts of a turn [rad]"
     return f"in {role.unit}; factor is {rated if role.quantity == 'torque' else counts}"
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)

@@ -8,7 +8,7 @@ import typer
 from service.client import Client
 from service.commands.daemon_options import DEFAULT_URL, Token, Url
 from service.commands.exit_codes import explained
-from service.commands.output_files import check_writable
+from service.commands.output_files import check_writable, write
 
 Output = Annotated[
     Path | None,
@@ -36,7 +36,7 @@ def record(name: Name = None, output: Output = None, url: Url = DEFAULT_URL, tok
     with explained(), Client(url, token) as client:
         found = client.record() if name is None else name
         if output is not None:
-            output.write_bytes(client.recording(found))
+            write(output, client.recording(found))
     print(f"recorded: {found}" if name is None else found)
     if output is not None:
         print(f"written: {output}")

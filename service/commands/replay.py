@@ -54,8 +54,9 @@ def replay(
     from service.reports.replay_report import as_json, print_text
 
     read = starting_as(configuration(config, without_bus=True), thermal)
-    if report is not None:
-        check_writable(report)
+    for file in (report, json):
+        if file is not None and file != STDOUT:
+            check_writable(file)
     with explained():
         found = _replay(read, config, records, report is not None)
     if report is not None:

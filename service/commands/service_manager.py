@@ -1,4 +1,4 @@
-"""What systemd is told: ready, how it goes, alive, stopping (sd_notify(3), $NOTIFY_SOCKET); nothing without systemd.
+"""Reports to systemd: ready, how it goes, alive, stopping (sd_notify(3), $NOTIFY_SOCKET); nothing without systemd.
 
 A few short datagrams: less than what a library for them would have to be trusted with.
 """

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import TimeoutError as NotGivenError
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -98,7 +98,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
         path = Path(folder) / "look.log"
         loaded, lost = _loaded(config, axis, own, path)
         if loaded is None:
-            return _found(axis, None, None, problems or [no_samples(lost)])
+            return _without_samples(axis.id, problems or [no_samples(lost)])
         problems += [*unmoved(axis, loaded), *lossy(loaded)]
         noted = remarks(axis.id, axis.config.sample_interval_s, stamps)
         proposals, doubts = [words.removeprefix(f"{axis.id}: ") for words in noted], tuple[str, ...]()
@@ -108,7 +108,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
             problems += [words.replace(str(path), "the last seconds") for words in review.faults]
             proposals += [f"{c.reason}. -> {c.change}" for c in review.corrections]
             doubts = review.doubts
-    return _found(axis, loaded, stamps.scatter_s, problems, proposals, doubts)
+    return _with_samples(axis, loaded, stamps.scatter_s, problems, proposals, doubts)
 
 
 def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:
@@ -130,38 +130,39 @@ def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> tup
         return None, str(error).replace(str(path), "the last seconds")
 
 
-def _found(
-    axis: NamedAxis,
-    loaded: Loaded | None,
-    scatter_s: float | None,
-    problems: Sequence[str],
-    proposals: Sequence[str] = (),
-    doubts: Sequence[str] = (),
-) -> SignalCheck:
-    own: dict[str, Any] = {"seconds": 0.0, "samples": 0, "rate_hz": None, "missing": None, "moves": None}
-    signals = list[SignalRange]()
-    if loaded is not None:
-        from service.commands.checked_axis import moves
+def _without_samples(axis_id: str, problems: list[str]) -> SignalCheck:
+    return SignalCheck(
+        axis=axis_id, seconds=0.0, samples=0, rate_hz=None, scatter_s=None, missing=None, moves=None,
+        signals=[], problems=problems, proposals=[], doubts=[],
+    )  # fmt: skip
 
-        record, lost = loaded.record, loaded.source.dropped.get("missing", 0)
-        own = {
-            "seconds": float(record.t[-1] - record.t[0]),
-            "samples": len(record),
-            "rate_hz": 1 / record.mean_interval_s,
-            "missing": lost / (lost + len(record)),
-            "moves": moves(record.y, axis.config.output),
-        }
-        unit = UNITS[axis.config.output]
-        measured = record.y[record.measured]
-        signals = [_range(axis.config.torque, "N m", record.u), _range(axis.config.motion, unit, measured)]
+
+def _with_samples(
+    axis: NamedAxis,
+    loaded: Loaded,
+    scatter_s: float | None,
+    problems: list[str],
+    proposals: list[str],
+    doubts: Sequence[str],
+) -> SignalCheck:
+    from service.commands.checked_axis import moves
+
+    record, lost, output = loaded.record, loaded.source.dropped.get("missing", 0), axis.config.output
     return SignalCheck(
         axis=axis.id,
+        seconds=float(record.t[-1] - record.t[0]),
+        samples=len(record),
+        rate_hz=1 / record.mean_interval_s,
         scatter_s=scatter_s,
-        signals=signals,
-        problems=list(problems),
-        proposals=list(proposals),
+        missing=lost / (lost + len(record)),
+        moves=moves(record.y, output),
+        signals=[
+            _range(axis.config.torque, "N m", record.u),
+            _range(axis.config.motion, UNITS[output], record.y[record.measured]),
+        ],
+        problems=problems,
+        proposals=proposals,
         doubts=list(doubts),
-        **own,
     )
 
 

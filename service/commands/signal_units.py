@@ -1,7 +1,7 @@
 """In which unit the signals of an axis are, by all that a record shows: names, values, a weight, the inertia.
 
 Torque and motion alone tell no unit: a thousandth of the inertia moves alike under a thousandth of the torque.
-What does tell is compared with the configuration, and where nothing does, it is said what would.
+What shows the unit is compared with the configuration; where nothing does, the report names what would.
 """
 
 from __future__ import annotations
@@ -223,7 +223,7 @@ def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
 
 _TRIED = (0.01, 0.1)
 _RATIO_OFF = 1.5
-"""A smaller error of the ratio is not told from one of the nominal inertias."""
+"""A smaller error of the ratio cannot be distinguished from one of the nominal inertias."""
 
 
 # --- By how fast a motor can turn -------------------------------------------------------------------------------------

@@ -1,15 +1,12 @@
 """The configuration file: its schema, its rules, and every problem with file, line, key and value."""
 
-from service.config.axis_settings import Predictor, predictor_of
+from service.config.axis_settings import predictor_of
 from service.config.conditions import conditions_of, in_words, needed
 from service.config.drives import (
-    bounds_of,
     drive_of,
     given_values,
     limits_of,
     scales_of,
-    watched_drive,
-    watched_values,
 )
 from service.config.loading import load
 from service.config.problems import ConfigErrors, Problem
@@ -22,9 +19,7 @@ __all__ = [
     "ConfigErrors",
     "ModelConfig",
     "NamedAxis",
-    "Predictor",
     "Problem",
-    "bounds_of",
     "conditions_of",
     "drive_of",
     "given_values",
@@ -34,6 +29,4 @@ __all__ = [
     "needed",
     "predictor_of",
     "scales_of",
-    "watched_drive",
-    "watched_values",
 ]

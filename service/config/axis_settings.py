@@ -137,7 +137,7 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
         alpha1=config.detector.alpha_1,
         alpha2=config.detector.alpha_2,
         covariance_reset=config.detector.covariance_reset,
-        unidentifiable=untold(config),
+        unidentifiable=unidentifiable_pairs(config),
     )
 
 
@@ -152,10 +152,10 @@ def model_error(config: AxisConfig, model: AxisModel) -> tuple[float, ...]:
     )
 
 
-def untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
+def unidentifiable_pairs(config: AxisConfig) -> tuple[tuple[str, str], ...]:
     """Pairs of parameters that the record of the nominal values hardly distinguishes."""
     found = config.model.nominal_file
-    return found.untold(config.model.monitor) if found else ()
+    return found.unidentifiable_pairs(config.model.monitor) if found else ()
 
 
 # --- Detectors: which one raises alarms, and whether the multi-model detector runs in shadow mode ---------------------

@@ -6,7 +6,7 @@ And one for tables, connected to a bus.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,18 +14,17 @@ import tomlkit
 from tomlkit import TOMLDocument
 from tomlkit.items import Array, InlineTable
 
+from monitor_core.drive import split_name
 from service.config.base_table import SUFFIX
 from service.config.robot_defaults import DEFAULTS, completed
 from service.config.schema_links import LINK_FILES
+from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
 
-_IN_NOMINAL_FILE = {
-    "model": ("nominal", "friction_speed_scale"),
-    "estimator": ("predictor", "torque_noise", "output_noise", "innovation_variance", "initial_p"),
+_OF_PARAMETERS = {
+    "model": ("scales", "bounds", "limits"),
+    "alarms": ("priorities", "latched", "suppressed"),
 }
-"""Keys of an axis by table that a nominal_file replaces."""
-_IN_THRESHOLDS_FILE = ("alpha_1", "alpha_2")
-"""Keys of its detector that a thresholds_file replaces."""
-_REPLACED = {**_IN_NOMINAL_FILE, "detector": _IN_THRESHOLDS_FILE}
+"""Keys of an axis by table that name its monitored parameters."""
 SIGNAL = "signal"
 """Key of the auxiliary signals of an axis"""
 _PLACE = ("message", "signal", "column")
@@ -89,7 +88,7 @@ def relocated(text: str, source: Path, target: Path) -> str:
 def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str:
     """The text of a configuration with other values of an axis, "robot.axis"."""
     document = tomlkit.parse(text)
-    robot, axis = next((r, axis) for r in document["robot"] for axis in r["axis"] if _id(r, axis) == axis_id)
+    robot, axis = _axis(document, axis_id)
     for correction in corrections:
         *tables, key = correction.key
         table = axis
@@ -105,8 +104,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
 def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     """The text of a configuration in which an axis, "robot.axis", monitors these parameters."""
     document = tomlkit.parse(text)
-    axis = next(axis for name, axis in _axes(document) if name == axis_id)
-    _table(axis, "model")["monitor"] = list(names)
+    _monitor(*_axis(document, axis_id), names)
     return tomlkit.dumps(document)
 
 
@@ -121,8 +119,10 @@ def with_drive(
     for robot in document["robot"]:
         for key in ("nominal", "scales", "bounds", "limits"):
             _give_to_axes(robot, "model", key)  # those of the other axes stay as they are
-    model = _table(next(axis for name, axis in _axes(document) if name == axis_id), "model")
-    model["drive"], model["monitor"] = drive, list(monitor)
+    robot, axis = _axis(document, axis_id)
+    _monitor(robot, axis, monitor)
+    model = _table(axis, "model")
+    model["drive"] = drive
     model["nominal"] = {name: model.get("nominal", {}).get(name, value) for name, value in values.items()}
     for table in ("scales", "bounds", "limits"):
         for name in [name for name in model.get(table, {}) if name not in values]:
@@ -137,13 +137,12 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
     """
     document = tomlkit.parse(text)
     for robot in document["robot"]:
-        for table, keys in _REPLACED.items():
+        for table, keys in (REPLACED_BY_NOMINAL_FILE | REPLACED_BY_THRESHOLDS_FILE).items():
             for key in keys:
                 _give_to_axes(robot, table, key)
-        shared = robot.get(DEFAULTS, {}).get("model", {}).get("monitor")
         for axis in robot["axis"]:
             if (name := _id(robot, axis)) in found:
-                _set(axis, found[name], shared)
+                _set(robot, axis, found[name])
     for robot in document["robot"]:
         _detach(robot, [str(axis["name"]) for axis in robot["axis"] if _id(robot, axis) not in found])
         for number, axis in reversed(list(enumerate(robot["axis"]))):
@@ -155,10 +154,11 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
     return "".join(f"# {line}\n" for line in heading) + tomlkit.dumps(document)
 
 
-def _axes(document: TOMLDocument) -> Iterator[tuple[str, Any]]:
-    for robot in document["robot"]:
-        for axis in robot["axis"]:
-            yield _id(robot, axis), axis
+def _axis(document: TOMLDocument, axis_id: str) -> tuple[Any, Any]:
+    """The axis of that name, "robot.axis", after its robot."""
+    return next(
+        (robot, axis) for robot in document["robot"] for axis in robot["axis"] if _id(robot, axis) == axis_id
+    )
 
 
 def _id(robot: Any, axis: Any) -> str:
@@ -185,28 +185,51 @@ def _give_to_axes(robot: Any, table: str, key: str) -> None:
         own[key] = {**value, **own.get(key, {})} if isinstance(value, dict) else own.get(key, value)
 
 
-def _set(axis: Any, found: Found, shared: Sequence[str] | None) -> None:
-    """Write what was found into an axis; ``shared``: what it monitors where it has no key of its own."""
-    for table, keys in _IN_NOMINAL_FILE.items():
-        _remove(axis, table, keys)
+def _monitor(robot: Any, axis: Any, names: Sequence[str]) -> None:
+    """Let an axis monitor these parameters; what is configured for others that it has monitored is left out."""
     model = _table(axis, "model")
-    if list(model.get("monitor", shared or ())) != list(found.monitor):
-        model["monitor"] = list(found.monitor)
+    before = model.get("monitor", robot.get(DEFAULTS, {}).get("model", {}).get("monitor", ()))
+    if list(before) == list(names):
+        return
+    model["monitor"] = list(names)
+    dropped = _bases(before) - _bases(names)
+    for table, keys in _OF_PARAMETERS.items() if dropped else ():
+        for key in keys:
+            _give_to_axes(robot, table, key)
+            own = axis.get(table, {}).get(key, {})
+            for name in [name for name in own if _bases([name]) <= dropped]:
+                if isinstance(own, list):
+                    own.remove(name)
+                else:
+                    del own[name]
+
+
+def _bases(names: Iterable[str]) -> set[str]:
+    """The parameters, each also where its reciprocal is meant."""
+    return {split_name(name)[0] for name in names}
+
+
+def _set(robot: Any, axis: Any, found: Found) -> None:
+    """Write what was found into an axis."""
+    _remove(axis, REPLACED_BY_NOMINAL_FILE)
+    _monitor(robot, axis, found.monitor)
+    model = _table(axis, "model")
     model["nominal_file"] = found.nominal_file
     model.pop("thresholds_file", None)
     if found.thresholds_file is not None:
         model["thresholds_file"] = found.thresholds_file
-        _remove(axis, "detector", _IN_THRESHOLDS_FILE)
+        _remove(axis, REPLACED_BY_THRESHOLDS_FILE)
 
 
-def _remove(axis: Any, table: str, keys: Sequence[str]) -> None:
-    """Remove keys of a table of an axis, and the table if nothing is left."""
-    own = axis.get(table, {})
-    present = [key for key in keys if key in own]
-    for key in present:
-        del own[key]
-    if present and not own:
-        del axis[table]
+def _remove(axis: Any, keys: Mapping[str, Sequence[str]]) -> None:
+    """Remove keys of an axis, given by table, and a table if nothing is left of it."""
+    for table, names in keys.items():
+        own = axis.get(table, {})
+        present = [key for key in names if key in own]
+        for key in present:
+            del own[key]
+        if present and not own:
+            del axis[table]
 
 
 def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:

@@ -179,7 +179,7 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
-    """Where the other axes are said to stand still, nothing follows their motion."""
+    """Where the configuration says that the other axes stand still, nothing follows their motion."""
     if axis.model.conditions is None:
         return
     moving = {s.name: s.axis for s in axis.signal if s.axis is not None}

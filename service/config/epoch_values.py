@@ -24,6 +24,7 @@ from service.config.loading import axis_findings
 from service.config.nominal_file import NominalFile, structure_of
 from service.config.problems import dotted
 from service.config.schema import NamedAxis
+from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
 from service.config.thresholds_file import ThresholdsFile, made_with
 
 _OWN = ("nominal", "nominal_file", "thresholds_file")
@@ -152,10 +153,10 @@ def _with(axis: NamedAxis, **own: Any) -> NamedAxis:
     estimator, detector = config.estimator, config.detector
     model = config.model.model_copy(update=own)
     if given:
-        keys = ("predictor", "torque_noise", "output_noise", "innovation_variance", "initial_p")
-        estimator, model = _without(estimator, keys), _without(model, ("friction_speed_scale",))
+        estimator = _without(estimator, REPLACED_BY_NOMINAL_FILE["estimator"])
+        model = _without(model, ("friction_speed_scale",))
     if tested:
-        detector = _without(detector, ("alpha_1", "alpha_2", "budget_s"))
+        detector = _without(detector, REPLACED_BY_THRESHOLDS_FILE["detector"])
     parts = {"model": model, "estimator": estimator, "detector": detector}
     config = config.model_copy(update=parts)
     return axis._replace(config=_without(config, ("torque_delay_s",)) if given else config)

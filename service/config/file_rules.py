@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from monitor_core.drive import Output
-from service.config.axis_settings import untold
+from service.config.axis_settings import unidentifiable_pairs
 from service.config.base_table import Undecidable
 from service.config.drives import plain_drive_of
 from service.config.found_file import alike
@@ -103,9 +103,9 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("estimator", "initial_p"), message, NOMINAL)
 
 
-def told_apart(axis: AxisConfig) -> Iterator[Finding]:
+def distinguishable(axis: AxisConfig) -> Iterator[Finding]:
     """Parameters that the nominal values do not distinguish cannot be distinguished by a detector."""
-    if axis.detector.alarm_source == "multimodel" and (doubtful := untold(axis)):
+    if axis.detector.alarm_source == "multimodel" and (doubtful := unidentifiable_pairs(axis)):
         pairs = ", ".join(" and ".join(pair) for pair in doubtful)
         yield Finding(SOURCE, f"the nominal values cannot distinguish {pairs}: identify the axis again")
 
@@ -122,7 +122,7 @@ def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(THRESHOLDS, message)
 
 
-def said_once(axis: AxisConfig) -> Iterator[Finding]:
+def thresholds_given_once(axis: AxisConfig) -> Iterator[Finding]:
     """Thresholds that are also in the configuration equal those of the file."""
     found = _thresholds(axis)
     for key in ("alpha_1", "alpha_2"):
@@ -132,7 +132,7 @@ def said_once(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("detector", key), message, THRESHOLDS)
 
 
-def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
+def multimodel_thresholds(axis: AxisConfig) -> Iterator[Finding]:
     """A file that was made without the multi-model detector has no thresholds for it; one with it leaves no choice."""
     found = _thresholds(axis)
     of_it = "thresholds of the multi-model detector"
@@ -175,8 +175,8 @@ FILE_RULES = (
     same_values,
     same_predictor,
     initial_p,
-    told_apart,
+    distinguishable,
     same_parameters,
-    said_once,
-    its_own_thresholds,
+    thresholds_given_once,
+    multimodel_thresholds,
 )

@@ -98,7 +98,8 @@ def _read(values: dict[str, Any], reading: Reading) -> tuple[Config | None, list
     try:
         config = Config.model_validate(values, context=reading)
     except ValidationError as error:
-        return None, _findings(error.errors(include_url=False))
+        found = error.errors(include_url=False)
+        return None, [Finding(e["loc"], _message(e)) for e in found if not _follows(e)]
     return config, list(crosscheck(config))
 
 
@@ -212,12 +213,8 @@ _RULES = {
 }
 
 
-def _findings(errors: Iterable[ErrorDetails]) -> list[Finding]:
-    """The errors of a validation of ``Config``, without those that are only consequences of others."""
-    return [Finding(error["loc"], _message(error)) for error in errors if not _follows(error)]
-
-
 def _follows(error: ErrorDetails) -> bool:
+    """Whether an error is only a consequence of others."""
     if error["type"] == "default_factory_not_called":
         return True
     # pydantic does not count invalid elements, so a list may seem too short.

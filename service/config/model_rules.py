@@ -151,16 +151,13 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(path, _why_not(drive, base) if drawn else _no_parameter(name, known))
         elif base in seen:
             yield Finding(path, f"{base} is monitored twice")
-        elif base in nominal and (error := _size_error(drive, {base: nominal[base]}, name, scales)):
-            yield Finding(path, str(error))
+        elif base in nominal:
+            value = {base: nominal[base]}
+            # Why it has no size; an impossible value another check reports.
+            error = None if _model_error(drive, value) else _model_error(drive, value, name, scales)
+            if error is not None:
+                yield Finding(path, str(error))
         seen.add(base)
-
-
-def _size_error(
-    drive: Drive, value: Mapping[str, float], monitor: str, scales: Mapping[str, float]
-) -> ValueError | None:
-    """Why a parameter of that value has no size; an impossible value another check reports."""
-    return None if _model_error(drive, value) else _model_error(drive, value, monitor, scales)
 
 
 def _why_not(drive: Drive, name: str) -> str:

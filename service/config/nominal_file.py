@@ -124,7 +124,7 @@ class NominalFile(FoundFile):
     correlation: CorrelationTable = CorrelationTable()
     record: tuple[RecordTable, ...] = ()
 
-    def untold(self, monitored: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    def unidentifiable_pairs(self, monitored: Sequence[str]) -> tuple[tuple[str, str], ...]:
         """Pairs of a monitored parameter and another one that the record hardly distinguishes.
 
         Such a nominal value fits only the motion of its record, and is far off with another motion.
@@ -132,7 +132,7 @@ class NominalFile(FoundFile):
         monitored = [split_name(name)[0] for name in monitored]
         names, found = self.correlation.names, list[tuple[str, str]]()
         for name, row in zip(names, self.correlation.matrix, strict=True):
-            if split_name(name)[0] not in monitored or self._sure(name):
+            if split_name(name)[0] not in monitored or self._is_accurate(name):
                 continue
             others = [(abs(r), other) for r, other in zip(row, names, strict=True) if other != name]
             strongest, other = max(others, default=(0.0, ""))
@@ -140,7 +140,7 @@ class NominalFile(FoundFile):
                 found.append((name, other))
         return tuple(found)
 
-    def _sure(self, name: str) -> bool:
+    def _is_accurate(self, name: str) -> bool:
         base, inverse = split_name(name)
         value = abs(self.values.get(base, 0.0))
         size = 1 / value if inverse and value else value

@@ -20,7 +20,7 @@ from service.config.axis_settings import (
     predictor_of,
     rounded,
     step_noise,
-    untold,
+    unidentifiable_pairs,
 )
 from service.config.bus_messages import messages_of
 from service.config.conditions import turning_torques, varying_of
@@ -58,7 +58,7 @@ def remarks(config: Config) -> Iterator[str]:
         settings = axis_settings(axis, model)
         yield from _unwatched_load(axis.config, axis.id)
         yield from _short_memory(axis, model, settings)
-        for words in unidentifiable_words(untold(axis.config)):
+        for words in unidentifiable_words(unidentifiable_pairs(axis.config)):
             yield f"{axis.id}: {words}"
         yield from _small_noise(axis, known_on)
         yield from _nearly_a_turn(axis)

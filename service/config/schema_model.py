@@ -88,6 +88,14 @@ class ModelConfig(Table):
     """the pose of the other axes, payload and temperature do not change, so nothing follows them"""
 
 
+REPLACED_BY_NOMINAL_FILE = {
+    "model": ("nominal", "friction_speed_scale"),
+    "estimator": ("predictor", "torque_noise", "output_noise", "innovation_variance", "initial_p"),
+}
+REPLACED_BY_THRESHOLDS_FILE = {"detector": ("alpha_1", "alpha_2", "budget_s")}
+"""Keys of an axis by table."""
+
+
 def _none_or_three(value: float) -> float:
     if value != 0 and value < 3:  # noise alone exceeds it often
         raise ValueError("must be 0 or at least 3")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from io import BytesIO, StringIO
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,19 +12,17 @@ from rich.table import Table
 
 from monitor_core.excitation import Experiment, warnings
 from monitor_core.wording import percent
+from service.ingest.unit_names import UNITS
 from service.reports.plot_style import on_light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
+QUANTITIES = ("torque", "speed", "angle")
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
 
 
-TORQUE: Mapping[str, float] = MappingProxyType({"torque_Nm": 1.0})
-
-
-def as_csv(experiment: Experiment, torques: Mapping[str, float] = TORQUE) -> str:
+def as_csv(experiment: Experiment, torques: Mapping[str, float]) -> str:
     """Time, the predicted torque, speed and angle, and the reference where one is followed.
 
     ``torques``: columns of the torque, with what they are of it.
@@ -69,8 +66,8 @@ def print_text(experiment: Experiment, axis: str, console: Console) -> None:
 def _limits(experiment: Experiment) -> Table:
     table = Table("", "largest", "limit", "used", box=None, pad_edge=False)
     limits, used = experiment.task.limits.by_name(), experiment.used
-    for name, unit in UNITS.items():
-        peak, limit, share = np.abs(getattr(experiment.motion, name)).max(), "none", ""
+    for name in QUANTITIES:
+        peak, unit, limit, share = np.abs(getattr(experiment.motion, name)).max(), UNITS[name], "none", ""
         if np.isfinite(limits[name]):
             limit = f"{limits[name]:.4g} {unit}"
             binds = "  binds" if experiment.trial.fitted.binding == name else ""
@@ -126,14 +123,14 @@ def _course(rows: np.ndarray, experiment: Experiment) -> None:
     motion, task = experiment.motion, experiment.task
     t = np.arange(len(motion.torque)) * task.plant.interval_s
     limits = task.limits.by_name()
-    for axes, (name, unit) in zip(rows, UNITS.items(), strict=True):
+    for axes, name in zip(rows, QUANTITIES, strict=True):
         evaluated = t[task.schedule.evaluated]
         axes.axvspan(evaluated[0], evaluated[-1], color=_BAND, linewidth=0)
         axes.plot(t, getattr(motion, name), linewidth=0.8, color=_INK)
         if np.isfinite(limits[name]):
             for limit in (-limits[name], limits[name]):
                 axes.axhline(limit, color=_LIMIT, linewidth=1.2, linestyle=(0, (2, 3)))
-        axes.set_ylabel(f"{name} [{unit}]")
+        axes.set_ylabel(f"{name} [{UNITS[name]}]")
         axes.margins(x=0)
         axes.set_title(_used(experiment, name), loc="right", fontsize=9)
     rows[0].set_title("shaded: whole periods", loc="left", fontsize=9)

@@ -398,9 +398,8 @@ def _motion(name: str, result: IdentificationResult) -> str:
         return "motion over more of the angle range, in both directions"
     if COULOMB in acts or (name != DELAY and drive.parameter(name).nonnegative):
         return "motion at several speeds, slow and fast, in both directions"
-    if base not in {
-        split_name(free)[0] for free in result.estimate.names
-    }:  # excite cannot look for what is held
+    free = {split_name(name)[0] for name in result.estimate.names}
+    if base not in free:  # excite cannot look for what is held
         return "faster motion, with more torque"
     return f"the motion that `axiswatch excite --find {name}` plans"
 

@@ -20,7 +20,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any, NamedTuple
 
 from service.store.checkpoints import MIGRATIONS as CHECKPOINT_MIGRATIONS
-from service.store.database import StoreError
+from service.store.database import StoreError, check_integrity
 from service.store.history_store import MIGRATIONS as HISTORY_MIGRATIONS
 from service.store.journal import MIGRATIONS as JOURNAL_MIGRATIONS
 from service.store.outbox import MIGRATIONS as OUTBOX_MIGRATIONS
@@ -153,17 +153,11 @@ def _copy_database(source: Path, copy: Path) -> None:
         ):
             live.backup(kept)
             kept.execute("PRAGMA journal_mode=DELETE")
-            _check(kept)
+            check_integrity(kept)
     except sqlite3.Error as error:
         raise StoreError(
             f"{source}: {error}; a damaged file is set aside when the daemon starts again"
         ) from error
-
-
-def _check(connection: sqlite3.Connection) -> None:
-    findings = [row[0] for row in connection.execute("PRAGMA quick_check(1)")]
-    if findings != ["ok"]:
-        raise sqlite3.DatabaseError(findings[0].strip())
 
 
 def _entry(file: Path, member: str) -> dict[str, Any]:
@@ -174,7 +168,7 @@ def _entry(file: Path, member: str) -> dict[str, Any]:
 
 def _schema(file: Path) -> int:
     with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as connection:
-        _check(connection)
+        check_integrity(connection)
         return int(connection.execute("PRAGMA user_version").fetchone()[0])
 
 

@@ -163,7 +163,7 @@ def _opened(path: Path, migrations: Sequence[str], synchronous: Synchronous) -> 
     try:
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute(f"PRAGMA synchronous={synchronous}")
-        _check(connection)
+        check_integrity(connection)
         _migrate(connection, path, migrations)
     except BaseException as error:
         # Renamed before it is closed: closing would write the log back and remove it.
@@ -173,7 +173,12 @@ def _opened(path: Path, migrations: Sequence[str], synchronous: Synchronous) -> 
     return connection
 
 
-def _check(connection: sqlite3.Connection) -> None:
+def check_integrity(connection: sqlite3.Connection) -> None:
+    """Check that SQLite finds no damage in a file.
+
+    Raises:
+        sqlite3.DatabaseError: it does.
+    """
     findings = [row[0] for row in connection.execute("PRAGMA quick_check(1)")]
     if findings != ["ok"]:
         error = sqlite3.DatabaseError(findings[0].strip())

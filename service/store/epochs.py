@@ -136,7 +136,6 @@ class Configured(NamedTuple):
 
 EndAlarms = Callable[[sqlite3.Connection, str, Note, Mapping[str, AlarmRules]], None]
 """Ends the open alarms of an axis."""
-_NO_RULES: Mapping[str, AlarmRules] = {}
 
 
 class Epochs:
@@ -218,7 +217,7 @@ class Epochs:
         self,
         plan: EpochPlan,
         note: Note,
-        rules: Mapping[str, AlarmRules] = _NO_RULES,
+        rules: Mapping[str, AlarmRules] = {},
     ) -> Epoch:
         """Let an epoch be in force from now on: that which has learned, or else a new one.
 
@@ -226,30 +225,19 @@ class Epochs:
         """
         with self._db.write() as connection:
             if (before := _in_force(connection, plan.axis)) is not None:
-                back = plan.source == "restored"
-                _end(
-                    connection,
-                    before,
-                    "rolled_back" if back else "closed",
-                    "rolled back" if back else "replaced",
-                    note,
-                )
+                if plan.source == "restored":
+                    _end(connection, before, "rolled_back", "rolled back", note)
+                else:
+                    _end(connection, before, "closed", "replaced", note)
             state: EpochState = "verifying" if plan.verify_s else "current"
             epoch = _learning(connection, plan.axis)
             if epoch is None or plan.source != "window":
                 epoch = _insert(connection, plan, state, note)
-            values = [
-                state,
-                note.at_us,
-                plan.content,
-                json.dumps(plan.nominal),
-                plan.fingerprint,
-                *_key(epoch),
-            ]
+            values = [state, note.at_us, plan.content, json.dumps(plan.nominal), plan.fingerprint]
             connection.execute(
                 "UPDATE epoch SET state = ?, in_force_us = ?, content = ?, nominal = ?, fingerprint = ?"
                 " WHERE axis = ? AND number = ?",
-                values,
+                [*values, *_key(epoch)],
             )
             _note(connection, epoch, "taken over", note)
             words = f"epoch {epoch.number} of {plan.axis} has begun"

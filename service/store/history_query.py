@@ -138,9 +138,10 @@ def _reaching(table: Resolution, since_s: int, ends: _Ends) -> Resolution:
         period = PERIODS_S[coarser]
         first = max(ends[coarser][0], since_s // period * period)
         begin = ends[table][0] if table in ends else first + period
-        if (
+        has_more = (
             since_s < begin and first + period <= begin
-        ):  # it has rows of a time of which the finer one has none
+        )  # rows of a time of which the finer one has none
+        if has_more:
             table = coarser
     return table
 

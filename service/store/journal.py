@@ -465,11 +465,8 @@ def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) 
 def _is_named_anew(known: RecordedAlarm, e: Alarm) -> bool:
     """Whether the cause of an alarm has been found since its last record, or is another one than was found."""
     same = known.raised_us == e.raised_us and e.stage == "named"
-    return same and (known.stage, known.parameter, known.direction, known.doubt) != (
-        e.stage,
-        e.parameter,
-        e.direction,
-        e.doubt,
+    return same and any(
+        getattr(known, n) != getattr(e, n) for n in ("stage", "parameter", "direction", "doubt")
     )
 
 

@@ -20,8 +20,8 @@ from monitor_core.identification.black_boxes.frequency_response import (
     FrequencyResponse,
     local_response,
 )
-from monitor_core.identification.greybox import Problem, fit
-from monitor_core.identification.problem import Predictor
+from monitor_core.identification.greybox import fit
+from monitor_core.identification.problem import Predictor, Problem
 from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import three_mass
 from tests.bench.measure import Say, in_turns

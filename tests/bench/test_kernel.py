@@ -17,7 +17,7 @@ from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import experiments
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import FEWEST_LANES, AxisBatch, Fleet
-from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring import axis_batch as batch_module
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.pipeline.warming import Shape
@@ -54,12 +54,12 @@ def run_of(
 ) -> Callable[[], object]:
     """A call that runs the next so many samples of so many reference axes, in a shape of the kernel.
 
-    At the end of the records the bank restarts with them: a jump would throw theta to its bounds.
+    At the end of the records the batch restarts with them: a jump would throw theta to its bounds.
     """
     length = max(BLOCKS * samples, 2000)
     rec = experiments(range(seed, seed + axes), output=output, samples=length)
-    bank = AxisBatch([reference_model(output)] * axes, [reference_settings(output, seed)] * axes)
-    start = [bank.column(a) for a in range(axes)]
+    batch = AxisBatch([reference_model(output)] * axes, [reference_settings(output, seed)] * axes)
+    start = [batch.column(a) for a in range(axes)]
     t_us, at = np.repeat(rec.t_us[:, np.newaxis], axes, axis=1), 0
 
     def run() -> object:
@@ -67,11 +67,11 @@ def run_of(
         if at == length:
             at = 0
             for a, state in enumerate(start):
-                bank.restore(a, *state)
+                batch.restore(a, *state)
         block, at = slice(at, at + samples), at + samples
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(bank_module, "FEWEST_LANES", fewest_lanes)
-            return bank.run(t_us[block], rec.u[block], rec.y[block])
+            patch.setattr(batch_module, "FEWEST_LANES", fewest_lanes)
+            return batch.run(t_us[block], rec.u[block], rec.y[block])
 
     return run
 

@@ -125,21 +125,21 @@ class Ours:
         """log(theta / theta0) (axes, N, p), and the mean steady variance of the logarithms (p,) before the faults."""
         u, y = (field[:axes].T for field in self.rec)
         t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis] * round(H * 1e6), axes, axis=1)
-        bank = AxisBatch([self.model] * axes, [self.settings] * axes)
-        trace = bank.trace(t, np.ascontiguousarray(u), np.ascontiguousarray(y))
+        batch = AxisBatch([self.model] * axes, [self.settings] * axes)
+        trace = batch.trace(t, np.ascontiguousarray(u), np.ascontiguousarray(y))
         theta = np.log(trace.theta / self.model.theta0[:, np.newaxis])
         P = self.settings.lam0 * trace.P[FROM:FAULT_AT].mean(axis=(0, 2)) / self.model.scale**2
         return np.moveaxis(theta, -1, 0), P
 
     def alone(self) -> Callable[[], object]:
         """A call that runs the first record."""
-        bank = AxisBatch([self.model], [self.settings])
-        start, t = bank.column(0), round(H * 1e6) * np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis]
+        batch = AxisBatch([self.model], [self.settings])
+        start, t = batch.column(0), round(H * 1e6) * np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis]
         u, y = (field[0][:, np.newaxis] for field in self.rec)
 
         def run() -> object:
-            bank.restore(0, *start)
-            return bank.run(t, u, y)
+            batch.restore(0, *start)
+            return batch.run(t, u, y)
 
         return run
 

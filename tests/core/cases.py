@@ -132,7 +132,7 @@ BY_NAME = {case.name: case for case in CASES}
 
 
 def as_columns(rec: Experiment) -> Experiment:
-    """A record as the samples of a bank of one axis."""
+    """A record as the samples of a batch of one axis."""
     return Experiment(rec.t_us[:, np.newaxis], rec.u[:, np.newaxis], rec.y[:, np.newaxis])
 
 

@@ -1,4 +1,4 @@
-"""The paper's Figures 5 and 6 over many seeds, run side by side in one bank."""
+"""The paper's Figures 5 and 6 over many seeds, run side by side in one batch."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -43,24 +43,24 @@ def steady_p(model: AxisModel, settings: Settings, seeds: Sequence[int]) -> tupl
 
 def steady_p_of(model: AxisModel, settings: Settings, records: Experiment) -> tuple[float, ...]:
     """The same, of these records."""
-    bank, _ = side_by_side(model, replace(settings, P0=()), records)
-    assert not bank.state.seed_left.any()
-    return tuple(float(v) for v in bank.state.P_nom.mean(axis=1))
+    batch, _ = side_by_side(model, replace(settings, P0=()), records)
+    assert not batch.state.seed_left.any()
+    return tuple(float(v) for v in batch.state.P_nom.mean(axis=1))
 
 
 def side_by_side(
     model: AxisModel, settings: Settings, rec: Experiment, shift: Floats | None = None, start: float = 1.0
 ) -> tuple[AxisBatch, Trace]:
-    """A bank of equal axes on records (N, W) of the same times, all with the same ``shift`` (N, p).
+    """A batch of equal axes on records (N, W) of the same times, all with the same ``shift`` (N, p).
 
     They are monitored from theta = ``start`` times nominal.
     """
     W = rec.u.shape[1]
-    bank = AxisBatch([model] * W, [settings] * W)
-    bank.state.theta[:] *= start
+    batch = AxisBatch([model] * W, [settings] * W)
+    batch.state.theta[:] *= start
     moved = None if shift is None else np.repeat(shift[..., np.newaxis], W, axis=2)
     times = np.repeat(rec.t_us[:, np.newaxis], W, axis=1)
-    return bank, bank.trace(times, rec.u, rec.y, shift=moved)
+    return batch, batch.trace(times, rec.u, rec.y, shift=moved)
 
 
 def homecoming(output: Output, seeds: Sequence[int], seed: int) -> Floats:

@@ -29,10 +29,10 @@ def histories(
     """Every version of every alarm of each axis, a column of ``u`` and ``y``; and its monitor."""
     W = u.shape[1]
     settings = replace(settings_of("speed", seed), joint_state=joint)
-    bank = AxisBatch([MODEL] * W, [settings] * W)
-    monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
+    batch = AxisBatch([MODEL] * W, [settings] * W)
+    monitors = [AxisMonitor.of_lane(batch, a) for a in range(W)]
     versions: list[list[Alarm]] = [[] for _ in monitors]
-    for a, event in bank.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
+    for a, event in batch.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
         versions[a] += [change.alarm for change in monitors[a].apply([event])]
     return versions, monitors
 

@@ -20,7 +20,7 @@ from monitor_core.kernel import block
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import AxisBatch, AxisMonitor
-from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring import axis_batch as batch_module
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 from tests.core.cases import BY_NAME, CASES, Case, H, as_columns, record
@@ -195,8 +195,8 @@ def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[f
     return float(np.nanmax(np.abs(kernel - reference) / np.where(scale > 0, scale, 1)))
 
 
-def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
-    """Differences of each quantity in a bank of one axis; all of P and the running lambda_0 are those at the end."""
+def between(batch: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
+    """Differences of each quantity in a batch of one axis; all of P and the running lambda_0 are those at the end."""
     ours, log = Trace(*(field[..., 0] for field in trace)), paper.log
     moved = ~np.isnan(np.array(log.psi)[:, 0])
     return {
@@ -206,8 +206,8 @@ def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
         "theta": apart(ours.theta, log.theta),
         "P": apart(ours.P, [np.diag(P) for P in log.P]),
         "g": apart(ours.g, log.g),
-        "all of P": float(np.abs(bank.state.P[:, :, 0] / paper.P - 1).max()),
-        "lambda_0": abs(float(bank.state.lam0_running[0]) / paper.running - 1),
+        "all of P": float(np.abs(batch.state.P[:, :, 0] / paper.P - 1).max()),
+        "lambda_0": abs(float(batch.state.lam0_running[0]) / paper.running - 1),
     }
 
 
@@ -227,12 +227,12 @@ def by_rounding(model: AxisModel, paper: Paper, rec: Experiment) -> float:
 def test_kernel_equals_the_transcription(
     fewest_lanes: int, situation: tuple[Situation, Paper], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bank_module, "FEWEST_LANES", fewest_lanes)
+    monkeypatch.setattr(batch_module, "FEWEST_LANES", fewest_lanes)
     chosen, paper = situation
     assert chosen.happened(paper)
-    bank = AxisBatch([chosen.case.model], [chosen.settings])
-    events, trace = bank.run_traced(*as_columns(chosen.rec))
-    differences, tolerance = between(bank, trace, paper), chosen.tolerance
+    batch = AxisBatch([chosen.case.model], [chosen.settings])
+    events, trace = batch.run_traced(*as_columns(chosen.rec))
+    differences, tolerance = between(batch, trace, paper), chosen.tolerance
     if max(differences.values()) > tolerance:  # one record in hundreds is that sensitive
         tolerance = max(tolerance, 10 * by_rounding(chosen.case.model, paper, chosen.rec))
     assert max(differences.values()) < tolerance, (chosen.case.name, differences)
@@ -244,7 +244,7 @@ def test_kernel_equals_the_transcription(
     found, expected = sorted(found), sorted(paper.log.alarms)
     assert [alarm[:3] for alarm in found] == [alarm[:3] for alarm in expected]
     assert all(ours[3] == theirs[3] for ours, theirs in zip(found, expected, strict=True) if theirs[3])
-    counts = dict(zip(COUNTERS, bank.state.counts[:, 0].tolist(), strict=True))
+    counts = dict(zip(COUNTERS, batch.state.counts[:, 0].tolist(), strict=True))
     assert counts["outlier"] == paper.outliers
 
 

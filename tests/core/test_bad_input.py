@@ -112,7 +112,7 @@ def test_settings_at_the_ends_of_their_ranges() -> None:
         ),
     ],
 )
-def test_a_bank_whose_parts_do_not_fit(
+def test_a_batch_whose_parts_do_not_fit(
     models: list[AxisModel], settings: list[Settings], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):

@@ -29,7 +29,7 @@ from monitor_core.excitation.multisine_signals import (
     log_peak_norm,
 )
 from monitor_core.excitation.planned_drive import Motion, Plant
-from monitor_core.excitation.prediction import Estimation, information, optimal_powers, told_apart
+from monitor_core.excitation.prediction import Estimation, distinguishable, information, optimal_powers
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass
 from tests.core.chains import chain, values
@@ -369,7 +369,7 @@ def test_what_cannot_be_told_apart_is_held_pure_numbers_first(seed: int) -> None
     assert set(x.held) <= {"kT", "r"}
     assert np.isfinite(x.accuracy.standard_deviations).all()
     with pytest.raises(ExcitationError, match=r"^(kT|r|kT and r) cannot be estimated beside"):
-        told_apart(x.task.estimation, x.motion.inputs, ("kT", "r"))
+        distinguishable(x.task.estimation, x.motion.inputs, ("kT", "r"))
 
 
 # --- spectra ----------------------------------------------------------------------------------------------

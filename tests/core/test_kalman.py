@@ -201,12 +201,12 @@ def test_bounds_end_where_the_predictor_is_stable(
 def test_friction_cannot_drive(seed: int) -> None:
     """Without a gain_for the reference drive is stable for positive friction only."""
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-    bank = AxisBatch([model], [Settings.paper(INTERVAL_S, P0=(1e-4, 1e-8, 1.0), settle_s=0.0)])
-    assert bank.limits[0][2, 0] == pytest.approx(0.0, abs=1e-4)
-    monitor = AxisMonitor.of_lane(bank, 0)
+    batch = AxisBatch([model], [Settings.paper(INTERVAL_S, P0=(1e-4, 1e-8, 1.0), settle_s=0.0)])
+    assert batch.limits[0][2, 0] == pytest.approx(0.0, abs=1e-4)
+    monitor = AxisMonitor.of_lane(batch, 0)
     monitor.update(SampleBlock(*experiment(seed, {"fm": -3.0}, samples=2000, fault_at=200)))
     fm = monitor.status().parameters[2]
-    assert bank.state.theta[2, 0] >= bank.limits[0][2, 0]
+    assert batch.state.theta[2, 0] >= batch.limits[0][2, 0]
     assert monitor.status().counters["projected"] > 0
     assert monitor.status().counters["diverged"] == 0
     assert np.isnan(fm.estimate) or fm.estimate < 0.5 * fm.nominal

@@ -17,7 +17,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import AlarmChange, AxisBatch, AxisMonitor, Fleet
-from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring import axis_batch as batch_module
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, as_columns, record
@@ -156,8 +156,8 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
     cases = [case for case in chosen for _ in range(again)]
     rng.shuffle(cases)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
-        patch.setattr(bank_module, "MOST_LANES", lanes)
+        patch.setattr(batch_module, "FEWEST_LANES", 1 if lanes else 1000)
+        patch.setattr(batch_module, "MOST_LANES", lanes)
         fleet = fleet_of(cases, rng)
         found: list[list[AlarmChange]] = [[] for _ in cases]
         pieces = []
@@ -190,7 +190,7 @@ def test_a_trace_is_the_same_without_the_events(seed: int) -> None:
         np.testing.assert_array_equal(mine, other)
 
 
-def test_axes_of_equal_drive_and_parameters_share_a_bank() -> None:
+def test_axes_of_equal_drive_and_parameters_share_a_batch() -> None:
     first, other = CASES[0], next(case for case in CASES if case.monitored != CASES[0].monitored)
     cases = [first, other, first, first]
     fleet = Fleet([case.model for case in cases], [lively(case) for case in cases])

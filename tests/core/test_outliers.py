@@ -49,14 +49,14 @@ def strike(values: Floats, sizes: tuple[float, float], rng: np.random.Generator)
 
 
 def spread(settings: Settings, samples: Experiment) -> tuple[AxisBatch, Floats]:
-    """The bank at its end, and of each axis the root mean square of theta's relative deviations (p, AXES)."""
-    bank, trace = side_by_side(MODEL, settings, samples)
+    """The batch at its end, and of each axis the root mean square of theta's relative deviations (p, AXES)."""
+    batch, trace = side_by_side(MODEL, settings, samples)
     late = trace.theta[600::200] / MODEL.theta0[:, None] - 1
-    return bank, np.asarray(np.sqrt((late**2).mean(axis=0)))
+    return batch, np.asarray(np.sqrt((late**2).mean(axis=0)))
 
 
-def counted(bank: AxisBatch) -> int:
-    return int(bank.state.counts[COUNTERS.index("outlier")].sum())
+def counted(batch: AxisBatch) -> int:
+    return int(batch.state.counts[COUNTERS.index("outlier")].sum())
 
 
 def test_outliers_of_the_output_do_no_harm(settings: Settings, seed: int) -> None:
@@ -64,9 +64,9 @@ def test_outliers_of_the_output_do_no_harm(settings: Settings, seed: int) -> Non
     y, hit = strike(clean.y, (20 * NOISE["speed"], 1e6), np.random.default_rng(seed))
     struck = clean._replace(y=y)
     _, expected = spread(settings, clean)
-    bank, found = spread(settings, struck)
+    batch, found = spread(settings, struck)
     _, unsifted = spread(replace(settings, outlier_limit=0.0), struck)
-    assert counted(bank) == pytest.approx(hit[550:].sum(), rel=0.1)  # after settling
+    assert counted(batch) == pytest.approx(hit[550:].sum(), rel=0.1)  # after settling
     ratio, without = (np.median(rms / expected, axis=1) for rms in (found, unsifted))
     assert (abs(ratio - 1) < 0.05).all(), ratio
     assert (without > 5).all(), without
@@ -99,9 +99,9 @@ def test_noise_alone_holds_no_outliers_and_lambda_0_is_true(settings: Settings, 
 
     48 axes, memories of 2000 samples, the last 1000 of them: six standard deviations of lambda_0 are 4 %.
     """
-    bank, _ = spread(settings, healthy(seed))
-    assert counted(bank) <= 1
-    assert bank.state.lam0_running.mean() == pytest.approx(NOISE["speed"] ** 2, rel=0.06)
+    batch, _ = spread(settings, healthy(seed))
+    assert counted(batch) <= 1
+    assert batch.state.lam0_running.mean() == pytest.approx(NOISE["speed"] ** 2, rel=0.06)
 
 
 def test_a_lasting_change_is_no_outlier(settings: Settings, seed: int) -> None:
@@ -111,10 +111,10 @@ def test_a_lasting_change_is_no_outlier(settings: Settings, seed: int) -> None:
     quiet = replace(settings, lam=0.98, settle_s=1.0, K=tuple(K), lam0=lam0)
     noise = 10 * NOISE["speed"] * np.random.default_rng(seed).standard_normal(clean.y.shape)
     noise[: len(noise) // 4] = 0.0
-    bank, trace = side_by_side(MODEL, quiet, clean._replace(y=clean.y + noise))
-    assert counted(bank) <= AXES * (3 + 0.02 * len(noise))
-    assert bank.state.lam0_running.mean() == pytest.approx(np.nanmean(trace.eps[-1000:] ** 2), rel=0.25)
-    assert bank.state.lam0_running.mean() > 20 * lam0
+    batch, trace = side_by_side(MODEL, quiet, clean._replace(y=clean.y + noise))
+    assert counted(batch) <= AXES * (3 + 0.02 * len(noise))
+    assert batch.state.lam0_running.mean() == pytest.approx(np.nanmean(trace.eps[-1000:] ** 2), rel=0.25)
+    assert batch.state.lam0_running.mean() > 20 * lam0
 
 
 def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:
@@ -122,8 +122,8 @@ def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:
     record = experiments(range(seed, seed + AXES), {"kT": 2.0})
     first = []
     for s in (settings, replace(settings, outlier_limit=0.0)):
-        bank, trace = side_by_side(MODEL, s, record)
-        crossed = trace.g[FAULT_AT:, 0, 0] > bank.thresholds[0]
+        batch, trace = side_by_side(MODEL, s, record)
+        crossed = trace.g[FAULT_AT:, 0, 0] > batch.thresholds[0]
         assert crossed.any(axis=0).all()
         first.append(np.median(crossed.argmax(axis=0)))
     assert first[0] < 1.3 * first[1]

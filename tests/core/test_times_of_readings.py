@@ -127,19 +127,19 @@ def watched(monitored: tuple[str, ...], u: Floats, y: Floats) -> tuple[AxisBatch
     )
     settings = replace(settings, P0=steady_p(model, settings, range(20)))
     axes = u.shape[1]
-    bank = AxisBatch([model] * axes, [settings] * axes)
-    events = bank.run(np.repeat(T_US[:, np.newaxis], axes, axis=1), u, y)
-    return bank, [(a, e) for a, e in events if isinstance(e, Crossing)]
+    batch = AxisBatch([model] * axes, [settings] * axes)
+    events = batch.run(np.repeat(T_US[:, np.newaxis], axes, axis=1), u, y)
+    return batch, [(a, e) for a, e in events if isinstance(e, Crossing)]
 
 
 @pytest.mark.parametrize("steps", [1, -1, 5], ids=["0.5 ms late", "0.5 ms early", "2.5 ms late"])
 def test_a_skew_is_named_and_measured(steps: int, seed: int) -> None:
-    bank, crossings = watched(("1/Jm", "fm", "delay"), *skewed(seed, steps))
+    batch, crossings = watched(("1/Jm", "fm", "delay"), *skewed(seed, steps))
     firsts = dict(reversed(crossings))
     assert len(firsts) > SEEDS / 2
     assert {e.parameter for e in firsts.values()} == {"delay"}
     assert {e.direction for e in firsts.values()} == {"up" if steps > 0 else "down"}
     assert all(e.time_us > LATE_FROM * 5000 for _, e in crossings)
-    estimates = bank.state.theta[2]
+    estimates = batch.state.theta[2]
     within = 0.1 if steps > 0 else 0.4  # early: first order
     assert np.mean(estimates) == pytest.approx(steps * H / FINE, rel=within)

@@ -25,7 +25,8 @@ from monitor_core.calibration.injection import equivalent_load, faulty_torque
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
 from monitor_core.drive.assembly import Assembly
-from monitor_core.identification.greybox import Estimate, Problem, fit, traces_of
+from monitor_core.identification.greybox import Estimate, fit, traces_of
+from monitor_core.identification.problem import Problem
 from monitor_core.identification.records import Record
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

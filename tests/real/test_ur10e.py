@@ -29,7 +29,8 @@ from monitor_core.identification import (
     speed_scales,
     with_terms,
 )
-from monitor_core.identification.greybox import Estimate, Problem, colour_of, fit
+from monitor_core.identification.greybox import Estimate, colour_of, fit
+from monitor_core.identification.problem import Problem
 from monitor_core.identification.records import Record, between, suspicions
 from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import AxisMonitor

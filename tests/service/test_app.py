@@ -21,7 +21,7 @@ from tests.end_to_end.processes import demo_config, edit
 from tests.service.pipeline.robots import demo
 
 
-def test_a_worker_that_fails_stops_the_daemon_and_says_so(
+def test_a_worker_that_fails_stops_the_daemon_and_is_logged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(_: FramePipeline) -> None:

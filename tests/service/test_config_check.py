@@ -113,7 +113,7 @@ def test_a_memory_that_is_short_is_noted(memory_s: float, noted: bool, tmp_path:
     assert ("Note: demo.axis1: a memory of 1 s is short compared with 0.9 s" in result.stdout) == noted
 
 
-def test_where_it_is_short_the_state_moves_with_the_estimates_unless_told_otherwise(tmp_path: Path) -> None:
+def test_with_a_short_memory_joint_state_is_the_default(tmp_path: Path) -> None:
     def joint(memory_s: float, line: str = "") -> bool:
         file = with_memory(tmp_path, memory_s)
         text = file.read_text(encoding="utf-8")
@@ -164,7 +164,7 @@ def test_one_torque_of_two_axes_is_noted(directory: Path) -> None:
 
 @pytest.mark.usefixtures("directory")
 @pytest.mark.parametrize("command", ["run", "listen", "simulate", "play r.csv"])
-def test_what_needs_a_bus_says_so(command: str) -> None:
+def test_commands_that_need_a_bus_report_that_there_is_none(command: str) -> None:
     result = call(command)
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr.startswith("axiswatch: axis.toml: no bus: ")

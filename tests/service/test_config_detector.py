@@ -55,7 +55,9 @@ def checked(path: Path) -> str:
     return re.sub(r"\s+", " ", shown("check", "--config", path))
 
 
-def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None:
+def test_by_default_the_cusum_tests_alarm_and_the_multimodel_detector_runs_in_shadow_mode(
+    robot: Path,
+) -> None:
     detectors = found(robot)
     assert detectors.alarm_source == "cusum"
     assert detectors.multimodel is not None
@@ -64,7 +66,7 @@ def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None
     assert "multimodel" not in checked(robot)
 
 
-def test_the_bank_without_a_record_is_said_to_go_by_the_guarantee(robot: Path) -> None:
+def test_a_multimodel_detector_without_a_record_has_the_guaranteed_thresholds(robot: Path) -> None:
     detectors = found(detector(robot, 'alarm_source = "multimodel"', "budget_s = 3600.0"))
     assert detectors.alarm_source == "multimodel"
     output = checked(robot)
@@ -72,7 +74,7 @@ def test_the_bank_without_a_record_is_said_to_go_by_the_guarantee(robot: Path) -
     assert "axiswatch calibrate" in output
 
 
-def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
+def test_with_thresholds_of_its_own_the_multimodel_detector_alarms(robot: Path) -> None:
     detectors = found(calibrated(robot, OWN))
     assert detectors.alarm_source == "multimodel"
     assert detectors.multimodel is not None
@@ -84,7 +86,7 @@ def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
     assert found(detector(robot, 'alarm_source = "cusum"')).alarm_source == "cusum"
 
 
-def test_a_file_of_thresholds_without_the_bank_or_for_other_causes(robot: Path) -> None:
+def test_a_file_of_thresholds_without_hypotheses_or_for_other_causes(robot: Path) -> None:
     assert found(calibrated(robot, [])).alarm_source == "cusum"
     calibrated(robot, [{"cause": "fc", "size": 0.2, "h": 9.0}])
     with pytest.raises(AxisError, match="limits of fc, which the axis does not have"):
@@ -106,7 +108,7 @@ def read_from_files(change: Callable[[str], str], robot: Path) -> None:
     robot.write_text(change(text), encoding="utf-8")
 
 
-def test_where_nominal_values_vary_the_bank_looks_on_unless_it_is_asked_for(robot: Path) -> None:
+def test_with_a_schedule_the_multimodel_detector_runs_in_shadow_mode_unless_configured(robot: Path) -> None:
     """Also with thresholds of its own."""
     calibrated(robot, [{"cause": "fm", "size": 0.2, "h": 9.0}])
     read_from_files(VARYING, robot)
@@ -164,7 +166,7 @@ def test_of_another_monitor_it_is_refused(
         settings(load(thresholded, {}))
 
 
-def test_what_is_said_twice_may_be_the_same(thresholded: Path) -> None:
+def test_equal_thresholds_in_both_files_are_allowed(thresholded: Path) -> None:
     text = thresholded.read_text(encoding="utf-8")
     repeated = text.replace("[robot.axis.detector]\n", "[robot.axis.detector]\nalpha_1 = 1.5\n")
     thresholded.write_text(repeated, encoding="utf-8")

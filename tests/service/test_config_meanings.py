@@ -122,7 +122,7 @@ def test_a_monitored_torque_follows_the_pose_as_any_parameter(folder: Path) -> N
 # --- operating conditions, and what `axiswatch check` says of them ------------------------------------------
 
 
-def test_all_that_may_be_said_and_nothing(folder: Path) -> None:
+def test_conditions_with_all_keys_and_with_none(folder: Path) -> None:
     config = loaded(
         folder,
         with_conditions().replace("_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1),
@@ -191,7 +191,7 @@ def check(folder: Path, content: str) -> str:
     return shown("check", "--config", folder / "a.toml")
 
 
-def test_check_tells_the_conditions_and_what_is_taken_for_granted(folder: Path) -> None:
+def test_check_shows_the_conditions_and_what_it_assumes(folder: Path) -> None:
     output = check(folder, with_conditions())
     for words in ("fm follows temperature", "kT follows cos(speed2)", "only while mode is 3 or 4", "above 5"):
         assert words in output
@@ -212,7 +212,7 @@ def test_check_tells_the_conditions_and_what_is_taken_for_granted(folder: Path) 
         (with_conditions(gates=""), "second"),
     ],
 )
-def test_who_says_nothing_is_noted(folder: Path, content: str, names: str) -> None:
+def test_an_axis_without_conditions_is_noted(folder: Path, content: str, names: str) -> None:
     assert f"Note: demo: {names}: monitored as if" in check(folder, content)
 
 

@@ -127,7 +127,7 @@ def samples(course: Course, a: int, b: int) -> dict[str, SampleBlock]:
     return {"demo.axis1": SampleBlock(t, course[0][a:b], course[1][a:b] % 0.5)}
 
 
-def test_saved_and_put_back_within_a_gap(course: Course, tmp_path: Path) -> None:
+def test_saved_and_restored_within_a_gap(course: Course, tmp_path: Path) -> None:
     """The unwrapped angle goes on from where the saved predictor was."""
     axes = load(config(tmp_path / "a", "wrap_period = 0.5"), {}).axes
     cut = far(course)

@@ -47,9 +47,16 @@ def robot() -> dict[str, Any]:
             "torque": {"message": f"T{n}", "signal": "Torque", "factor": -1.0 if n == 2 else 1.0},
             "angle": {"message": f"A{n}", "signal": "Angle"},
             "time": {"counter_message": f"A{n}", "counter_signal": "Counter", "column": "t"},
-            "model": {"drive": "own.mo", "monitor": ["kT", "fm"], "nominal": nominal},
+            "model": {
+                "drive": "own.mo",
+                "monitor": ["kT", "fm"],
+                "nominal": nominal,
+                "bounds": {"kT": [0.5, 2.0], "fm": [0.01, 1.0]},
+                "limits": {"1/fm": 5.0},
+            },
+            "alarms": {"latched": ["fm", "delay"], "priorities": {"fm": "high", "kT": "low"}},
             "estimator": {"torque_noise": 0.05},
-            "detector": {"alpha_1": 3.0, "alpha_2": 20.0 + (n == 1)},
+            "detector": {"alpha_1": 3.0, "alpha_2": 20.0 + (n == 1), "budget_s": 3600.0},
         }
         axes.append(axis)
     bus = {"name": "can0", "channel": "can0", "messages": "a.dbc"}
@@ -121,6 +128,30 @@ def test_commissioning_changes_both_alike(config: dict[str, Any]) -> None:
     for change in changes:
         short, long = (meaning(tomllib.loads(change(text_of(c)))) for c in (config, robot()))
         assert short == long
+
+
+@law
+@given(with_shared_keys())
+def test_what_a_file_of_thresholds_replaces_is_left_out(config: dict[str, Any]) -> None:
+    axes = meaning(tomllib.loads(commissioned(text_of(config), FOUND)))
+    assert axes["axis1"]["detector"].keys() == {"alpha_1", "alpha_2", "budget_s"}  # without such a file
+    assert not axes["axis2"].get("detector")
+
+
+@law
+@given(with_shared_keys())
+def test_what_is_configured_for_parameters_that_are_not_monitored_any_more_is_left_out(
+    config: dict[str, Any],
+) -> None:
+    changes: tuple[Callable[[str], str], ...] = (
+        lambda text: commissioned(text, {"cell.axis3": FOUND["cell.axis3"]}),
+        lambda text: monitoring(text, "cell.axis3", ("kT",)),
+    )
+    for change in changes:
+        axis = meaning(tomllib.loads(change(text_of(config))))["axis3"]
+        assert axis["model"]["bounds"] == {"kT": [0.5, 2.0]}
+        assert not axis["model"].get("limits")
+        assert axis["alarms"] == {"latched": ["delay"], "priorities": {"kT": "low"}}
 
 
 @law

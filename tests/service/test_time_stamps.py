@@ -146,7 +146,7 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
     assert fitted["innovation_variance"] < 4 * known["innovation_variance"]
 
 
-def test_what_the_stamps_say_is_said(tmp_path: Path, seed: int) -> None:
+def test_what_the_stamps_show_is_reported(tmp_path: Path, seed: int) -> None:
     file, config = configured(tmp_path / "receipt", "receipt")
     log = write(tmp_path / "a.log", frames_of(config, np.random.default_rng(seed), 4.0, JITTER_US))
     output = shown("replay", "--config", file, log, code=NOT_TESTED)  # four seconds only

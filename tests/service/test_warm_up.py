@@ -130,7 +130,7 @@ def test_two_days_are_quiet_and_faults_are_named(made: Made) -> None:
 
 
 @pytest.mark.parametrize(("name", "factor"), [("kT", 1.2), ("fm", 1.5)])
-def test_an_alarm_of_friction_says_what_would_look_the_same(made: Made, name: str, factor: float) -> None:
+def test_an_alarm_of_friction_names_what_would_look_the_same(made: Made, name: str, factor: float) -> None:
     plant, watcher = copy.deepcopy(made.plant), Watcher(made.config)
     watcher.take(plant.take(150.0))
     plant.break_down({name: factor})
@@ -231,7 +231,7 @@ def test_the_heat_does_not_depend_on_the_cuts_between_blocks(made: Made) -> None
         np.testing.assert_array_equal(mine, other)
 
 
-def test_a_start_is_said_on_the_command_line(made: Made, tmp_path: Path) -> None:
+def test_the_thermal_start_is_an_option_of_the_command_line(made: Made, tmp_path: Path) -> None:
     """Of a quarter of a minute, in which an unknown heat is not found yet."""
     config, record = on_a_bus(made.config), tmp_path / "short.csv"
     lines = made.records[0].read_text(encoding="utf-8").splitlines(keepends=True)
@@ -243,7 +243,7 @@ def test_a_start_is_said_on_the_command_line(made: Made, tmp_path: Path) -> None
     assert "no axis follows its heat" in refused("replay", record, "--config", shipped, "--thermal", "cold")
 
 
-def test_replay_says_how_warm_it_is(made: Made) -> None:
+def test_replay_reports_the_heat(made: Made) -> None:
     output = shown("replay", made.records[0], "--config", on_a_bus(made.config))
     assert "cell1.axis1: its heat is " in output
     assert "No alarms." in output

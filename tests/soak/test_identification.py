@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from monitor_core.identification.greybox import Disturbance
+from monitor_core.identification.problem import Disturbance
 from monitor_core.identification.records import Record
 from tests.core.identification.monte_carlo import (
     SLOW,

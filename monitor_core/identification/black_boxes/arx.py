@@ -15,9 +15,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Complexes, Floats
 from monitor_core.identification.black_boxes.frequency_response import (
-    Complexes,
     FrequencyResponse,
     by_gradient,
     on_circle,
@@ -38,7 +37,7 @@ class Arx:
     b: Floats  # (n,) b_1 .. b_n
     offset: Floats  # (records,) c, in units of y
     root: (
-        Floats  # (2 n, r) with lam0 root root' the covariance of (a, b); r: how many numbers the records tell
+        Floats  # (2 n, r) with lam0 root root' the covariance of (a, b), which the records tell r numbers of
     )
     lam0: float  # variance of e
     rows: int  # equations behind it

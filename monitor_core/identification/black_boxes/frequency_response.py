@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Complexes, Floats
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, stretches
-
-Complexes = NDArray[np.complex128]
 
 DECIBEL = 20 / np.log(10)
 """dB of one neper: a relative error of 1 % of |G| is 0.087 dB."""

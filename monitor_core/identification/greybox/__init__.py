@@ -11,9 +11,8 @@ from monitor_core.identification.greybox.comparison import (
 from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.estimation import fit
 from monitor_core.identification.greybox.residuals import LEVEL, Correlation
-from monitor_core.identification.problem import Disturbance, Problem
 
 __all__ = [
-    "LEVEL", "Correlation", "Disturbance", "Estimate", "Problem", "Share", "Trace", "colour_of",
-    "explained", "fit", "monitored_information", "traces_of",
+    "LEVEL", "Correlation", "Estimate", "Share", "Trace", "colour_of", "explained", "fit", "monitored_information",
+    "traces_of",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats, Ints
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME
 from monitor_core.identification.greybox.levenberg_marquardt import (
     NEARLY,
@@ -21,7 +21,7 @@ from monitor_core.identification.greybox.levenberg_marquardt import (
 from monitor_core.identification.predictor.parameter_vector import LEVEL
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.records.measured_record import Bools, Record
+from monitor_core.identification.records.measured_record import Record
 
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
@@ -63,7 +63,9 @@ def solve(problem: Problem, records: Sequence[Record], most: int, progress: Prog
         return Fitted(predictor, end)
     limit = np.inf
     for _ in range(_ROUNDS):
-        limit = HUBER * robust_deviation(predictor.errors(end.xi), predictor)
+        errors = zip(predictor.errors(end.xi), predictor.series, strict=True)
+        counted = np.concatenate([e.eps[s.counts > 0] for e, s in errors])
+        limit = HUBER * float(1.4826 * np.median(np.abs(counted)))  # their standard deviation, robustly
         again = _search(predictor, end.xi, limit, most, progress)
         end = again._replace(evaluations=end.evaluations + again.evaluations)
     return Fitted(predictor, end, limit)
@@ -183,12 +185,6 @@ def _sums(
         H[np.ix_(columns[i], columns[i])] += weighted.T @ psi
         samples += int(predictor.series[i].counts.sum())
     return Normal(cost, g, H, samples)
-
-
-def robust_deviation(errors: Sequence[Errors], predictor: Predictor) -> float:
-    """Standard deviation of the errors from their median absolute value."""
-    counted = [e.eps[s.counts > 0] for e, s in zip(errors, predictor.series, strict=True)]
-    return float(1.4826 * np.median(np.abs(np.concatenate(counted))))
 
 
 def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturbance | None:

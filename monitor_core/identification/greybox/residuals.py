@@ -43,7 +43,7 @@ def independence(u: Sequence[Floats], eps: Sequence[Floats]) -> Correlation:
     """Correlation of eps(t) with u(t - l) for lags -L .. L.
 
     Negative lags show feedback.  The test takes 1 .. L together; it knows that neighbouring values go together where
-    the input is not white, and that eps need not be white (covariance.py).
+    the input is not white, and that eps need not be white (``scores_covariance``).
     """
     u = [part - part.mean() for part in u]
     r, lags = _correlation(eps, u), np.arange(-_LAGS, _LAGS + 1.0)
@@ -87,7 +87,7 @@ def _correlation(left: Sequence[Floats], right: Sequence[Floats]) -> Floats:
     return total
 
 
-# --- The spectrum of prediction errors that are not white, by an autoregressive model, and what it does to a covarian -
+# --- The spectrum of prediction errors that are not white, by an autoregressive model ---------------------------------
 
 
 # eps(t) + a_1 eps(t-1) + .. + a_k eps(t-k) = e(t),       Phi(omega) = var e / |1 + a_1 z^-1 + ..|^2
@@ -187,10 +187,12 @@ def information(
         known = np.isfinite(np.diag(accuracy.covariance))
         covariance = accuracy.covariance.copy()
         covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
-        return Information(_as_told(accuracy, covariance), covariance * np.outer(sizes, sizes), white, order)
+        return Information(
+            _consistent(accuracy, covariance), covariance * np.outer(sizes, sizes), white, order
+        )
 
 
-def _as_told(accuracy: Accuracy, covariance: Floats) -> Accuracy:
+def _consistent(accuracy: Accuracy, covariance: Floats) -> Accuracy:
     """The information of white errors that gives this covariance; unchanged where some variance is infinite."""
     if not np.isfinite(covariance).all():
         return accuracy

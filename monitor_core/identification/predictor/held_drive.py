@@ -139,7 +139,7 @@ class Structure:
         ]
 
 
-# --- A mean speed where theta is fixed: the held drive itself begins its way anew with each sample, and divides it by -
+# --- A mean speed where theta is fixed: the way since the last sample over the interval -------------------------------
 
 
 # The state s of Drive.with_mean_speed, s' = speed, is zero after a sample: no column of [Ad Bd] needs it.  Its row

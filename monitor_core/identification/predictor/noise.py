@@ -51,7 +51,7 @@ def gain(
     time_constant: int | None,
     mean: int = -1,
 ) -> Gain:
-    """K of the drive ``of`` in its coordinates, and derivatives: by its p parameters, then by the ``free`` levels.
+    """K of the drive in its coordinates, and derivatives: by its p parameters, then by the ``free`` levels.
 
     ``torque`` (m,) says which inputs are the motor torque, ``time_constant`` which parameter is that of d, ``mean``
     which state a mean speed is taken from, -1: none is measured.

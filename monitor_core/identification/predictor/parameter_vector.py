@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, split_name
-from monitor_core.identification.problem import Disturbance, Problem, value_of
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, slope_name, value_of, with_value
+from monitor_core.identification.problem import Disturbance, Problem
 
 _FARTHEST = 1e3
 """A positive parameter stays within this factor of its start, unless it has bounds."""
@@ -75,7 +75,7 @@ class Layout:
             (self.free.index(name), signal) for name, signals in problem.varying.items() for signal in signals
         )
         entries = [self._parameter(problem, drive, name) for name in self.free]
-        entries += [self._slope(problem, f"{self.free[i]} per {signal}") for i, signal in self.varying]
+        entries += [self._slope(problem, slope_name(self.free[i], signal)) for i, signal in self.varying]
         if problem.free_delay:
             entries.append(_delay(problem, interval_s))
         self.names = tuple(entry.name for entry in entries)
@@ -178,16 +178,11 @@ class Layout:
             return {"torque": 0.0, "slow": 0.0}
         return {"torque": (noise.torque or 0.0) / noise.output, "slow": noise.slow / noise.output}
 
-    def theta_of(self, values: Mapping[str, float]) -> Floats:
-        """The free parameters among the values."""
-        return np.array([value_of(values, name) for name in self.free])
-
     def values_with(self, values: Mapping[str, float], theta: Floats) -> dict[str, float]:
         """All values with the free ones replaced."""
         out = dict(values)
         for name, value in zip(self.free, theta, strict=True):
-            base, inverse = split_name(name)
-            out[base] = 1 / value if inverse else value
+            out = with_value(out, name, value)
         return out
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.measured_speed import MeasuredSpeed
-from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
+from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
 from monitor_core.identification.predictor.middle_speed import MiddleSpeed, middle_speed
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
 from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
+from monitor_core.identification.predictor.prepared_record import Series, series
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.kernel.fixed_predictor import (
@@ -28,7 +28,6 @@ from monitor_core.kernel.fixed_predictor import (
     predict_record,
 )
 from monitor_core.kernel.tables import COULOMB, TORQUE, WEIGHT
-from monitor_core.samples import forward_fill
 
 
 class Errors(NamedTuple):
@@ -64,7 +63,7 @@ class Predictor:
         slow = disturbance is not None and disturbance.slow > 0
         self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
         acting = inner.drive.with_disturbance() if slow else inner.drive
-        self.torque_slopes = tuple(_slope(*torque) for torque in torques)
+        self.torque_slopes = tuple(slope_name(*torque) for torque in torques)
         """Names of the slopes of constant torques that follow signals: factors of further inputs"""
         median_s = float(np.median(np.concatenate([r.intervals for r in records])))
         self.interval_s = problem.interval_s or round(median_s, 6)
@@ -188,7 +187,7 @@ class Predictor:
         values, varying = point.values, self.layout.varying
         if not varying:
             return self._structure.at(values)
-        theta = self.layout.theta_of(values)
+        theta = np.array([value_of(values, name) for name in self.layout.free])
         for (i, _), slope, signal in zip(varying, point.slopes, signals, strict=True):
             theta[i] += slope * signal
         system = self._structure.at(self.layout.values_with(values, theta))
@@ -203,7 +202,8 @@ class Predictor:
         levels = [_with_inputs(system, acts) for system in levels]
         x0, Z0 = self._start(xi, i, levels[s.level[0]])
         if starts:
-            levels, Z0 = [_without_slopes(system) for system in levels], np.eye(self.n)[:, : self.own]
+            levels = [Linear(*system[:5], *(slopes[..., :0] for slopes in system[5:])) for system in levels]
+            Z0 = np.eye(self.n)[:, : self.own]
         P = Z0.shape[1]
         dK = np.zeros((self.n, P))
         if not starts:
@@ -277,9 +277,7 @@ class Predictor:
             middle_speed(system, kinds, state, s.intervals_s(j), late) for j, system in enumerate(levels)
         ]
         middle = MiddleSpeed(*(s.in_order(list(part)) for part in zip(*parts, strict=True)))
-        if (
-            self.drive.speed_state < 0
-        ):  # the acceleration is not known: friction is that of the measured speed
+        if self.drive.speed_state < 0:  # no acceleration is known: friction is that of the measured speed
             middle = MiddleSpeed(*(0 * part for part in middle))
         scale, dscale = self._scales(levels, kinds, q)
         return MotionInputs(
@@ -312,15 +310,11 @@ def _with_inputs_for(problem: Problem, torques: Sequence[tuple[str, str]]) -> Pr
     drive, nominal = problem.drive, dict(problem.nominal)
     for name, signal in torques:
         drive = drive.with_torque_of(name, signal)
-        nominal[_slope(name, signal)] = problem.slopes.get(_slope(name, signal), 0.0)
+        nominal[slope_name(name, signal)] = problem.slopes.get(slope_name(name, signal), 0.0)
     followed = {name for name, _ in torques}
     varying = {name: signals for name, signals in problem.varying.items() if name not in followed}
-    slopes = tuple(_slope(*torque) for torque in torques)
+    slopes = tuple(slope_name(*torque) for torque in torques)
     return replace(problem, drive=drive, nominal=nominal, free=(*problem.free, *slopes), varying=varying)
-
-
-def _slope(name: str, signal: str) -> str:
-    return f"{name} per {signal}"
 
 
 def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
@@ -328,11 +322,6 @@ def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
     return system._replace(
         B=system.B[:, which], dB=system.dB[:, which], ratio=system.ratio[which], dratio=system.dratio[which]
     )
-
-
-def _without_slopes(system: Linear) -> Linear:
-    """The system with the derivatives by no parameter."""
-    return Linear(*system[:5], *(slopes[..., :0] for slopes in system[5:]))
 
 
 def _widened(slopes: Floats, q: int) -> Floats:
@@ -349,115 +338,3 @@ def _check(problem: Problem, records: Sequence[Record]) -> None:
         if record.quantity != problem.drive.output.removeprefix("mean "):
             what = f"{record.name or 'record'} holds the {record.quantity}"
             raise ValueError(f"{what}, the drive's output is the {problem.drive.output}")
-
-
-# --- A record prepared for the compiled predictor: distinct intervals, and levels of the scheduling signals -----------
-
-
-MOST_LEVELS = 32
-"""A slowly varying signal counts as constant within the 32nd part of its range."""
-
-_REGULAR = 0.01
-
-
-@dataclass(frozen=True, eq=False)
-class Series:
-    """A record with its distinct (interval, level) pairs."""
-
-    record: Record
-    u: Floats  # (N,)
-    y: Floats  # (N,) zero where not measured
-    measured: Ints  # (N,) 0 or 1
-    counts: Ints  # (N,) 0 or 1: whether it was measured, and its error counts
-    step: Ints  # (N,) which of the pairs leads to the next sample
-    level: Ints  # (N,) which of the levels applies
-    pairs: Ints  # (G, 2) interval in us, level
-    signals: Floats  # (L, s) the signals' values at each level
-    weights: Floats  # (N, w) values of the signals that are torques
-
-    @property
-    def first(self) -> float:
-        """The first output that was measured."""
-        return float(self.y[np.argmax(self.measured)])
-
-    def intervals_s(self, level: int) -> Floats:
-        """Distinct intervals of a level, s."""
-        return np.asarray(self.pairs[self.pairs[:, 1] == level, 0] * 1e-6)
-
-    def in_order(self, of_levels: Sequence[Floats]) -> Floats:
-        """Values for the intervals of one level after the other, in the order of the pairs."""
-        places = [np.flatnonzero(self.pairs[:, 1] == j) for j in range(len(of_levels))]
-        return np.concatenate(of_levels)[np.argsort(np.concatenate(places))]
-
-
-def series(
-    record: Record,
-    signals: Sequence[str],
-    late: int = 0,
-    torques: Sequence[str] = (),
-    min_speed: float = 0.0,
-) -> Series:
-    """Prepare a record, with its torque ``late`` samples later.  Times are rounded to microseconds, as in the monitor.
-
-    Parameters follow ``signals``, level by level; ``torques`` are inputs at each sample.  Errors count where the axis
-    is as fast as ``min_speed``.
-
-    Raises:
-        ValueError: it lacks a signal, or nothing of it was measured, or all of it is slower; intervals too different
-            for a shift.
-    """
-    if not record.measured.any():
-        raise ValueError(f"{record.name or 'record'}: no output was measured")
-    if missing := [name for name in (*signals, *torques) if name not in record.signals]:
-        raise ValueError(f"{record.name or 'record'}: no signal {missing[0]!r}")
-    values, level = _levels([record.signals[name] for name in signals], len(record))
-    t_us = np.rint(record.t * 1e6).astype(np.int64)
-    intervals = np.diff(t_us)
-    keys, step = np.unique(intervals * len(values) + level[:-1], return_inverse=True)
-    pairs = np.stack(np.divmod(keys, len(values)), axis=1)
-    y = np.where(record.measured, record.y, 0.0)
-    measured = record.measured.astype(np.int64)
-    counts = measured
-    if min_speed > 0:
-        fast = MeasuredSpeed(record.quantity).take(t_us, record.y).speed >= min_speed
-        if not fast.any():
-            raise ValueError(f"{record.name or 'record'}: the axis is nowhere as fast as {min_speed:g} rad/s")
-        counts = measured * fast
-    if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
-        raise ValueError(
-            f"{record.name or 'record'}: the torque is late by more than one interval, and those differ"
-        )
-    u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
-    weights = _filled([record.signals[name] for name in torques], len(record))
-    return Series(record, u, y, measured, counts, np.append(step, 0), level, pairs, values, weights)
-
-
-def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:
-    """Mean values (L, s) and their index (N,); a missing value is replaced by the one before."""
-    if not signals:
-        return np.zeros((1, 0)), np.zeros(N, dtype=np.int64)
-    filled = _filled(signals, N)
-    parts = np.stack([_part(column) for column in filled.T], axis=1)
-    level = np.unique(parts, axis=0, return_inverse=True)[1].reshape(-1)
-    count = np.bincount(level)
-    sums = [np.bincount(level, weights=column) for column in filled.T]
-    return np.stack(sums, axis=1) / count[:, None], level
-
-
-def _filled(signals: Sequence[Floats], N: int) -> Floats:
-    """Signals side by side (N, s); a missing value is replaced by the one before, the first ones by the first."""
-    columns = np.stack(signals, axis=1) if signals else np.zeros((N, 0))
-    measured = np.isfinite(columns)
-    if not measured.any(axis=0).all():
-        raise ValueError("a signal that the parameters depend on was never measured")
-    return forward_fill(columns, columns[measured.argmax(axis=0), np.arange(len(signals))])
-
-
-def _part(column: Floats) -> Ints:
-    """Index of its distinct value, or of the part of its range if there are too many values."""
-    found, which = np.unique(column, return_inverse=True)
-    if found.size <= MOST_LEVELS:
-        return np.asarray(which, dtype=np.int64)
-    low, high = found[0], found[-1]
-    part = (column - low) / (high - low) * MOST_LEVELS
-    return np.asarray(np.minimum(part, MOST_LEVELS - 1), dtype=np.int64)

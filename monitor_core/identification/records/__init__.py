@@ -5,13 +5,13 @@ at.  Thresholds are set so that a healthy record gives no finding: each constant
 """
 
 from monitor_core.identification.records.arm_links import link_weights
-from monitor_core.identification.records.lively_parts import lively_parts
 from monitor_core.identification.records.measured_record import (
     UNITS,
     Finding,
     Known,
     Record,
     between,
+    lively_parts,
 )
 from monitor_core.identification.records.motion_checks import (
     has_wrong_sign,

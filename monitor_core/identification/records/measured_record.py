@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats, Ints
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.drive.structure import Output
 
-Bools = NDArray[np.bool_]
 _LOST = 1.5
 """Median intervals: a longer one holds a gap or lost samples."""
 UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}
@@ -59,7 +57,9 @@ class Record:
         valid = np.ones(t.shape, np.bool_) if self.valid is None else np.array(self.valid, dtype=np.bool_)
         self._check_shapes({"t": t, "u": u, "y": y, "valid": valid, **signals})
         self._check_times(t)
-        self._check_torque(u)
+        if not np.isfinite(u).all():
+            k = _first(~np.isfinite(u))
+            raise ValueError(f"{self._what}: the torque of sample {k} is {u[k]}; leave such samples out")
         if valid.shape == y.shape:
             valid &= np.isfinite(y)
             y[~valid] = np.nan
@@ -152,17 +152,12 @@ class Record:
                 f"{self._what}: times must increase, but after sample {k} at {t[k]} s comes {t[k + 1]} s"
             )
 
-    def _check_torque(self, u: Floats) -> None:
-        if not np.isfinite(u).all():
-            k = _first(~np.isfinite(u))
-            raise ValueError(f"{self._what}: the torque of sample {k} is {u[k]}; leave such samples out")
-
 
 def _first(where: Bools) -> int:
     return int(np.argmax(where))
 
 
-# --- Parts of records: by time, and at gaps ---------------------------------------------------------------------------
+# --- Parts of records: by time, at gaps, and where an axis moves most -------------------------------------------------
 
 
 _FEWEST = 2
@@ -194,6 +189,37 @@ def segments(record: Record, gap_s: float) -> list[Record]:
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
         if end - start >= _FEWEST
     ]
+
+
+_ENOUGH = 40_000
+"""Samples to find starting values, the speed scale of friction, and whether a drive is right at all."""
+
+
+def lively_parts(records: Sequence[Record], most: int = _ENOUGH) -> Sequence[Record]:
+    """Of long records the stretch with most motion, so that no more than ``most`` samples are left.
+
+    Short records stay as they are: all are cut to the same length, if they are longer.
+    """
+    length = _length([len(record) for record in records], most)
+    return [record if len(record) <= length else _liveliest(record, length) for record in records]
+
+
+def _length(counts: Sequence[int], most: int) -> int:
+    """To which records of so many samples are cut, so that ``most`` are left."""
+    left, longer = most, sorted(counts)
+    while longer and longer[0] * len(longer) <= left:
+        left -= longer.pop(0)
+    return left // len(longer) if longer else max(counts, default=0)
+
+
+def _liveliest(record: Record, length: int) -> Record:
+    """The stretch of so many samples over which the motion changes most from sample to sample."""
+    y = np.where(record.measured, record.y, np.nan)
+    steps = np.nan_to_num(abs(np.diff(y)))
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    within = travelled[length - 1 :] - travelled[: len(travelled) - length + 1]
+    first = int(np.argmax(within))
+    return record.select(slice(first, first + length))
 
 
 # --- What may be wrong with a record, and what is known of the axis beside it -----------------------------------------

@@ -55,12 +55,6 @@ _SLIPS = (
 )
 
 
-def slip_of(factor: float) -> Slip | None:
-    """The mistake that would make the inertia come out so many times the true one; None: no usual one."""
-    slip = min(_SLIPS, key=lambda s: abs(math.log(factor / s.factor)))
-    return slip if 1 / _NEAR < factor / slip.factor < _NEAR else None
-
-
 def suspicions(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, ...]:
     """What is wrong with a record, those findings first that refuse it.
 
@@ -145,10 +139,12 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
     factor = mass.inertia / nominal
     if is_about_nominal(factor):
         return
-    slip = slip_of(factor)
-    reason = (
-        f"{slip.mistake} would make it {slip.factor:.3g} times" if slip else "are units and gear ratio right?"
+    slip, reason = (
+        min(_SLIPS, key=lambda s: abs(math.log(factor / s.factor))),
+        "are units and gear ratio right?",
     )
+    if 1 / _NEAR < factor / slip.factor < _NEAR:
+        reason = f"{slip.mistake} would make it {slip.factor:.3g} times"
     yield Finding(
         "units",
         "warn",

@@ -84,9 +84,9 @@ class Rigid(NamedTuple):
         return abs(self.inertia) / max(self.sd, 1e-300)
 
 
-def rigid_fit(record: Record, speed_scale: float = 1.0, shortest_s: float = 0.0) -> Rigid | None:
+def rigid_fit(record: Record, speed_scale: float = 1.0) -> Rigid | None:
     """The usual terms; arguments and result as of ``rigid_fits``."""
-    return rigid_fits([record], [USUAL], speed_scale, shortest_s)[0]
+    return rigid_fits([record], [USUAL], speed_scale)[0]
 
 
 def rigid_fits(

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from monitor_core.arrays import Floats, Ints
-from monitor_core.identification.records.measured_record import Bools, Finding, Known, Record
+from monitor_core.arrays import Bools, Floats, Ints
+from monitor_core.identification.records.measured_record import Finding, Known, Record
 from monitor_core.samples import PHYSICAL_LIMITS
 
 _HALF = 2

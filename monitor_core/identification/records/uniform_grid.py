@@ -14,8 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin, kaiserord, oaconvolve
 
-from monitor_core.arrays import Floats
-from monitor_core.identification.records.measured_record import Bools, Record
+from monitor_core.arrays import Bools, Floats
+from monitor_core.identification.records.measured_record import Record
 
 _TOLERANCE = 0.05
 """Of an interval: what a sample may be away from its place.  A tenth of one biases an inertia by 3 %."""

@@ -6,8 +6,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
-from monitor_core.identification.records.measured_record import Bools, Record
+from monitor_core.arrays import Bools, Floats
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import rigid_fit, speed_scales
 from monitor_core.identification.records.sample_checks import Runs, runs, stuck_runs
 

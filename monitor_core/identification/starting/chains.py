@@ -15,9 +15,8 @@ import numpy as np
 from scipy.linalg import hessenberg
 from scipy.optimize import nnls
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Complexes, Floats
 from monitor_core.drive.structure import DAMPING, Drive, Output, Parameter, Quantity, Term, split_name
-from monitor_core.identification.black_boxes.frequency_response import Complexes
 from monitor_core.identification.problem import Problem
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 
@@ -108,9 +107,10 @@ def _motor(row: int) -> list[Term]:
 # --- Masses and springs of a chain from what is seen at its end: an inverse eigenvalue problem with a closed solution -
 
 
-# Speed over torque at the first of n masses that springs join in a row, without losses, is Y(s) = sum_i a_i s / (s^2
-# + p_i^2),      p_0 = 0,  a_i > 0. The springs' matrix scaled by the masses, M^-1/2 K M^-1/2, is a Jacobi matrix
-# (symmetric, tridiagonal) with the eigenvalues p_i^2, whose normalised eigenvectors begin with sqrt(a_i / sum a).
+# Speed over torque at the first of n masses that springs join in a row, without losses, is
+#     Y(s) = sum_i a_i s / (s^2 + p_i^2),      p_0 = 0,  a_i > 0.
+# The springs' matrix scaled by the masses, M^-1/2 K M^-1/2, is a Jacobi matrix (symmetric, tridiagonal) with the
+# eigenvalues p_i^2, whose normalised eigenvectors begin with sqrt(a_i / sum a).
 # These determine it (Stieltjes' continued fraction; Hochstadt; Golub and Welsch); Householder's reflections find it
 # without cancellation.  Its null vector is sqrt(J_i), and 1 / J_1 = sum a.
 

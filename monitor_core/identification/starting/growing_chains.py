@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Complexes, Floats
 from monitor_core.drive.structure import Output
-from monitor_core.identification.black_boxes.frequency_response import Complexes
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting.chains import Slots, chain_of_modes, modes_of_chain, problem_of
 from monitor_core.identification.starting.response import Measured, Response, Target
@@ -96,10 +95,11 @@ def _settled(problem: Problem, slots: Slots, modal: Modal, measured: Measured) -
 # --- One more mass: the resonance that the response of a fitted drive lacks most --------------------------------------
 
 
-# With the relative errors e of a fit, their slopes J and the shape c of a further mode, all weighted, the cost falls
-# by (c_' e)^2 / c_'c_,        c_ = c - J (J'J)^-1 J'c to first order if that mode joins in: Rao's score test of its
-# weight, over a grid of frequencies and decays.  Masses and springs of the longer chain follow from its resonances in
-# closed form, whatever the weight, so each candidate makes sense.
+# With the relative errors e of a fit, their slopes J and the shape c of a further mode, all weighted, the cost falls by
+#     (c_' e)^2 / c_'c_,        c_ = c - J (J'J)^-1 J'c
+# to first order if that mode joins in: Rao's score test of its weight, over a grid of frequencies and decays.  Masses
+# and springs of the longer chain follow from its resonances in closed form, whatever the weight, so each candidate
+# makes sense.
 
 _BEYOND = 1.3
 """Of the highest frequency measured: resonances a little above it are felt."""

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.identification.greybox import Estimate, Problem, traces_of
+from monitor_core.identification.greybox import Estimate, traces_of
+from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
 from monitor_core.identification.starting.growing_chains import Stem, longer, stems
@@ -45,15 +46,16 @@ def grow(
     if upto < 1:
         raise ValueError(f"chains of up to {upto} masses: need at least one")
     measured, steps = measure(records), Steps(progress, upto * FITTING)
-    grown, models, failed = (
-        stems(problem_of(1, measured.output, friction=("fm",)), measured),
-        list[Grown](),
-        "",
-    )
+    grown = stems(problem_of(1, measured.output, friction=("fm",)), measured)
+    models, failed = list[Grown](), ""
     for masses in range(1, upto + 1):
         problem = problem_of(masses, measured.output, like, friction)
         if models:
-            grown = longer(problem, (_stem(models[-1]), *grown), measured)
+            # The chain as the records themselves have it; a damper below zero has no logarithm and stays as it is.
+            before = models[-1].estimate.problem
+            response = Response(before)
+            stem = Stem(response, Found(response.start, np.inf), Slots(before))
+            grown = longer(problem, (stem, *grown), measured)
         try:
             found = _fitted(problem, records, grown, measured, steps.part((masses - 1) * FITTING, FITTING))
         except ValueError as error:
@@ -76,13 +78,6 @@ def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[R
     aside = tuple(trace.fit for trace in traces_of(found.problem, validation)) if validation else ()
     chain_found = Slots(found.problem).chain(found.problem.nominal)
     return Grown(masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0])))
-
-
-def _stem(model: Grown) -> Stem:
-    """The chain as the records themselves have it; a damper below zero has no logarithm and stays as it is."""
-    problem = model.estimate.problem
-    response = Response(problem)
-    return Stem(response, Found(response.start, np.inf), Slots(problem))
 
 
 def _fitted(

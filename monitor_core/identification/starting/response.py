@@ -17,14 +17,14 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import csd, lfilter, medfilt, welch
 
-from monitor_core.arrays import Floats, Ints
+from monitor_core.arrays import Bools, Complexes, Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DAMPING, STIFFNESS, Output, split_name
 from monitor_core.identification.black_boxes.arx import Arx, fit_arx
-from monitor_core.identification.black_boxes.frequency_response import DECIBEL, Complexes
+from monitor_core.identification.black_boxes.frequency_response import DECIBEL
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.measured_record import Bools, Record
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample, stretches
 
 _ORDER = 100
@@ -219,7 +219,12 @@ def _felt(problem: Problem, values: Mapping[str, float], d: Floats, torque: np.n
 
 def _dampers(problem: Problem, bases: tuple[str, ...]) -> Ints:
     """(pairs, 2): a damper, and the spring that joins the same inertias."""
-    joined = {name: _divisors(problem, name) for name in bases}
+    powers = [dict(term.powers) for term in problem.drive.terms if term.matrix == "A"]
+    # What the terms of A with a parameter are divided by: the inertias on which its torque acts.
+    joined = {
+        name: {other for held in powers if name in held for other, e in held.items() if e < 0}
+        for name in bases
+    }
     units = {name: problem.drive.parameter(name).unit for name in bases}
     pairs = [
         (i, bases.index(spring))
@@ -228,9 +233,3 @@ def _dampers(problem: Problem, bases: tuple[str, ...]) -> Ints:
         if units[damper] == DAMPING and units[spring] == STIFFNESS and joined[damper] == joined[spring]
     ]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def _divisors(problem: Problem, name: str) -> frozenset[str]:
-    """What the terms of A with this parameter are divided by: the inertias on which its torque acts."""
-    powers = [dict(term.powers) for term in problem.drive.terms if term.matrix == "A"]
-    return frozenset(other for held in powers if name in held for other, e in held.items() if e < 0)

@@ -5,8 +5,7 @@ the record stays there.  Three measures guide the search:
 
 * It begins outside of the unit circle (see response.py), where the resonances are broad, and returns in stages.
 * A Gaussian prior around the given values holds what a stage does not determine; it is weakened from stage to stage,
-  and
-  there is none at the end.
+  and there is none at the end.
 * Where one damper has locked its spring (d -> infinity) or been lost (d -> 0), the others compensate and the search is
   stuck next to the right minimum.  Then all dampers are set to d = T k with one T, and held while the rest converges.
 
@@ -22,8 +21,7 @@ from typing import Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from monitor_core.arrays import Floats
-from monitor_core.identification.black_boxes.frequency_response import Complexes
+from monitor_core.arrays import Complexes, Floats
 from monitor_core.identification.greybox.levenberg_marquardt import Normal, minimise
 from monitor_core.identification.starting.response import Measured, Response, Target
 

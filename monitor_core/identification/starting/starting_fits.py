@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name
-from monitor_core.identification.greybox import Estimate, Problem, fit
-from monitor_core.identification.problem import value_of
+from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_value
+from monitor_core.identification.greybox import Estimate, fit
+from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.motion_checks import rigid_inertia
 from monitor_core.identification.records.rigid_body import POSE, rigid_fits
@@ -211,9 +211,8 @@ def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
 
 def _started(problem: Problem, values: Mapping[str, float]) -> Problem:
     """The problem with its free parameters at these values, inside their bounds."""
-    nominal = dict(problem.nominal)
+    nominal = problem.nominal
     for name in problem.free:
-        base, inverse = split_name(name)
         value = float(np.clip(value_of(values, name), *problem.bounds.get(name, (-np.inf, np.inf))))
-        nominal[base] = 1 / value if inverse else value
+        nominal = with_value(nominal, name, value)
     return replace(problem, nominal=nominal)

@@ -6,13 +6,13 @@ A parameter is a string (a name, or an expression such as "1/r" or "m*l^2") or a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import TypeAlias
 
 from monitor_core.modeling.components import KINDS, Kind
 from monitor_core.modeling.flat import ModelError, Origin
+from monitor_core.wording import did_you_mean
 
 Value: TypeAlias = str | float
 
@@ -57,24 +57,16 @@ def parts_of(tables: Sequence[Mapping[str, object]], origins: Sequence[Origin]) 
         named = replace(origin, component=f"component {number}")
         name = _text(table, "name", named)
         named = replace(origin, component=name)
-        kind = _kind(_text(table, "type", named), named)
+        kind_name = _text(table, "type", named)
+        if kind_name not in TYPES:
+            raise ModelError(f"unknown type {kind_name!r}: {did_you_mean(kind_name, TYPES)}", named)
+        kind = KINDS[kind_name]
         roles = {role.name for role in kind.roles}
         for key in table.keys() - roles - {"name", "type", "at"}:
-            raise ModelError(_unknown(f"key {key!r}", key, ["type", "name", "at", *sorted(roles)]), named)
+            hint = did_you_mean(key, ["type", "name", "at", *sorted(roles)])
+            raise ModelError(f"unknown key {key!r}: {hint}", named)
         given = {role: _value(table[role], role, named) for role in sorted(roles & table.keys())}
         yield Part(kind, name, _nodes(table, kind, named), given, named)
-
-
-def similar(name: str, known: Iterable[str]) -> str:
-    """``did you mean 'Jm'?  It has Jm, Ja``, or only the list."""
-    names = list(known)
-    close = get_close_matches(name, names, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}there {'are' if len(names) != 1 else 'is'} {', '.join(names) or 'none'}"
-
-
-def _unknown(what: str, name: str, known: Iterable[str]) -> str:
-    return f"unknown {what}: {similar(name, known)}"
 
 
 def _text(table: Mapping[str, object], key: str, origin: Origin) -> str:
@@ -84,12 +76,6 @@ def _text(table: Mapping[str, object], key: str, origin: Origin) -> str:
         problem = "is missing" if value is None else f"is {value!r}, not a word"
         raise ModelError(f'its {key} {problem}: write {key} = "{example}"', origin)
     return value
-
-
-def _kind(name: str, origin: Origin) -> Kind:
-    if name not in TYPES:
-        raise ModelError(_unknown(f"type {name!r}", name, TYPES), origin)
-    return KINDS[name]
 
 
 def _nodes(table: Mapping[str, object], kind: Kind, origin: Origin) -> tuple[str, ...]:

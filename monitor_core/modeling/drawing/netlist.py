@@ -25,14 +25,13 @@ class Drawing:
     """A drive.
 
     ``nominal``: values of parameters (SI).  ``meanings``: parameters in the user's words, in the order of lists; the
-    others follow as they occur.  ``units``: of parameters whose use does not determine the unit.
+    others follow as they occur.
     """
 
     name: str
     components: Sequence[Part]
     nominal: Mapping[str, float] = field(default_factory=dict)
     meanings: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
     origin: Origin = field(default_factory=Origin)
 
     def flat(self) -> FlatModel:
@@ -40,7 +39,7 @@ class Drawing:
 
         Raises:
             ModelError: a name is used twice or is invalid; a component cannot be connected like this; an expression,
-                value or unit of a parameter is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
+                value or unit of a parameter is wrong; ``nominal`` or ``meanings`` name no parameter.
         """
         parts = self._grounded()
         _check(parts, self.origin)
@@ -50,7 +49,7 @@ class Drawing:
         flanges = [f"{part.name}.{flange}" for part in parts for flange in part.kind.flanges]
         return FlatModel(
             name=self.name,
-            parameters=parameters(uses, self.nominal, self.meanings, self.units, self.origin),
+            parameters=parameters(uses, self.nominal, self.meanings, self.origin),
             variables=joined.variables,
             inputs=joined.inputs,
             sensors=joined.sensors,
@@ -73,12 +72,7 @@ class Drawing:
 
 
 def from_tables(
-    name: str,
-    tables: Sequence[Mapping[str, object]],
-    nominal: Mapping[str, float] | None = None,
-    *,
-    origins: Sequence[Origin] | None = None,
-    origin: Origin | None = None,
+    name: str, tables: Sequence[Mapping[str, object]], origins: Sequence[Origin] | None = None
 ) -> Drawing:
     """A drawing from the list of components of a configuration file.
 
@@ -86,16 +80,12 @@ def from_tables(
         name: of the drive.
         tables: one for each component, ``{type = "inertia", name = "motor", at = "shaft", J = "Jm"}``; ``at`` is a list
             of two nodes where a component has two flanges.
-        nominal: values of parameters (SI).
         origins: place of each table, for messages.
-        origin: place of the list.
 
     Raises:
         ModelError: a table does not describe a component.
     """
-    joined = origin or Origin()
-    parts = tuple(parts_of(tables, origins or [joined] * len(tables)))
-    return Drawing(name, parts, nominal or {}, origin=joined)
+    return Drawing(name, tuple(parts_of(tables, origins or [Origin()] * len(tables))))
 
 
 def _check(parts: Sequence[Part], origin: Origin) -> None:

@@ -11,9 +11,10 @@ from types import MappingProxyType
 
 from monitor_core.modeling.components import Role
 from monitor_core.modeling.components.units import Use, impossible, infer, is_nonnegative, is_positive
-from monitor_core.modeling.drawing.drawn_components import Part, similar
+from monitor_core.modeling.drawing.drawn_components import Part
 from monitor_core.modeling.flat import FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.wording import did_you_mean
 
 
 def uses_of(part: Part) -> dict[str, Use]:
@@ -26,7 +27,7 @@ def uses_of(part: Part) -> dict[str, Use]:
     for name in part.parameters:
         if name not in known:
             raise ModelError(
-                f"{part.kind.name} has no parameter {name!r}: {similar(name, known)}", part.origin
+                f"{part.kind.name} has no parameter {name!r}: {did_you_mean(name, known)}", part.origin
             )
     return {name: _use(part, role) for name, role in known.items()}
 
@@ -47,21 +48,22 @@ def parameters(
     uses: Sequence[Use],
     nominal: Mapping[str, float],
     meanings: Mapping[str, str],
-    units: Mapping[str, str],
     origin: Origin,
 ) -> tuple[FlatParameter, ...]:
     """Every parameter once, in the order of ``meanings``, then as they occur.
 
     Raises:
         ModelError: contradicting units of the uses of a parameter; a value that is not finite, or not positive where it
-            must be; a name in ``nominal``, ``meanings`` or ``units`` that does not occur.
+            must be; a name in ``nominal`` or ``meanings`` that does not occur.
     """
     names = dict.fromkeys(name for use in uses for name in sorted(use.value.names))
-    for what, given in {"nominal value": nominal, "meaning": meanings, "unit": units}.items():
+    for what, given in {"nominal value": nominal, "meaning": meanings}.items():
         for name in given:
             if name not in names:
-                raise ModelError(f"{what} of {name!r}, which is no parameter: {similar(name, names)}", origin)
-    found = infer(uses, units)
+                raise ModelError(
+                    f"{what} of {name!r}, which is no parameter: {did_you_mean(name, names)}", origin
+                )
+    found = infer(uses)
     table = {name: _parameter(name, found[name], uses, nominal, meanings) for name in names}
     values = {name: p.value for name, p in table.items() if p.value is not None}
     for use, role, number, problem in impossible(uses, values):

@@ -1,7 +1,7 @@
 """From the rows left by the substitution to explicit balances: one row for the highest derivative of each angle.
 
-s^2 phi_j = sum of (c s phi_i), (c phi_i), (c u)      where an inertia moves with phi_j s   phi_l = ...
-massless, between dampers
+s^2 phi_j = sum of (c s phi_i), (c phi_i), (c u)      where an inertia moves with phi_j
+s   phi_l = the same                                  where nothing does: massless, between dampers
 """
 
 from __future__ import annotations
@@ -69,15 +69,11 @@ def _solve_for(system: System, power: int, names: list[str], used: Collection[in
         found[name] = pivot
         if not rows[pivot][name][power].is_unit:
             system.merge(rows[pivot][name][power])
-        _clear_column(system, name, power, rows[pivot])
+        solution = rows[pivot]
+        for row in system.rows():
+            if row is not solution and power in row.get(name, {}):
+                add_multiple(row, {0: -(row[name][power] / solution[name][power])}, solution)
     return found
-
-
-def _clear_column(system: System, name: str, power: int, solution: Row) -> None:
-    c = solution[name][power]
-    for row in system.rows():
-        if row is not solution and power in row.get(name, {}):
-            add_multiple(row, {0: -(row[name][power] / c)}, solution)
 
 
 def _check_shape(system: System) -> None:

@@ -28,7 +28,13 @@ def pruned(reduction: Reduction, system: System) -> StateSpace:
     C, rigid = reduction.C(), rigid_angles(reduction)
     torques = [k for k, u in enumerate(reduction.inputs) if u.kind == TORQUE]
     seen = _reached({j for _, j in C}, {(j, i) for i, j in A})
-    _check_path(reduction, seen & _reached({i for i, k in B if k in torques}, set(A)))
+    if not seen & _reached({i for i, k in B if k in torques}, set(A)):
+        sensor = reduction.sensors[0]
+        raise ModelError(
+            f"no path leads from the motor torque to the sensor {sensor.name}: what it measures stands still, "
+            "or is not connected",
+            sensor.origin,
+        )
     kept = sorted(seen & _reached({i for i, _ in B}, set(A)))
     acting = sorted({k for i, k in B if i in kept})
     every = range(max(len(reduction.sensors), 1))
@@ -71,16 +77,6 @@ def _reached(start: Iterable[int], steps: Iterable[tuple[int, int]]) -> set[int]
         found |= new
         front += new
     return found
-
-
-def _check_path(reduction: Reduction, moved: set[int]) -> None:
-    if not moved:
-        sensor = reduction.sensors[0]
-        raise ModelError(
-            f"no path leads from the motor torque to the sensor {sensor.name}: what it measures stands still, "
-            "or is not connected",
-            sensor.origin,
-        )
 
 
 def _cut(matrix: Dense, rows: Sequence[int], columns: Sequence[int]) -> Dense:
@@ -181,9 +177,7 @@ def rigid_angles(reduction: Reduction) -> Angles:
         before = len(found)
         for (near, a), (far, b) in pairs:
             if near in found and far not in found:
-                with suppress(
-                    NotLaurentError
-                ):  # a sum of stiffnesses: something holds the part, it does not follow
+                with suppress(NotLaurentError):  # of a sum of stiffnesses: something holds the part
                     found[far] = -(found[near] * a / b)
     return found
 

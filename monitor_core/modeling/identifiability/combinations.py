@@ -59,7 +59,8 @@ def combinations_of(
         merged = samples_of(ss, [c.name for c in coordinates], rng, inputs)
         if len(merged[0][0].seen) == seen:
             return _named(ss, coordinates, merged)
-    return _named(ss, _drawn(ss, free), samples)
+    units = {p.name: p.unit for p in ss.drawn}
+    return _named(ss, [Coordinate(name, units[name], name, frozenset({name})) for name in free], samples)
 
 
 def _named(
@@ -73,18 +74,9 @@ def _named(
     texts = {c.name: c.text for c in coordinates}
     if len(found) < len(first[0].seen):
         for candidate in entries_seen(ss, [c.name for c in coordinates], texts, first):
-            if _adds(candidate, found, first[0].prime):
+            if rank(np.array([f.slope() for f in (*found, candidate)]), first[0].prime) > len(found):
                 found.append(candidate)
     return [(f.text, frozenset().union(*(coordinates[j].free for j in f.columns))) for f in found]
-
-
-def _adds(candidate: Combination, found: Sequence[Combination], prime: int) -> bool:
-    return rank(np.array([f.slope() for f in (*found, candidate)]), prime) > len(found)
-
-
-def _drawn(ss: StateSpace, free: Sequence[str]) -> list[Coordinate]:
-    units = {p.name: p.unit for p in ss.drawn}
-    return [Coordinate(name, units[name], name, frozenset({name})) for name in free]
 
 
 def _coordinates(ss: StateSpace, free: Sequence[str]) -> list[Coordinate]:
@@ -182,7 +174,9 @@ def products(frame: Frame, first: Sample) -> Iterator[Combination]:
 
 
 def _product(vector: Vector, frame: Frame, first: Sample) -> Combination:
-    text = _product_text({frame.texts[j]: e for j, e in enumerate(vector) if e})
+    powers = {frame.texts[j]: e for j, e in enumerate(vector) if e}
+    alone = list(powers.values()) == [1]  # which needs no brackets
+    text = next(iter(powers)) if alone else str(Laurent([(tuple(sorted(powers.items())), Fraction(1))]))
     columns = {i for j, e in enumerate(vector) if e for i, c in enumerate(frame.forms[j]) if c}
     slope = partial(_slope, vector, frame.forms, first, frame.samples[0][0])
     return Combination(text, frozenset(columns), slope)
@@ -227,10 +221,3 @@ def _sum(form: Vector, texts: Sequence[str]) -> str:
     """``J1``, ``J1 + 2*J2``."""
     terms = [(text, c) for text, c in zip(texts, form, strict=True) if c]
     return terms[0][0] if len(terms) == 1 else str(Laurent((((text, 1),), Fraction(c)) for text, c in terms))
-
-
-def _product_text(powers: Mapping[str, int]) -> str:
-    """``kT/(J1 + J2)``; one alone needs no brackets."""
-    if list(powers.values()) == [1]:
-        return next(iter(powers))
-    return str(Laurent([(tuple(sorted(powers.items())), Fraction(1))]))

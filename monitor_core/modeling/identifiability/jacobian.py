@@ -78,7 +78,9 @@ def _until_settled(
     found: list[Sample] = []
     spans, before = (-1, -1), (-2, -2)
     while spans != before and (point := next(points, None)):
-        found.append(sample_at(ss, coordinates, point, inputs))
+        rows = markov_gradients(ss, gradients(coordinates, ss.definitions, point), point, inputs)
+        values = np.array([point.values[name] for name in coordinates], dtype=np.int64)
+        found.append(Sample(point, values, echelon(rows, point.prime)[0]))
         before = spans
         spans = (len(union([s.hidden for s in found], found)), len(union([s.plain for s in found], found)))
     return found
@@ -87,13 +89,6 @@ def _until_settled(
 def union(spaces: Sequence[Ints], samples: Sequence[Sample]) -> Ints:
     """What all the spaces together span, in echelon form."""
     return echelon(np.vstack(spaces), samples[0].prime)[0]
-
-
-def sample_at(ss: StateSpace, coordinates: Sequence[str], point: Point, inputs: Sequence[int]) -> Sample:
-    """What the sensors show of the coordinates at one point, with the given inputs (columns of B)."""
-    rows = markov_gradients(ss, gradients(coordinates, ss.definitions, point), point, inputs)
-    values = np.array([point.values[name] for name in coordinates], dtype=np.int64)
-    return Sample(point, values, echelon(rows, point.prime)[0])
 
 
 def gradients(coordinates: Sequence[str], definitions: Sequence[Definition], point: Point) -> dict[str, Ints]:

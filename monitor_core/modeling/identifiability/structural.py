@@ -136,14 +136,12 @@ def _sentences(result: Identifiability) -> Iterator[str]:
 
 
 def _group(names: Sequence[str], seen: Sequence[str], more: int, alone: bool) -> str:
-    kinds = list(seen) + ([_unnamed(more, "more " if seen else "")] if more else [])
+    kinds, further = list(seen), "more " if seen else ""
+    if more:
+        kinds.append(f"one {further}combination" if more == 1 else f"{more} {further}combinations")
     who = listed(names) if len(names) <= _FEW else f"{len(names)} parameters ({listed(names)})"
     if not kinds:
         return f"Nothing of {who} can be seen."
     start = "Only" if alone else f"Of {who} only"
     end = f": {who} cannot be distinguished." if alone else "."
     return f"{start} {listed(kinds)} can be seen{end}"
-
-
-def _unnamed(count: int, more: str) -> str:
-    return f"one {more}combination" if count == 1 else f"{count} {more}combinations"

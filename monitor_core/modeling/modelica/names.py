@@ -7,7 +7,7 @@ unknown classes, parameters and variables where they are written.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -88,9 +88,9 @@ def _named(root: ast.Tree, model: str, models: Sequence[ast.Class]) -> ast.Class
     same = [found] if isinstance(found, ast.Class) else [c for c in models if c.name == model]
     if len(same) != 1 or same[0] not in models:
         last = similar(model.split(".")[-1], {c.name for c in models})
-        near = did_you_mean([c.full_name for c in models if c.name in last])
-        known = listed((c.full_name for c in models), "; there is")
-        raise ModelError(f"there is no model {model}{near}{known}", Origin(file=models[0].file))
+        near = meant([c.full_name for c in models if c.name in last])
+        known = ", ".join(c.full_name for c in models)
+        raise ModelError(f"there is no model {model}{near}; there is {known}", Origin(file=models[0].file))
     return same[0]
 
 
@@ -194,11 +194,11 @@ def _class(root: ast.Tree, cls: ast.Class, name: ast.ComponentRef, place: Origin
     of_library = name.to_tuple()[0] in _LIBRARY
     problem = f"class {name} is not {'supported' if of_library else 'known'}"
     if isinstance(package, ast.Class) and package.classes:
-        problem += did_you_mean(similar(last, package.classes)) + listed(package.classes, "; there is")
+        problem += choice(last, package.classes)
     else:
         known = [c for c in descendants(root) if c.type in (*_MODELS, "connector")]
         near = similar(last, {c.name for c in known})
-        problem += did_you_mean([c.full_name for n in near for c in known if c.name == n])
+        problem += meant([c.full_name for n in near for c in known if c.name == n])
     raise ModelError(problem, place)
 
 
@@ -266,13 +266,12 @@ def _modified(
             return cls, None
         if _is_simple(cls):
             if part not in (*ast.Symbol.ATTRIBUTES, "stateSelect"):
-                near = did_you_mean(similar(part, ast.Symbol.ATTRIBUTES))
+                near = meant(similar(part, ast.Symbol.ATTRIBUTES))
                 raise ModelError(f"Real {'.'.join(name[:k]) or place.component} has no {part}{near}", place)
             return None, None
         members = _members(cls)
         if part not in members:
-            near = did_you_mean(similar(part, members))
-            raise ModelError(f"{cls.name} has no {part}{near}{listed(members, '; there is')}", place)
+            raise ModelError(f"{cls.name} has no {part}{choice(part, members)}", place)
         symbol = members[part]
         found = _found(symbol.parent or cls, symbol.type)
         if not isinstance(found, ast.Class):
@@ -312,11 +311,10 @@ def _check_variable(cls: ast.Class, name: ast.ComponentRef, place: Origin) -> No
             where = _found(found.parent or cls, found.type)
             inside = _members(where) if isinstance(where, ast.Class) else {}
             if part not in inside:
-                near = did_you_mean(similar(part, inside))
-                raise ModelError(f"{found.name} has no {part}{near}{listed(inside, '; there is')}", place)
+                raise ModelError(f"{found.name} has no {part}{choice(part, inside)}", place)
             found = inside[part]
     elif _found(cls, name) is None:
-        near = did_you_mean(similar(first, members)) if not rest else ""
+        near = meant(similar(first, members)) if not rest else ""
         raise ModelError(f"{name} is not known in {cls.name}{near}", place)
 
 
@@ -329,9 +327,8 @@ def _check_connector(cls: ast.Class, end: ast.ComponentRef, place: Origin) -> No
     for part in names:
         if part not in members:
             ends = [n for n, s in members.items() if _is_connector(s, where)]
-            near = did_you_mean(similar(part, ends or members))
-            known = listed(ends or members, "; there is")
-            raise ModelError(f"{end} cannot be connected: {where.name} has no {part}{near}{known}", place)
+            known = choice(part, ends or members)
+            raise ModelError(f"{end} cannot be connected: {where.name} has no {part}{known}", place)
         symbol = members[part]
         found = _found(symbol.parent or where, symbol.type)
         source = isinstance(where, ast.Class) and where.full_name.startswith(f"{SOURCES}.")
@@ -373,11 +370,11 @@ def similar(name: str, known: Iterable[str]) -> list[str]:
     return get_close_matches(name, sorted(known), n=3, cutoff=0.75)
 
 
-def did_you_mean(near: Sequence[str]) -> str:
+def meant(near: Sequence[str]) -> str:
     """``: did you mean X or Y?``, or nothing."""
     return f": did you mean {' or '.join(near[:3])}?" if near else ""
 
 
-def listed(names: Iterable[str], there_is: str) -> str:
-    """``there is a, b, c``; ``there is none``."""
-    return f"{there_is} {', '.join(names) or 'none'}"
+def choice(name: str, known: Collection[str]) -> str:
+    """``: did you mean X?; there is X, Y, Z``."""
+    return f"{meant(similar(name, known))}; there is {', '.join(known) or 'none'}"

@@ -157,7 +157,9 @@ def _parse_tree(source: Source) -> Any:
     tree = parser.stored_definition()
     rest = tokens.LT(1)
     if rest.type != antlr4.Token.EOF:
-        raise ModelError(_stray(rest.text), Origin(file=source.name, line=rest.line))
+        problem = f'"{rest.text}" cannot stand outside of a class'
+        right = 'a model begins with "model Name" and ends with "end Name;"'
+        raise ModelError(f"{problem}: {right}", Origin(file=source.name, line=rest.line))
     return tree
 
 
@@ -206,24 +208,18 @@ def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, in
     """The mistake in words, and the line where it should be corrected."""
     if token is None:
         found = re.search(r"at: '(.*)'", text, re.DOTALL)
-        return f"{_printed(found.group(1) if found else text)} is not Modelica", line
+        shown = found.group(1) if found else text
+        return f"{shown if shown.isprintable() else f'the character {shown!a}'} is not Modelica", line
     if token.type == -1:
         return _unfinished([t for t in recognizer.getTokenStream().tokens[:-1] if t.channel == 0], line)
     before = _token_before(recognizer, token)
     if before is not None and re.match(r"(missing ';'|mismatched input .* expecting ';')", text):
         return f'";" is missing behind "{before.text}"', before.line
     missing = re.match(r"missing (\S+) at", text) or re.search(r"expecting ('[^']*'|IDENT)$", text)
-    wanted = f", {_wanted(missing.group(1))} is expected here" if missing else ""
+    wanted = missing.group(1).replace("'", '"').replace("IDENT", "a name") if missing else ""
+    expected = f", {wanted} is expected here" if missing else ""
     behind = f' behind "{before.text}"' if before is not None else ""
-    return f'syntax error: "{token.text}" cannot stand{behind}{wanted}', line
-
-
-def _printed(text: str) -> str:
-    return text if text.isprintable() else f"the character {text!a}"
-
-
-def _wanted(name: str) -> str:
-    return "a name" if name == "IDENT" else name.replace("'", '"')
+    return f'syntax error: "{token.text}" cannot stand{behind}{expected}', line
 
 
 def _token_before(recognizer: Any, token: Any) -> Any:
@@ -251,10 +247,6 @@ def _unfinished(tokens: list[Any], line: int) -> tuple[str, int]:
         return "the text ends in the middle of something", line
     sort, name, begin = opened[-1]
     return f'the text ends inside of {sort} {name} (line {begin}): is "end {name};" missing?', line
-
-
-def _stray(text: str) -> str:
-    return f'"{text}" cannot stand outside of a class: a model begins with "model Name" and ends with "end Name;"'
 
 
 _SORTS = ("model", "class", "block", "connector", "package", "record", "type", "function")

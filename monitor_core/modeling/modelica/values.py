@@ -130,11 +130,7 @@ class Values:
 
     def _call(self, call: ast.Expression, origin: Origin) -> Linear:
         name = str(call.operator)
-        function = FUNCTIONS.get(name.removeprefix("Modelica.Math."))
-        if function is None:
-            raise ModelError(
-                f"function {name} is not supported; known are der, {', '.join(sorted(FUNCTIONS))}", origin
-            )
+        function = FUNCTIONS[name.removeprefix("Modelica.Math.")]  # others: refused with all names
         arguments = [without_variables(self.linear(argument, origin)) for argument in call.operands]
         numbers = [argument for argument in arguments if argument is not None]
         if len(numbers) < len(arguments):

@@ -91,16 +91,16 @@ def count(
     Healthy axes are watched with all of them at once.
     """
     axes = Axes(plant, np.random.default_rng(seed), LANES)
-    bank = AxisBatch([plant.model] * LANES, [without_tests(plant.settings)] * LANES)
+    batch = AxisBatch([plant.model] * LANES, [without_tests(plant.settings)] * LANES)
     own = np.ascontiguousarray(np.moveaxis(np.array(settings, float), 0, -1))  # (p, 3, settings)
     g = np.zeros((LANES, len(own), 2, len(settings)))
     alarms, seen, scale = np.zeros(len(settings)), 0, plant.model.scale
     start = plant.settings.seed_updates + 400
     chunk = axes.take(start)
-    bank.run(chunk.t_us, chunk.u, chunk.y)
+    batch.run(chunk.t_us, chunk.u, chunk.y)
     while seen < samples:
         chunk = axes.take(CHUNK)
-        trace = bank.trace(chunk.t_us, chunk.u, chunk.y)
+        trace = batch.trace(chunk.t_us, chunk.u, chunk.y)
         d = (trace.theta - plant.model.theta0[:, np.newaxis]) / scale[:, np.newaxis]
         s = np.sqrt(plant.settings.lam0 * trace.P) / scale[:, np.newaxis]
         _cusum(d, s, own, g, alarms)

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.synthetic_innovations import SieveBootstrap, autoregression
+from monitor_core.calibration.synthetic_innovations import SieveBootstrap, whitening_filter
 
 N, COPIES = 40_000, 16
 
@@ -24,7 +24,7 @@ def autocorrelation(eps: Floats, lag: int) -> float:
 
 @pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
 def test_the_filter_is_the_one_that_coloured_it(pole: float, seed: int) -> None:
-    a = autoregression(coloured(np.random.default_rng(seed), pole))
+    a = whitening_filter(coloured(np.random.default_rng(seed), pole))
     np.testing.assert_allclose(a[:2], [1.0, -pole][: len(a)], atol=0.04)
     np.testing.assert_allclose(a[2:], 0.0, atol=0.04)
 
@@ -32,7 +32,7 @@ def test_the_filter_is_the_one_that_coloured_it(pole: float, seed: int) -> None:
 def test_a_filter_of_two_poles(seed: int) -> None:
     true = [1.0, -1.6, 0.8]
     eps = lfilter([1.0], true, np.random.default_rng(seed).standard_normal(N))
-    a = autoregression(eps - eps.mean())
+    a = whitening_filter(eps - eps.mean())
     np.testing.assert_allclose(a[:3], true, atol=0.05)
 
 
@@ -42,7 +42,7 @@ def test_a_filter_of_no_order(seed: int) -> None:
     true = np.abs(freqz([1, -0.95], worN=w)[1]) ** 2
     for _ in range(20):
         eps = lfilter([1, -0.95], [1.0], rng.standard_normal(N))
-        a = autoregression(eps)
+        a = whitening_filter(eps)
         off.append(np.log(np.var(lfilter(a, [1.0], eps)) / np.abs(freqz(a, worN=w)[1]) ** 2 / true))
     at_zero, rms = np.mean(off, axis=0)[0], np.sqrt(np.mean(np.square(off)))
     print(f"the logarithm of the power is off by {rms:.3f}, at zero in the mean by {at_zero:+.3f}")
@@ -98,7 +98,7 @@ def test_bursts_are_larger_than_the_records(seed: int) -> None:
 def test_each_knows_which_sample_it_is_drawn_from(pole: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     eps = coloured(rng, pole)
-    a, sieve = autoregression(eps), SieveBootstrap(eps, 3, rng)
+    a, sieve = whitening_filter(eps), SieveBootstrap(eps, 3, rng)
     taken = [(sieve.take(count), sieve.origin) for count in (7, 2500, 1, 90)]
     drawn, origin = (np.concatenate(parts) for parts in zip(*taken, strict=True))
     shocks, own = lfilter(a, [1.0], drawn, axis=0), lfilter(a, [1.0], eps)

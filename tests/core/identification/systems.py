@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter, ss2tf
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Complexes, Floats
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.identification.black_boxes.frequency_response import Complexes, on_circle
+from monitor_core.identification.black_boxes.frequency_response import on_circle
 from monitor_core.identification.records import Record
 
 INTERVAL_S = 0.005

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import csd, welch
 
+from monitor_core.arrays import Complexes
 from monitor_core.excitation import multisine
 from monitor_core.identification.black_boxes.frequency_response import (
     DECIBEL,
-    Complexes,
     FrequencyResponse,
     local_response,
 )

@@ -9,7 +9,8 @@ from dataclasses import replace
 import pytest
 
 from monitor_core.identification.friction_scale import with_best_scale
-from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.greybox import Estimate, fit
+from monitor_core.identification.problem import Problem
 from tests.core.identification.problems import reference_problem, reference_record
 
 BEST = 3.0

@@ -11,7 +11,8 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY
 from monitor_core.identification.greybox.criterion import criterion, fit_starts, settled
-from monitor_core.identification.predictor.prediction_errors import MOST_LEVELS, Errors, Predictor, series
+from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
+from monitor_core.identification.predictor.prepared_record import MOST_LEVELS, series
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.identification.greybox import Estimate, Problem
+from monitor_core.identification.greybox import Estimate
+from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting import Growth, grow, mass_count
 from monitor_core.identification.starting.chains import Chain, Slots, chain, problem_of
 from monitor_core.identification.starting.growing_chains import Modal, Mode, joined, lacking, shape, stems

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.greybox import Disturbance
+from monitor_core.identification.problem import Disturbance
 from monitor_core.identification.records import Record
 from tests.core.identification.monte_carlo import (
     FREE,

@@ -140,7 +140,7 @@ def check(ss: StateSpace, values: Mapping[str, float], source: random.Random) ->
 @LAWS
 @given(drive=drives(most=4), seed=st.integers(0, 2**32 - 1))
 def test_derivatives_of_random_drives(drive: RandomDrive, seed: int) -> None:
-    ss = eliminate(from_tables("random", drive.parts, {}).flat())
+    ss = eliminate(from_tables("random", drive.parts).flat())
     check(ss, {name: float(value) for name, value in drive.exact.items()}, random.Random(seed))
 
 

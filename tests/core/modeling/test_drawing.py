@@ -43,9 +43,7 @@ def test_a_mass_at_one_node_or_between_two_or_twice_at_one_is_the_same() -> None
         last = mass.nodes[-1]
         spring = part("spring-damper", "spring", last, "ground", c="k", d="d")
         flat = Drawing(
-            "one",
-            [part("torque", "torque", "a", kT="J"), mass, spring, part("angle-sensor", "s", last)],
-            units={},
+            "one", [part("torque", "torque", "a", kT="J"), mass, spring, part("angle-sensor", "s", last)]
         )
         with pytest.raises(ModelError, match="but J is in"):
             flat.flat()
@@ -105,14 +103,13 @@ def test_expressions_tell_units_and_signs() -> None:
         part("ideal-gear", "gear", "motor", "arm", ratio="1/r"),
         part("gravity", "weight", "arm", gc="m*g*l", gs="c*s"),
     ]
-    drawing = Drawing("arm", parts, {"l": -0.5}, units={"l": "m"})
-    assert table(drawing) == {
-        "l": ("m", "in the inertia of the arm: l^2*m", -0.5, False),
-        "m": ("kg", "in the inertia of the arm: l^2*m", None, True),
+    assert table(Drawing("arm", parts, {"l": -0.5})) == {
+        "l": ("", "in the inertia of the arm: l^2*m", -0.5, False),
+        "m": ("", "in the inertia of the arm: l^2*m", None, True),
         "J0": ("kg m^2", "in the inertia of the load: J0 + l^2*ml", None, False),
-        "ml": ("kg", "in the inertia of the load: J0 + l^2*ml", None, False),
+        "ml": ("", "in the inertia of the load: J0 + l^2*ml", None, False),
         "r": ("1", "in the ratio of the gear: 1/r", None, True),
-        "g": ("m/s^2", "in the gravity torque by the cosine of the weight: g*l*m", None, False),
+        "g": ("", "in the gravity torque by the cosine of the weight: g*l*m", None, False),
         "c": ("", "in the gravity torque by the sine of the weight: c*s", None, False),
         "s": ("", "in the gravity torque by the sine of the weight: c*s", None, False),
     }

@@ -23,7 +23,7 @@ Matrix = list[list[Fraction]]
 
 
 def flat(drive: RandomDrive) -> FlatModel:
-    return from_tables("random", drive.parts, {}).flat()
+    return from_tables("random", drive.parts).flat()
 
 
 def reduced(drive: RandomDrive) -> StateSpace:
@@ -162,9 +162,7 @@ def check_minimal(ss: StateSpace, drive: RandomDrive) -> None:
     moved, seen = minimality(ss, 1)
     assert (moved < n) == any("no input changes" in note for note in ss.notes)
     assert seen == n
-    if (
-        moved < n
-    ):  # the one such case: an absolute angle whose momentum a damper hands over to a grounded part
+    if moved < n:  # the one such case: an absolute angle whose momentum a damper hands to a grounded part
         assert moved == n - 1
         assert ss.sensors[0].quantity == "angle"
         assert minimality(eliminate(flat(drive), "speed"), 1) == (n - 1, n - 1)

@@ -176,9 +176,7 @@ def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, da
     found = structural(ss, seed=seed)
     accuracy = Accuracy(names, sensitivities(drive_of(ss), values, names, rng.normal(size=200), 0.3))
     sizes = np.linalg.svd(accuracy.S / np.maximum(accuracy.lengths, 1e-300), compute_uv=False)
-    assume(
-        not np.any((sizes > 1e-13) & (sizes < 1e-7))
-    )  # else some drive hides what its structure would show
+    assume(not np.any((sizes > 1e-13) & (sizes < 1e-7)))  # else a drive hides what its structure would show
     assert len(accuracy.hidden) == len(names) - found.count
     infinite = {n for n, sd in zip(names, accuracy.standard_deviations, strict=True) if sd == np.inf}
     assert infinite == set(names) - set(found.identifiable)

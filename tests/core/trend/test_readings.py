@@ -41,10 +41,10 @@ def readings(seed: int, blocks: int) -> list[list[Reading]]:
     model, settings = reference_model("speed"), SETTINGS
     n = settings.naming_samples
     t, u, y = torque_and_output(seed, (HOURS * PER_HOUR + 12) * n)
-    bank = AxisBatch([model] * AXES, [settings] * AXES)
+    batch = AxisBatch([model] * AXES, [settings] * AXES)
     found: list[list[Reading]] = [[] for _ in range(AXES)]
     for part in np.array_split(np.arange(len(t)), blocks):
-        for a, event in bank.run(t[part], u[part], y[part]):
+        for a, event in batch.run(t[part], u[part], y[part]):
             if isinstance(event, Reading):
                 found[a].append(event)
     return found

@@ -24,7 +24,7 @@ from tests.service.found_files import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
-WISHES = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=150_000, bank_copies=40_000)
+OPTIONS = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=150_000, bank_copies=40_000)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
 @pytest.fixture(scope="module")
 def found(robot: Path) -> Calibration:
     config = load(robot, {})
-    return calibrate_axis(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
+    return calibrate_axis(config, config.axes[0], [str(robot.parent / "healthy.csv")], OPTIONS, PROVENANCE)
 
 
 def test_the_promise_and_faults_that_are_found(found: Calibration) -> None:
@@ -74,7 +74,7 @@ def test_the_same_again_is_the_same(robot: Path) -> None:
     assert as_toml(again) == as_toml(first)
 
 
-def test_the_file_is_used_by_the_daemon_and_then_the_bank_alarms(
+def test_the_daemon_uses_the_file_and_then_the_multimodel_detector_alarms(
     robot: Path, found: Calibration, tmp_path: Path
 ) -> None:
     (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
@@ -141,14 +141,14 @@ def test_page(found: Calibration) -> None:
 
 
 def refused(
-    robot: Path, wishes: CalibrationOptions = WISHES, record: str = "healthy.csv", text: str = ""
+    robot: Path, options: CalibrationOptions = OPTIONS, record: str = "healthy.csv", text: str = ""
 ) -> str:
     if text:
         (robot.parent / "changed.toml").write_text(text, encoding="utf-8")
         robot = robot.parent / "changed.toml"
     config: Config = load(robot, {})
     with pytest.raises(CalibrationError) as caught:
-        calibrate_axis(config, config.axes[0], [str(robot.parent / record)], wishes, PROVENANCE)
+        calibrate_axis(config, config.axes[0], [str(robot.parent / record)], options, PROVENANCE)
     return str(caught.value)
 
 
@@ -171,7 +171,7 @@ def test_a_record_that_is_too_short(robot: Path) -> None:
 
 
 def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:
-    words = refused(robot, replace(WISHES, budget_s=31557600.0, sizes=(0.2,)), "healthy.csv@0:26")
+    words = refused(robot, replace(OPTIONS, budget_s=31557600.0, sizes=(0.2,)), "healthy.csv@0:26")
     assert "too short to promise one false alarm in a year" in words
     assert "or a budget of one in" in words
 

@@ -13,7 +13,7 @@ from structlog.testing import capture_logs
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
-from service.client import AlarmText, Client, ClientError
+from service.client import Client, ClientError, Remark
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.journal import Entry, Journal
 from tests.service.command_line import as_json, axiswatch, refused, shown
@@ -123,7 +123,7 @@ def test_an_alarm_that_is_not_yet_recorded_is_in_the_list(stage: Stage) -> None:
     assert shown("alarms", "list").startswith(first)
 
 
-def test_status_says_why_it_is_not_ready(stage: Stage, url: str) -> None:
+def test_status_has_the_reasons_why_it_is_not_ready(stage: Stage, url: str) -> None:
     recorded(stage)
     lines = shown("status", code=4).splitlines()
     assert lines[0].endswith(f"at {url}: not ready")
@@ -160,7 +160,7 @@ REFUSED = [
 
 
 @pytest.mark.usefixtures("url")
-def test_what_is_refused_says_why(stage: Stage) -> None:
+def test_a_refusal_has_its_reason(stage: Stage) -> None:
     recorded(stage)
     for words, message in REFUSED:
         result = axiswatch("alarms", *words)
@@ -239,14 +239,14 @@ def test_the_token_is_sent_and_another_server_is_named(
     assert b"authorization: bearer secret-7" in requests[0].lower()
 
 
-def test_the_client_tells_a_refused_request_from_a_daemon_in_trouble(stage: Stage, url: str) -> None:
+def test_a_refused_request_differs_from_a_daemon_in_trouble(stage: Stage, url: str) -> None:
     number = recorded(stage)
     with Client(url) as client:
-        assert client.acknowledge(number, AlarmText("seen"))["transitions"][-1]["comment"] == "seen"
+        assert client.act(number, "acknowledge", Remark("seen"))["transitions"][-1]["comment"] == "seen"
         with pytest.raises(ClientError, match="the alarm is acknowledged") as conflict:
-            client.acknowledge(number)
+            client.act(number, "acknowledge")
         stage.journal.close()
         with pytest.raises(ClientError, match="cannot be read or written") as trouble:
-            client.acknowledge(number)
+            client.act(number, "acknowledge")
     assert (conflict.value.status, conflict.value.refused) == (409, True)
     assert (trouble.value.status, trouble.value.refused) == (503, False)

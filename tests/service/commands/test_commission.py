@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
-from service.commands import axis_processes, commission
+from service.commands import axis_processes, commission, output_files
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.main import app
 from service.commands.signal_proposals import review
@@ -142,21 +142,37 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: p
     assert "kT" in found.output.split("Alarms")[1]
 
 
-def test_a_fault_of_the_program_is_shown_and_reported(
-    folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+FULL = OSError(28, "No space left on device", "made/cell.a1.json")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (
+            RuntimeError("an odd one"),
+            FAULT,
+            "a fault of the program (RuntimeError: an odd one), please report it",
+        ),
+        (FULL, MISTAKE, "made/cell.a1.json: No space left on device"),
+    ],
+)
+def test_a_fault_of_the_program_or_of_the_disk_is_shown_and_reported(
+    error: Exception, code: int, words: str, folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object) -> Outcome:
-        raise RuntimeError("of nobody's making")
+        raise error
 
     monkeypatch.setattr(axis_processes, "commission_axis", fails)
     record = table(folder / "healthy.csv", seed, 4.0)
     config = configured(folder / "robot.toml", AXIS.format(n=1, interval=H))
-    result = CliRunner().invoke(app, ["commission", str(record), "--config", str(config), "--output", "made"])
-    assert result.exit_code == FAULT
-    assert "Traceback" in result.stderr
-    words = "cell.a1: not commissioned: a fault of the program (RuntimeError: of nobody's making)"
-    assert words in result.output
+    command = ["commission", str(record), "--config", str(config), "--output", "made"]
+    result = CliRunner().invoke(app, command)
+    assert (result.exit_code, "Traceback" in result.stderr) == (code, code == FAULT)
+    assert f"cell.a1: not commissioned: {words}" in result.output
     assert "0 of 1 axis ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
+    monkeypatch.setattr(output_files, "replace_text", fails)
+    if error is FULL:
+        assert "cannot write made/report.html: No space left on device" in axiswatch(*command).stderr
 
 
 def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import Effect, Obstacle, Rejection, TurningWeight, Watched
-from service.commands.axis_commissioning import not_identified
+from service.commands.axis_commissioning import not_identified, unmonitored_words
 from service.commands.commissioning_remedies import memories_of, memory_change, min_speed_change, retry
 from service.commands.link_load import LinkLoad
 from service.commands.signal_proposals import configured
@@ -19,6 +19,7 @@ from service.config.commissioned import Correction, corrected
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.identification_report import outlook_words
+from tests.service.config_texts import DRAWN
 
 TEXT = """
 [[robot]]
@@ -67,6 +68,28 @@ def test_several_masses_that_are_not_identified_become_one(found: Any, tmp_path:
     model = simple.config.model
     assert (model.drive, model.monitor, dict(model.nominal)) == ("one-mass", ("kT", "fc", "fm"), {"kT": 1})
     assert retry(found, again.text, simple, ["three-mass"]) is None, "there is nothing else"
+
+
+def test_keys_of_parameters_that_are_not_monitored_any_more_are_left_out_and_named(tmp_path: Path) -> None:
+    more = 'bounds = { kT = [0.5, 2.0] }, limits = { Ja = 9.0 } }\nalarms = { latched = ["1/Ja"] }\n'
+    text = TEXT.replace("Jg = 3.0 } }", f"Jg = 3.0 }}, {more}")
+    _, axis = configured(text, NAME, tmp_path)
+    assert list(unmonitored_words(axis.config, ("kT", "fm"))) == [
+        "1/Ja is not monitored, so it is left out of limits and latched in the new configuration."
+    ]
+    again = retry(report(KT, FM, follows=("Ja",)), text, axis)
+    assert again is not None
+    _, left = configured(again.text, NAME, tmp_path)
+    assert (left.config.model.limits, left.config.alarms.latched) == ({}, ())
+    assert left.config.model.bounds == {"kT": (0.5, 2.0)}
+
+
+def test_a_drawn_drive_is_not_replaced(tmp_path: Path) -> None:
+    text = TEXT[: TEXT.index("model = ")] + "[robot.axis.model]\n" + DRAWN
+    _, axis = configured(text, NAME, tmp_path)
+    for missing in ((), (Effect.POSE,)):
+        found = report(rejection="poor", missing=missing)
+        assert retry(found, text, axis, links=lambda: LinkLoad((), ("cos(a1)",))) is None
 
 
 def test_one_mass_that_is_not_identified_becomes_three_at_fast_samples(tmp_path: Path) -> None:
@@ -133,7 +156,7 @@ def test_springs_come_before_a_weight_that_takes_hardly_any_torque(
         ("kT = 1, r = 0.02", TurningWeight(0.01024, 0.006, 0.012), 0.02),
     ],
 )
-def test_a_weight_tells_the_gear_where_nobody_does(
+def test_a_weight_shows_the_gear_ratio_that_is_not_configured(
     given: str, turn: TurningWeight | None, ratio: float, tmp_path: Path
 ) -> None:
     """Of the angle of a motor; that of an arm turns with the weight."""
@@ -257,7 +280,7 @@ def test_an_axis_on_which_nothing_is_found_in_time_is_not_ready() -> None:
     assert "1 of 2 axes ready." in page
 
 
-def test_what_all_axes_share_stands_once_and_commands_can_be_told_from_words() -> None:
+def test_what_all_axes_share_stands_once_and_commands_are_marked() -> None:
     axes = [Outcome(f"cell.a{n}", watched=("kT",), notes=("One <day>.", f"Axis {n}.")) for n in (1, 2)]
     refused = Outcome("cell.a3", refusal="not identified: it stands")
     step = "Next: `axiswatch run --config <file>`."

@@ -41,6 +41,14 @@ def test_the_table_is_printed_or_written(tmp_path: Path) -> None:
     assert set(table["time"]) == {"2026-03-01T11:00:00.000000Z"}
 
 
+@pytest.mark.usefixtures("url")
+def test_a_full_disk_is_a_message(tmp_path: Path) -> None:
+    file = tmp_path / "full.csv"
+    file.symlink_to("/dev/full")
+    message = refused("history", "demo.axis1", "-o", file)
+    assert message == f"axiswatch: cannot write {file}: No space left on device"
+
+
 def test_a_time_may_be_so_long_ago(url: str) -> None:
     done = axiswatch("history", "demo.axis1", "--parameter", "fm", "--since", "500y")
     assert done.stdout == httpx.get(f"{url}/api/v1/axes/demo.axis1/history.csv?parameter=fm").text

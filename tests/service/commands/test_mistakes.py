@@ -108,5 +108,6 @@ def test_options_that_make_no_sense(arguments: str, words: list[str], config: Pa
 
 
 def test_json_that_cannot_be_written(config: Path, record: Path) -> None:
-    words = ["cannot write", "a.json", "No such file or directory"]
+    """Found before the record is run."""
+    words = ["a.json cannot be written", "is no folder"]
     refused(2, words, "replay", "--config", config, record, "--json", record.parent / "no" / "a.json")

@@ -169,7 +169,7 @@ def test_the_drift_has_its_slope_and_the_limit_is_foretold(found: dict[str, Any]
     assert len(kinds) >= 2
 
 
-def test_the_page_says_what_the_json_says(found: dict[str, Any]) -> None:
+def test_the_page_has_the_trends_of_the_json(found: dict[str, Any]) -> None:
     assert "Long-term trend, and when limits are reached" in found["page"]
     for parameter in found["trends"]:
         words = "; ".join([parameter["words"], *(limit["words"] for limit in parameter["limits"])])

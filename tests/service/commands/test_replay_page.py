@@ -84,7 +84,7 @@ def test_the_page_needs_nothing_else_and_its_picture_shows_what_there_is(page: s
         assert f">{absent}</text>" not in page
 
 
-def test_the_page_says_what_the_json_says(folder: Path, page: str) -> None:
+def test_the_page_has_the_alarms_and_counts_of_the_json(folder: Path, page: str) -> None:
     result = run(folder, folder / "a.csv", "--json", "-")
     with no_pictures():
         with_page = run(folder, folder / "a.csv", "--json", "-", "--report", folder / "again.html")
@@ -141,7 +141,7 @@ def test_one_sample_can_be_drawn(folder: Path, tmp_path: Path) -> None:
         ("locked/a.html", "locked/a.html cannot be written: Permission denied"),
     ],
 )
-def test_where_nothing_can_be_written_is_said_at_once(
+def test_a_place_that_cannot_be_written_is_reported_at_once(
     where: str, words: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -117,7 +117,7 @@ def test_lost_frames_are_a_share(tmp_path: Path, healthy: tuple[Config, list[Fra
     assert "of its samples never came" in " ".join(found.problems)
 
 
-def test_an_axis_that_sends_nothing_is_told_by_its_message(
+def test_an_axis_that_sends_nothing_is_reported_by_its_message(
     tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
 ) -> None:
     config, sent = healthy
@@ -146,7 +146,7 @@ def test_old_frames_are_not_taken_for_the_present(
     assert found.problems[0].startswith("nothing has come for 60 s")
 
 
-def test_what_cannot_be_looked_at_says_why(
+def test_a_refused_look_has_a_reason(
     tmp_path: Path, healthy: tuple[Config, list[FrameBlock]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config, _ = healthy

@@ -48,7 +48,7 @@ def test_the_daemon_ends_without_taking_the_interpreter_apart(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("command", [[], *([c] for c in COMMANDS)], ids=lambda c: " ".join(c) or "axiswatch")
-def test_help_tells_the_exit_codes(command: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_help_has_the_exit_codes(command: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "400")
     result = CliRunner().invoke(app, [*command, "--help"])
     assert result.exit_code == 0
@@ -78,8 +78,8 @@ for command in (
     app(command, standalone_mode=False)
 after = {x for x in compiled() if x.startswith("monitor_core")}
 print("BEFORE", len(before))
-for one in sorted(after - before):
-    print("NEW", one)
+for name in sorted(after - before):
+    print("NEW", name)
 """
 
 

@@ -47,7 +47,9 @@ def test_a_token_is_made_shown_once_listed_and_revoked(config: Path) -> None:
         (("remove", "anna"), "revoke"),
     ],
 )
-def test_a_mistake_says_what_would_be_right(words: tuple[str, ...], reason: str, config: Path) -> None:
+def test_a_mistake_is_answered_with_what_would_be_right(
+    words: tuple[str, ...], reason: str, config: Path
+) -> None:
     shown("token", "new", "anna", "--scope", "read", "--config", config)
     options = ("--config", config) if words[0] != "remove" else ()
     assert reason in refused("token", *words, *options)

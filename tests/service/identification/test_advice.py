@@ -89,7 +89,7 @@ def outlook(*words: str, free: str = "Jm,Ja,fm,fc") -> str:
 
 
 @pytest.mark.soak
-def test_motion_at_several_speeds_tells_friction_apart(folder: Path, seed: int) -> None:
+def test_motion_at_several_speeds_distinguishes_frictions(folder: Path, seed: int) -> None:
     first = outlook(followed(folder, "slow.csv", seed, SLOW))
     lost = re.search(
         r"Cannot: fm, .* record motion at several speeds, slow and fast, in both directions", first
@@ -171,7 +171,7 @@ def test_the_size_of_a_change_of_what_is_zero(folder: Path, seed: int) -> None:
 
 
 @pytest.mark.soak
-def test_what_fix_holds_is_told_apart(folder: Path, seed: int) -> None:
+def test_what_fix_holds_is_distinguished(folder: Path, seed: int) -> None:
     """A file whose record did not distinguish viscous from Coulomb friction, as other programs may write it."""
     config = load(folder / "robot.toml", {})
     record = followed(folder, "record.csv", seed, SEVERAL_SPEEDS)

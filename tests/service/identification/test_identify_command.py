@@ -123,7 +123,7 @@ def times(directory: Path, record: str, t: float = 1.0, torque: float = 1.0) -> 
     return "other.csv"
 
 
-def test_a_sampling_that_is_hardly_off_is_not_said(directory: Path) -> None:
+def test_a_small_error_of_the_interval_is_not_reported(directory: Path) -> None:
     """Not half a per cent; of two per cent, see the advice below."""
     warnings = found(f"{times(directory, 'second.csv', t=1.005)} --free Jm --force")["warnings"]
     assert not [word for word in warnings if "belongs to the interval of this record" in word]

@@ -74,7 +74,7 @@ def growth_of(recommended: int, tried: int) -> Growth:
         (4, 5, "4 ma"),
     ],
 )
-def test_another_number_than_the_drive_has_is_said(
+def test_another_number_of_masses_than_the_drive_has_is_reported(
     found: IdentificationReport, recommended: int, tried: int, words: str
 ) -> None:
     assert masses_of(found.result.estimate.problem) == 3
@@ -90,7 +90,7 @@ def test_a_drive_that_is_not_free_has_no_number_of_masses(found: IdentificationR
     assert masses_of(problem) is None
 
 
-def test_nothing_is_compared_unless_it_is_wished(folder: Path, robot: Config) -> None:
+def test_masses_are_compared_only_on_request(folder: Path, robot: Config) -> None:
     task = prepare(robot, robot.axes[0], [str(folder / "second.csv")], [], Request())
     assert task.options.max_masses is None
 

@@ -101,7 +101,7 @@ def test_the_state_of_a_disturbance_belongs_to_the_drive(robot: Path) -> None:
 
 
 @pytest.mark.parametrize("lam0", [4e-8, 1.2e-7])
-def test_the_same_may_be_said_twice(robot: Path, lam0: float) -> None:
+def test_equal_values_in_the_file_and_the_configuration_are_allowed(robot: Path, lam0: float) -> None:
     """Of lambda_0 with its colour or without: the file has both."""
     found = {"innovation_variance": 4e-8, "colour": 3.0}
     file_with(robot, {"noise": {"torque": 0.05, "output": 0.0001}, "predictor": found})
@@ -122,7 +122,7 @@ def test_bytes_that_are_no_text(robot: Path) -> None:
     assert "no TOML" in problem.message
 
 
-def test_check_says_where_the_values_come_from(robot: Path) -> None:
+def test_check_names_the_file_of_the_values(robot: Path) -> None:
     file_with(robot)
     output = shown("check", "--config", robot)
     assert "nominal.toml" in output
@@ -178,7 +178,7 @@ def _doubtful(sd: float, r: float) -> dict[str, dict[str, Any]]:
 @pytest.mark.parametrize(
     ("sd", "r", "tested"), [(0.3, -0.98, False), (0.3, 0.98, False), (0.1, -0.98, True), (0.3, -0.9, True)]
 )
-def test_nominal_values_that_cannot_be_told_apart(robot: Path, sd: float, r: float, tested: bool) -> None:
+def test_nominal_values_that_cannot_be_distinguished(robot: Path, sd: float, r: float, tested: bool) -> None:
     """They fit the motion of their record only: with another, they would alarm."""
     file_with(robot, _doubtful(sd, r))
     axis = load(robot, {}).axes[0]

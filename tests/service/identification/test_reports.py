@@ -41,7 +41,7 @@ def page(found: IdentificationReport) -> str:
 # --- nominal.toml ------------------------------------------------------------------------------------
 
 
-def test_the_file_says_what_was_found(found: IdentificationReport, tmp_path: Path) -> None:
+def test_the_file_has_what_was_found(found: IdentificationReport, tmp_path: Path) -> None:
     path = tmp_path / "nominal.toml"
     path.write_text(as_toml(found), encoding="utf-8")
     read, e = read_found(NominalFile, path), found.result.estimate
@@ -153,7 +153,7 @@ def test_the_page_stands_alone(page: str) -> None:
     assert len(defined) == len(set(defined))
 
 
-def test_the_page_says_it_all(page: str, found: IdentificationReport) -> None:
+def test_the_page_has_all_parameters_and_warnings(page: str, found: IdentificationReport) -> None:
     text = " ".join(" ".join(read(page).texts).split())
     for row in found.result.rows():
         assert row.name in text

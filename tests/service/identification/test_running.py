@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from monitor_core.identification.bode import band, drive_response
 from monitor_core.identification.greybox import colour_of, traces_of
-from monitor_core.identification.identification_procedure import ParameterRow, Start
+from monitor_core.identification.identification_result import ParameterRow, Start
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records import Record
@@ -67,7 +67,7 @@ def test_colour_is_that_of_the_errors(found: IdentificationReport, robot: Config
     assert colour_of(slow, ("kT", "fm"), records) > 3 * found.result.colour
 
 
-def test_what_cannot_be_told_makes_no_nominal_values(found: IdentificationReport) -> None:
+def test_what_is_not_identifiable_makes_no_nominal_values(found: IdentificationReport) -> None:
     assert found.rejection == ""
     covariance = found.result.estimate.covariance.copy()
     covariance[2, 2] = np.inf
@@ -133,7 +133,7 @@ def test_a_torque_that_is_recorded_too_late_or_too_early(folder: Path, robot: Co
     ("start", "phases"),
     soaked([("search", ["fit", "search"]), ("records", ["search"])], ("search", ["fit", "search"])),
 )
-def test_other_starts_end_where_the_first_did_and_tell_progress_in_every_phase(
+def test_other_starts_end_where_the_first_did_and_report_progress_in_every_phase(
     folder: Path, robot: Config, found: IdentificationReport, start: Start, phases: list[str]
 ) -> None:
     """Even without looking at the guess, which is wrong by up to two."""
@@ -182,7 +182,7 @@ def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> N
 
 
 @pytest.mark.parametrize(("start", "hint"), [("records", True), ("values", False)])
-def test_records_that_tell_nothing_are_said_with_what_would_help(
+def test_records_without_information_are_reported_with_what_would_help(
     folder: Path, robot: Config, monkeypatch: pytest.MonkeyPatch, start: Start, hint: bool
 ) -> None:
     def nothing(*_: object, **__: object) -> None:
@@ -227,7 +227,7 @@ def test_what_is_free() -> None:
 EVERYTHING = ("kT", "Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
 
 
-def test_what_no_record_can_tell_is_refused_with_the_number() -> None:
+def test_more_free_parameters_than_identifiable_are_refused_with_the_number() -> None:
     zeros = {**VALUES, "fc": 0.0, "tau0": 0.0}
     with pytest.raises(IdentificationError, match=r"9 parameters are free, but .* only 8 numbers.*Hold kT"):
         chosen(*EVERYTHING, values=zeros)
@@ -245,7 +245,7 @@ def test_what_no_record_can_tell_is_refused_with_the_number() -> None:
         ((), tuple(VALUES), "nothing is free"),
     ],
 )
-def test_a_wish_that_makes_no_sense_is_refused(
+def test_options_that_contradict_each_other_are_refused(
     free: tuple[str, ...], fix: tuple[str, ...], words: str
 ) -> None:
     with pytest.raises(IdentificationError, match=words):

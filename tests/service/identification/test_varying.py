@@ -172,7 +172,7 @@ def test_names_are_those_of_what_is_free() -> None:
     assert (result.exit_code, "fm is scheduled but held (fixed by --fix)" in result.stderr) == (2, True)
 
 
-def test_a_signal_that_stays_as_it_is_tells_nothing(directory: Path) -> None:
+def test_a_constant_signal_determines_no_slope(directory: Path) -> None:
     rows = (directory / "warm.csv").read_text(encoding="utf-8").splitlines()
     (directory / "cold.csv").write_text("\n".join(rows[:400]) + "\n", encoding="utf-8")
     result = identify("--schedule", "fm: temperature", record="cold.csv")

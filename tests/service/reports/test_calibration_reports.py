@@ -61,13 +61,13 @@ def words(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", BOTH)
-def test_the_terminal_says_it_all(kind: DetectorName) -> None:
+def test_the_report_on_the_terminal(kind: DetectorName) -> None:
     """Each detector with its promise, what it finds and how it names it; first the one that alarms."""
     lines = [line.rstrip() for line in printed(alarming(kind)).splitlines()]
     check("\n".join([*lines, ""]), GOLDEN / f"calibration_{kind}.txt")
 
 
-def test_a_table_tells_each_thing_once() -> None:
+def test_a_table_has_each_fact_once() -> None:
     alone = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
     table = faults(alone, alone.result.tests)
     assert "models: median" not in table.titles
@@ -87,7 +87,7 @@ def test_a_table_tells_each_thing_once() -> None:
         ("cusum", ["CUSUM tests, which alarm", "multi-model detector, which runs in shadow mode"]),
     ],
 )
-def test_what_will_alarm_is_told_first_on_the_page(kind: DetectorName, titles: list[str]) -> None:
+def test_the_detector_that_alarms_is_first_on_the_page(kind: DetectorName, titles: list[str]) -> None:
     page = page_of(kind)
     assert page.index(f"The {titles[0]}: one false alarm") < page.index(f"The {titles[1]}: one false alarm")
     assert f"Thresholds found: {SENTENCES[kind]}." in page
@@ -118,7 +118,7 @@ def test_the_first_sentence_is_what_the_detector_that_alarms_finds_in_time(
     assert answer(untried) == "What would be found was not tried."
 
 
-def test_how_faults_were_made_is_said_of_each_and_explained_once() -> None:
+def test_how_faults_were_made_is_shown_for_each_and_explained_once() -> None:
     """Nothing was tried of fm: no picture."""
     page = page_of("multimodel")
     assert re.findall(r"<figcaption>(.*?)</figcaption>", page) == ["kT (exact)", "1/Ja (simulated)"]
@@ -161,11 +161,11 @@ def test_the_files_for_programs_have_both() -> None:
     assert "size" not in rest["hypothesis"][2]
 
 
-def test_an_axis_without_a_bank() -> None:
+def test_an_axis_without_a_multimodel_detector() -> None:
     calibration = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
     for words in (as_html(calibration), printed(calibration)):
         assert "No multi-model detector" in words
         assert "models: up" not in words
-        assert "Thresholds of the bank" not in words
+        assert "Thresholds of the multi-model detector" not in words
     assert json.loads(as_json(calibration))["multimodel"] is None
     assert "hypothesis" not in tomllib.loads(as_toml(calibration))

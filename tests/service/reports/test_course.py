@@ -91,7 +91,7 @@ def ran(seed: int) -> Ran:
     return Ran(seed, 64, [7, 700, 701, 1800])
 
 
-def test_the_trace_says_what_became_of_each_sample(ran: Ran) -> None:
+def test_the_trace_has_the_fate_of_each_sample(ran: Ran) -> None:
     counts = dict(zip(COUNTERS, ran.monitor.batch.state.counts[:, 0].tolist(), strict=True))
     assert counts == dict(ran.monitor.status().counters)
     for name, fate in COUNTED.items():
@@ -180,7 +180,7 @@ def test_gaps_are_marked_where_no_samples_were(ran: Ran) -> None:
     assert 0 < c.gaps.sum() < c.used / 2
 
 
-def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
+def test_the_multimodel_detector_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
     case = BY_NAME["paper"]
     block = Ran.make_block(seed)
     beside = MultiModelDetector(case.model, case.settings(outlier_limit=6.0), Limits(1e6))

@@ -131,7 +131,7 @@ def test_missing_values_are_named() -> None:
     assert "Resonances" not in text
 
 
-def test_merged_parameters_are_told() -> None:
+def test_merged_parameters_are_listed() -> None:
     assert "  Jm = J1 + J2*n^2\n" in shown(merged(space()))
     for drive in (space(), merged(space(), "J1 + J2*n^2")):
         assert "Merged" not in shown(drive)

@@ -177,7 +177,7 @@ def test_alarms_of_parameters_no_longer_monitored_end(journal: Journal) -> None:
     assert [a.id for a in journal.query(active=True)[0]] == [kept]
 
 
-def test_a_second_writer_is_told_who_has_the_journal(tmp_path: Path) -> None:
+def test_a_second_writer_learns_who_has_the_journal(tmp_path: Path) -> None:
     path = tmp_path / "alarms.sqlite"
     holder = f"""
 from pathlib import Path

@@ -11,7 +11,7 @@ from service.can.frames import Frame, FrameBlock
 from service.can.log_files import CanLog
 from service.commands.exit_codes import UNAVAILABLE
 from service.pipeline.recording import Extracts, RecordingFolder
-from tests.service.command_line import axiswatch, shown
+from tests.service.command_line import axiswatch, refused, shown
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
 
 S = 1_000_000
@@ -55,7 +55,10 @@ def test_the_last_minutes_on_request(recorded: Stage, tmp_path: Path) -> None:
     assert extracts is not None
     with serving(recorded) as url, ticking(extracts):
         text = shown("record", "--url", url, "--output", copy)
-    (name,) = [file.name for file in extracts.folder.files()]
+        (name,) = [file.name for file in extracts.folder.files()]
+        assert "there is no recording" in refused(
+            "record", f"{name}?", "--url", url, "--output", tmp_path / "none.log", code=2
+        )
     assert text.endswith(f"recorded: {name}\nwritten: {copy}\n")
     (block,) = CanLog(copy).blocks()
     assert block.frames.size == 9  # of eight seconds, both ends

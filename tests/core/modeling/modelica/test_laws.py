@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -28,7 +29,8 @@ def behaviour(model: FlatModel, seed: int) -> object:
 
 
 def drawn(drive: RandomDrive) -> FlatModel:
-    return from_tables("Whole", drive.parts, {name: float(v) for name, v in drive.exact.items()}).flat()
+    nominal = {name: float(v) for name, v in drive.exact.items()}
+    return replace(from_tables("Whole", drive.parts), nominal=nominal).flat()
 
 
 @LAWS

@@ -1,0 +1,232 @@
+"""The result of an identification: estimates, how well they explain records, what to use; and how it was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DELAY, split_name, value_of
+from monitor_core.drive.thermal_state import ThermalStart
+from monitor_core.identification.bode import Bode
+from monitor_core.identification.greybox import Estimate, Trace
+from monitor_core.identification.outlook import Watched
+from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.standstill import Standstill
+from monitor_core.identification.starting import Growth, masses_of
+from monitor_core.identification.verdict import Quality, Verdict
+from monitor_core.identification.warm_up import FoundWarmUp
+
+Start = Literal["values", "search", "records"]
+"""Where the fit starts: at the nominal values; also at the results of a search around them in the frequency response;
+from the records alone, without using the nominal values of free parameters."""
+
+
+@dataclass(frozen=True)
+class IdentificationOptions:
+    """Options of ``identify``.
+
+    Args:
+        start: where the fit starts.
+        monitored: parameters that will be monitored; the colour of the prediction errors is computed for them.
+        interval_mean: the drive reports the mean speed of each interval, not the speed at the sample.
+        max_masses: also compare chains of one, two, .. so many masses; None: do not.
+        held: why each held parameter is held, for reports.
+        unknown: free parameters whose nominal values are only placeholders.
+        scheduled: parameters that follow signals of the records.
+        memory_s: of the monitor.
+        memories_s: instead, some to choose from, in ascending order: the shortest that shows small changes is taken.
+        sizes: of monitored parameters as given; needed where the nominal value is zero.
+        speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem; then the best one is refined.
+        thermal: how the axis begins the first record, where friction may follow a heat that nobody measures; None: it
+            is not asked whether it does.
+        begins_s: clock times of the first samples of the records [s]; None, or none at all: unknown.
+    """
+
+    start: Start = "search"
+    monitored: tuple[str, ...] = ()
+    interval_mean: bool = False
+    max_masses: int | None = None
+    held: Mapping[str, str] = field(default_factory=dict)
+    unknown: tuple[str, ...] = ()
+    scheduled: tuple[ScheduledTerm, ...] = ()
+    memory_s: float = 1.0
+    memories_s: tuple[float, ...] = ()
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    speed_scales: tuple[float, ...] = ()
+    thermal: ThermalStart | None = None
+    begins_s: tuple[float | None, ...] = ()
+
+
+_SIGNIFICANT = 3.0
+"""Standard deviations."""
+
+
+class Rejection(Enum):
+    """Why no nominal values are made of an estimate."""
+
+    NOT_CONVERGED = "not-converged"
+    NOT_IDENTIFIABLE = "not-identifiable"
+    POOR = "poor"
+    """The drive does not explain the motion.  Only this can be overruled."""
+    DELAY_OUT_OF_RANGE = "delay-out-of-range"
+    """The daemon can only follow a torque that acts between its sample and the next one."""
+
+
+class ParameterRow(NamedTuple):
+    """One parameter: estimate and standard deviation, and the value before; a held one has no standard deviation."""
+
+    name: str
+    unit: str
+    meaning: str
+    value: float
+    sd: float | None
+    before: float | None
+    held: str = ""
+    """Why it is held; empty: it is estimated."""
+
+    @property
+    def relative_sd(self) -> float | None:
+        """Standard deviation over the value; None where the value is zero."""
+        return None if self.sd is None or self.value == 0 else self.sd / abs(self.value)
+
+    @property
+    def is_about_zero(self) -> bool:
+        """Whether the estimate does not differ significantly from zero."""
+        return self.sd is not None and abs(self.value) < _SIGNIFICANT * self.sd
+
+    @property
+    def change(self) -> float | None:
+        """Relative change of the value before."""
+        return None if not self.before else self.value / self.before - 1
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationResult:
+    """What ``identify`` returns.
+
+    Attributes:
+        start: the problem with the values before the fit.
+        estimate: the estimates.
+        estimation: traces of the fitted records.
+        validation: traces of the records that were kept aside.
+        bode: frequency responses of the drive, a black box and the records.
+        colour: ratio of the variance of recursive estimates to that with white prediction errors; at least 1.
+        growth: the comparison of chains of one, two, .. masses; None: not asked for.
+        options: why parameters are held, which values before the fit are only placeholders, what follows signals.
+        verdict: on the fit.
+        held: why parameters are held that the records do not determine.
+        watched: which of the monitored parameters can be watched; empty: none were named.
+        memory_s: the memory that this is for [s].
+        warm_up: how the axis warms up, where friction follows a heat that nobody measures; None: it does not.
+        standstill: where the axis often stands; the torque there is left out; None: it seldom does.
+    """
+
+    start: Problem
+    estimate: Estimate
+    estimation: tuple[Trace, ...]
+    validation: tuple[Trace, ...]
+    bode: Bode
+    colour: float
+    growth: Growth | None
+    options: IdentificationOptions
+    verdict: Verdict
+    held: Mapping[str, str]
+    watched: tuple[Watched, ...]
+    memory_s: float
+    warm_up: FoundWarmUp | None = None
+    standstill: Standstill | None = None
+
+    def model(self, monitored: Sequence[str]) -> AxisModel:
+        """The axis with the estimates as its nominal values.
+
+        Raises:
+            KeyError, ValueError: what ``AxisModel`` refuses.
+        """
+        return self.estimate.model(tuple(monitored))
+
+    @property
+    def rejection(self) -> Rejection | None:
+        """Why no nominal values should be made of the estimates; None: they can be used."""
+        if not self.estimate.converged:
+            return Rejection.NOT_CONVERGED
+        if self.not_identifiable:
+            return Rejection.NOT_IDENTIFIABLE
+        if not 0 <= self.delay_s <= self.estimate.interval_s:
+            return Rejection.DELAY_OUT_OF_RANGE
+        if self.verdict.quality is Quality.POOR:
+            return Rejection.POOR
+        return None
+
+    @property
+    def not_identifiable(self) -> tuple[str, ...]:
+        """Free parameters that the records do not identify: their variance is infinite."""
+        e = self.estimate
+        return tuple(name for name, sd in zip(e.names, e.sd.tolist(), strict=True) if not np.isfinite(sd))
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of the torque [s]; zero or a whole interval where it does not differ from these significantly."""
+        e = self.estimate
+        if DELAY not in e.names:
+            return e.delay_s
+        sd = float(e.sd[e.names.index(DELAY)])
+        nearest = min(max(e.delay_s, 0.0), e.interval_s)
+        return nearest if abs(nearest - e.delay_s) < _SIGNIFICANT * sd else e.delay_s
+
+    @property
+    def slow_left_out(self) -> float:
+        """Speed below which the motion is left out, as it sticks and slips, rad/s at the sensor; 0: none is."""
+        return self.estimate.problem.min_speed
+
+    @property
+    def masses(self) -> int | None:
+        """Number of masses of the identified drive; see ``masses_of``."""
+        return masses_of(self.estimate.problem)
+
+    @property
+    def recommended_masses(self) -> int | None:
+        """The number of masses that the records ask for, if it is another one than the drive's; None: no doubt."""
+        if self.growth is None or self.masses is None:
+            return None
+        recommended = self.growth.recommended
+        were_more_tried = len(self.growth.models) > recommended
+        if recommended > self.masses or (recommended < self.masses and were_more_tried):
+            return recommended
+        return None
+
+    def rows(self) -> Iterator[ParameterRow]:
+        """The free parameters in their order, then the held ones; slopes have rows of their own."""
+        e, estimates = self.estimate, self._estimates()
+        slopes = {scheduled.slope for scheduled in self.options.scheduled}
+        for name, (value, sd) in estimates.items():
+            if name in slopes:
+                continue
+            if name == DELAY:
+                yield ParameterRow(name, "s", "delay of the torque", value, sd, self.start.delay_s)
+            else:
+                p = e.drive.parameter(name)
+                base = split_name(name)[0]
+                known = base in self.start.nominal and base not in self.options.unknown
+                before = value_of(self.start.nominal, name) if known else None
+                yield ParameterRow(name, p.unit, p.meaning, value, sd, before)
+        for name, reason in {**self.options.held, **self.held}.items():
+            p = e.drive.parameter(name)
+            yield ParameterRow(
+                name, p.unit, p.meaning, e.values[name], None, self.start.nominal[name], reason
+            )
+
+    def _estimates(self) -> dict[str, tuple[float, float]]:
+        e = self.estimate
+        return dict(zip(e.names, zip(e.theta.tolist(), e.sd.tolist(), strict=True), strict=True))
+
+    def slopes(self) -> Iterator[Slope]:
+        """Slopes of the scheduled parameters."""
+        estimates = self._estimates()
+        for scheduled in self.options.scheduled:
+            yield Slope(scheduled, estimates[scheduled.parameter][0], *estimates[scheduled.slope])
