@@ -125,8 +125,9 @@ class CanReader:
         self._state = "up" if self._interface_up() is not False else self._down()
 
     def start(self, arrived: Callable[[], object] = lambda: None) -> None:
-        """Start reading; ``arrived`` is called when frames have come, by the reader's thread."""
+        """Start reading, also after ``close``; ``arrived`` is called by the reader's thread when frames have come."""
         self._arrived = arrived
+        self._stop.clear()
         self._thread = threading.Thread(target=self._run, name=f"reader-{self._config.name}", daemon=True)
         self._thread.start()
 

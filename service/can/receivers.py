@@ -10,6 +10,7 @@ import socket
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache, partial
 from threading import Event
 from typing import Any, Literal, NamedTuple
@@ -103,7 +104,10 @@ class Receiver:
 # --- Sockets: many messages in one system call, into memory that is there ---------------------------------------------
 
 # Numbers that Python's socket module does not have (include/uapi/asm-generic/socket.h).
-_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_TIMESTAMPING, _SO_RXQ_OVFL = 33, 35, 37, 40
+_HARDWARE = 1 << 2 | 1 << 6
+"""SOF_TIMESTAMPING_RX_HARDWARE and _RAW_HARDWARE: only frames of a driver that has such stamps then carry them."""
+_IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29
 _BUFFER_BYTES = 16 * 1024 * 1024
 _REMOTE, _ERROR = 0x40000000, 0x20000000
 _FDF = 0x04
@@ -119,16 +123,18 @@ _NOTE = np.dtype(
     {"names": ["bytes", "level", "type"], "formats": ["<u8", "<i4", "<i4"], "offsets": [0, 8, 12]}
 )
 """struct cmsghdr"""
-_DROPS_AT = 48
+_TIME = np.dtype([("s", "<i8"), ("ns", "<i8")])
+"""struct timespec"""
 _NOTES = np.dtype(
     {
-        "names": ["first", "s", "ns", "second", "drops"],
-        "formats": [_NOTE, "<i8", "<i8", _NOTE, "<u4"],
-        "offsets": [0, 16, 24, 32, _DROPS_AT],
-        "itemsize": 64,
+        "names": ["first", "time", "second", "drops", "hardware", "third", "later_drops"],
+        "formats": [_NOTE, _TIME, _NOTE, "<u4", _TIME, _NOTE, "<u4"],
+        "offsets": [0, 16, 32, 48, 80, 96, 112],
+        "itemsize": 128,
     }
 )
-"""Ancillary data of a frame: the time stamp, which is always first, and the counter of drops, once there were some."""
+"""Ancillary data of a frame in the kernel's order: the time stamp; that of the hardware, where there is one, as the
+last of three; the counter of drops, once there were some."""
 
 
 _FITS = sys.platform == "linux" and sys.byteorder == "little" and ctypes.sizeof(ctypes.c_size_t) == 8
@@ -166,6 +172,7 @@ class BlockReceiver(Receiver):
         super().__init__(bus)
         _prepare(bus.fileno())
         self._more = False  # frames may wait still
+        self._clock = StampClock()
         self._poll = select.poll()
         self._poll.register(bus.fileno(), select.POLLIN)
         self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
@@ -193,7 +200,8 @@ class BlockReceiver(Receiver):
         """The frames that wait."""
         self._more = False
         self._control_lengths[:] = _NOTES.itemsize
-        self._notes["second"]["type"] = 0
+        for older in ("second", "third"):
+            self._notes[older]["type"] = 0
         wanted = min(most, BLOCK_FRAMES)
         count = self._recvmmsg(self._bus.fileno(), self._headers, wanted, socket.MSG_DONTWAIT, None)
         if count < 0:
@@ -203,10 +211,11 @@ class BlockReceiver(Receiver):
             raise OSError(code, os.strerror(code))
         self._more = count == wanted
         notes = self._notes[:count]
-        second = (self._control_lengths[:count] > _DROPS_AT) & (notes["second"]["type"] == _SO_RXQ_OVFL)
-        if second.any():
-            self.overflow = int(notes["drops"][second][-1])
-        return self._received(self._raw[:count], _times_us(notes))
+        for note, value in (("second", "drops"), ("third", "later_drops")):
+            counted = notes[note]["type"] == _SO_RXQ_OVFL
+            if counted.any():
+                self.overflow = max(self.overflow, int(notes[value][counted][-1]))
+        return self._received(self._raw[:count], self._clock.times_us(notes))
 
     def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
         """What messages (N,) that were received then bring."""
@@ -220,6 +229,8 @@ class SocketReceiver(BlockReceiver):
 
     def __init__(self, bus: SocketcanBus) -> None:
         super().__init__(bus, _FRAME)
+        with socket.socket(fileno=os.dup(bus.fileno())) as same, suppress(OSError):
+            same.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPING, _HARDWARE)
 
     def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
         ids = raw["id"]
@@ -240,6 +251,7 @@ class DatagramReceiver(BlockReceiver):
 
     def __init__(self, bus: UdpMulticastBus) -> None:
         super().__init__(bus, _DATAGRAM)
+        _only_own_group(bus.fileno())
         self._classic = bus.protocol is can.CanProtocol.CAN_20
         self._passes = lru_cache(4096)(partial(_passes, bus))
 
@@ -281,6 +293,19 @@ def _prepare(fileno: int) -> None:
         same.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
 
 
+def _only_own_group(fileno: int) -> None:
+    """Let a socket get the datagrams of its own group only.
+
+    Linux gives it those of every group that anybody on this machine has joined, as far as the port is the same: the
+    frames of another robot.
+    """
+    with socket.socket(fileno=os.dup(fileno)) as same:
+        if same.family == socket.AF_INET6:
+            same.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
+        else:
+            same.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+
+
 def _passes(bus: can.BusABC, can_id: int, extended: bool) -> bool:
     """Whether the filters of a bus let the frames of that id through."""
     return not bus.filters or any(
@@ -289,11 +314,44 @@ def _passes(bus: can.BusABC, can_id: int, extended: bool) -> bool:
     )
 
 
-def _times_us(notes: NDArray[np.void]) -> Ints:
-    """Whole microseconds; the present time where the kernel gave none."""
-    t_us = (notes["s"] * 1_000_000_000 + notes["ns"] + 500) // 1000
-    stamped: Bools = notes["first"]["type"] == _SO_TIMESTAMPNS
-    return t_us if stamped.all() else np.where(stamped, t_us, time.time_ns() // 1000)
+class StampClock:
+    """Times of frames by the clock of the machine, as exact as the stamps of the hardware where there are some.
+
+    A CAN controller stamps frames when they come, the kernel when it gets to them.  But the controller's clock is set
+    once and then runs by its own crystal.  So its time is shifted by what the kernel needed at least; that is followed
+    quickly where it is less than before, and slowly where it is more, as while the machine is busy.
+    """
+
+    def __init__(self) -> None:
+        self._shift_ns: int | None = None
+
+    def times_us(self, notes: NDArray[np.void]) -> Ints:
+        """Whole microseconds of a block; the present time where the kernel gave none."""
+        kernel_ns = _nanoseconds(notes["time"])
+        stamped: Bools = notes["first"]["type"] == _SO_TIMESTAMPNS
+        if not stamped.all():
+            kernel_ns = np.where(stamped, kernel_ns, time.time_ns())
+        hardware_ns = _nanoseconds(notes["hardware"])
+        exact: Bools = (notes["second"]["type"] == _SO_TIMESTAMPING) & (hardware_ns != 0)
+        if exact.any():
+            least_ns = int((kernel_ns - hardware_ns)[exact].min())
+            if self._shift_ns is None or abs(more_ns := least_ns - self._shift_ns) > _STEP_NS:
+                self._shift_ns = least_ns  # one of the clocks was set
+            else:
+                self._shift_ns += more_ns // (_SLOWLY if more_ns > 0 else _QUICKLY)
+            kernel_ns = np.where(exact, hardware_ns + self._shift_ns, kernel_ns)
+        return (kernel_ns + 500) // 1000
+
+
+_STEP_NS = 10_000_000
+_QUICKLY, _SLOWLY = 4, 64
+"""Parts of a difference, of which one is followed with each block: at 30 blocks a second a clock that is off by 100 ppm
+is behind by .2 ms at most."""
+
+
+def _nanoseconds(at: NDArray[np.void]) -> Ints:
+    found: Ints = at["s"] * 1_000_000_000 + at["ns"]
+    return found
 
 
 def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:

@@ -3,9 +3,10 @@
 import gc
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,34 +14,37 @@ import structlog
 
 from monitor_core.wording import sentence
 from service.can.bus import blf_channels
-from service.can.bus_reader import CanReader
 from service.can.frame_recorder import FrameRecorder
 from service.commands.exit_codes import DaemonFailedError
+from service.commands.plant_links import PlantLinks
 from service.commands.protection import access_of, certificate_of
 from service.commands.service_manager import ServiceManager, status_line
 from service.commands.signal_handling import stopped_by_signals
 from service.commands.signal_look import SignalLook
 from service.config import Config
-from service.pipeline.alarm_recording import Alarms, alarm_rules, quantities
+from service.config.schema_links import LinksConfig
+from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
+from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
-from service.pipeline.reloading import Reloaded, Reloading
+from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.pipeline.snapshot import Snapshot
 from service.pipeline.wall_clock import WallClock
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
-from service.pipeline.worker import BusIntake, Compiled, Worker
+from service.pipeline.worker import Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
 from service.texts import now_us
+from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
-from service.web.server import serve
+from service.web.server import Certificate, CertificateError, serve
 
 if TYPE_CHECKING:
     from service.links.running import Links
@@ -96,10 +100,10 @@ def run_daemon(
         core = FramePipeline(config, begun.axes)
         compiled = _in_background(config, stack)
         compiled.multimodel.add_done_callback(lambda done: None if done.exception() else _settled(complete))
-        readers = _open_buses(config, core, stack)
-        recorder = FrameRecorder(record) if record else None
+        buses = BusReaders(config, core.ingests)
+        stack.callback(buses.close)
         extracts = _extracts(config)
-        recording = Recording(recorder, extracts)
+        recording = Recording(FrameRecorder(record) if record else None, extracts)
         stack.callback(recording.close)
         history = _history(config)
         stack.callback(history.stop)
@@ -107,28 +111,29 @@ def run_daemon(
         stack.callback(checkpoints.close)
         saver = Checkpointer(checkpoints, core.monitors, config.service.checkpoint_interval_s, None, now_us)
         state = _State(journal, checkpoints, saver, begun, history)
-        worker = _worker(config, core, compiled, readers, recording, state, stop)
+        worker = _worker(config, core, compiled, buses, recording, state, stop)
         baselines = Baselines(config.axes, begun.axes, core.monitors, worker, journal.epochs, now_us)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
         stack.callback(baselines.stop)
-        for reader in readers.values():
-            stack.callback(reader.close)
+        stack.callback(buses.close)
 
-        reloading = Reloading(config, core, worker, baselines, journal, checkpoints, saver, now_us)
-        links = _links(config, journal, lambda: worker.snapshot, stack, extracts)
+        links = _links(config, journal, lambda: worker.snapshot, extracts)
+        stack.callback(links.stop)
+        parts = (partial(_web, access, certificate), partial(_numbered, extracts), links.exchanged)
+        reloading = Reloading(
+            config, core, worker, baselines, buses, journal, checkpoints, saver, now_us, parts
+        )
         systemd = ServiceManager(
-            os.environ, lambda: _turns(worker, readers), lambda: status_line(worker.snapshot)
+            os.environ, lambda: {"worker": worker.turns} | buses.turns(), lambda: status_line(worker.snapshot)
         )
         stack.callback(systemd.close)
 
         def begin(port: int) -> None:
-            for reader in readers.values():
-                reader.start(worker.frames_arrived)
+            buses.start(worker.frames_arrived)
             worker.start()
             history.start()
-            if links is not None:
-                links.start()
+            links.start()
             baselines.start()
             reloadable(reloading.reload)
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
@@ -148,7 +153,7 @@ def run_daemon(
             reports=pages,
             extracts=extracts,
             history=history,
-            links=tuple if links is None else links.snapshots,
+            links=links.snapshots,
             baselines=baselines,
             stopping=stop.is_set,
             live=core.live,
@@ -171,9 +176,25 @@ def _settled(complete: Callable[[], None]) -> None:
     complete()
 
 
-def _turns(worker: Worker, readers: Mapping[str, CanReader]) -> dict[str, int]:
-    """How often the loops have turned that must turn as long as the daemon monitors."""
-    return {"worker": worker.turns} | {f"reader {name}": reader.turns for name, reader in readers.items()}
+@contextmanager
+def _web(access: Access, certificate: Certificate | None, new: Config) -> Iterator[None]:
+    """What of [web] can be changed, and a certificate that was renewed; once all else is in force."""
+    try:
+        renewed = certificate_of(new.web)
+    except CertificateError as error:
+        raise ReloadError(str(error)) from None
+    yield
+    access.change([new.web.host, *new.web.hosts], new.web.open_metrics)
+    if certificate is not None and renewed is not None:
+        certificate.renew(renewed)
+
+
+@contextmanager
+def _numbered(extracts: Extracts | None, new: Config) -> Iterator[None]:
+    """The numbers of the buses in files without their names."""
+    if extracts is not None:
+        extracts.folder.add_channels(blf_channels(new.bus) or {})
+    yield
 
 
 def needs_cyclic_clock(config: Config) -> bool:
@@ -219,15 +240,6 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     return compiled
 
 
-def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[str, CanReader]:
-    readers = {}
-    for bus in config.bus:
-        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].filter, config.block_s)
-        reader.open()
-        stack.callback(reader.close)
-    return readers
-
-
 class _State(NamedTuple):
     """What is in the state directory, and the epochs that are in force."""
 
@@ -252,7 +264,7 @@ def _worker(
     config: Config,
     core: FramePipeline,
     compiled: Compiled,
-    readers: Mapping[str, CanReader],
+    buses: BusReaders,
     recording: Recording,
     state: _State,
     stop: threading.Event,
@@ -266,14 +278,17 @@ def _worker(
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
+    journal.group(alarm_groups(config.axes))
     clock = WallClock()
     alarms = Alarms(journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     for message in messages:
         log.warning("start", message=message)
-    buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
-    return Worker(config, core, buses, recording, alarms, history, saver, compiled, clock, messages, stop.set)
+    intakes = buses.intakes(core.ingests, recording)
+    return Worker(
+        config, core, intakes, recording, alarms, history, saver, compiled, clock, messages, stop.set
+    )
 
 
 def _history(config: Config) -> HistoryRecording:
@@ -294,20 +309,17 @@ def _links(
     config: Config,
     journal: Journal,
     snapshot: Callable[[], Snapshot],
-    stack: ExitStack,
     extracts: Extracts | None,
-) -> "Links | None":
-    """The plant links, whose libraries take memory only where there are any."""
-    if not config.links.any:
-        return None
-    from service.links.running import Links
-
+) -> PlantLinks:
     def recording_of(t_us: int) -> str | None:
         return None if extracts is None else extracts.folder.holding(t_us)
 
-    links = Links(config.links, config.service.state_dir, journal, snapshot, recording_of)
-    stack.callback(links.stop)
-    return links
+    def make(links: LinksConfig) -> "Links":
+        from service.links.running import Links
+
+        return Links(links, config.service.state_dir, journal, snapshot, recording_of)
+
+    return PlantLinks(config.links, make)
 
 
 def _extracts(config: Config) -> Extracts | None:

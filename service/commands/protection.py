@@ -52,14 +52,14 @@ def obstacles(config: Config) -> Iterator[str]:
         access_of(config, insecure=False)
     except (CertificateError, UnprotectedError, StoreError, CannotListenError) as error:
         yield str(error)
-    for look in _looks(config.links):
+    for look in looks(config.links):
         try:
             look()
         except LinkSecretError as error:
             yield str(error)
 
 
-def _looks(links: LinksConfig) -> Iterator[Callable[[], object]]:
+def looks(links: LinksConfig) -> Iterator[Callable[[], object]]:
     """Readers of the secrets of all links; each raises LinkSecretError."""
     for hook in links.webhook:
         yield partial(key, hook.secret_file, hook.secret_env)

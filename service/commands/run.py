@@ -59,8 +59,8 @@ def run(
     Alarms and checkpoints are kept in the state directory; the page, the REST interface and the metrics are
     served at the configured address, and so is the report that `commission` has left beside the configuration. A bus
     that goes down later is waited for. Any other address than 127.0.0.1 needs tokens (`axiswatch token`) and TLS.
-    SIGHUP reads the configuration again: changed, new and removed axes are taken over, the others go on as they are. A
-    mistake changes nothing, and is logged.
+    SIGHUP reads the configuration again: changed, new and removed axes, buses and links are taken over, the others go
+    on as they are. A mistake, or what needs a restart, changes nothing, and is logged.
     """
     read = configuration(config)
     from service.commands.daemon import run_daemon
@@ -103,8 +103,6 @@ class _Hangup:
             log.error("SIGHUP: nothing was changed", file=str(self._path), reason=str(error))
             return
         log.info("SIGHUP: the configuration is used", file=str(self._path), **found._asdict())
-        if found.needs_restart:
-            log.warning("SIGHUP: these changes need a restart", tables=found.needs_restart)
 
 
 def with_port(config: Config, port: int | None) -> Config:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from service.can.canopen_drives import node_of, read_drive
 from service.can.frames import FrameKey
@@ -17,7 +18,7 @@ _PRIORITY = 6
 
 
 def messages_of(config: Config, bus: str) -> MessageSet:
-    """The messages of the bus of that name.
+    """The messages of the bus of that name, made anew: whoever asks for each axis keeps them.
 
     Raises:
         DescriptionError: a file cannot be used, or nothing describes them.
@@ -28,12 +29,30 @@ def messages_of(config: Config, bus: str) -> MessageSet:
     return united(parts)
 
 
+Files = frozenset[tuple[Path, int, int]]
+"""Files, with the time of their last change [ns] and their size"""
+
+
+def files_of(config: Config, bus: str) -> Files:
+    """The files that describe the messages of a bus.
+
+    Raises:
+        OSError: one is not there.
+    """
+    axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == bus]
+    files = {axis.canopen.eds for axis in axes if axis.canopen is not None}
+    files |= {own.messages for own in config.bus if own.name == bus and own.messages is not None}
+    return frozenset((file, file.stat().st_mtime_ns, file.stat().st_size) for file in files)
+
+
 def _parts(config: Config, name: str) -> Iterator[MessageSet]:
     for bus in config.bus:
         if bus.name == name and bus.messages is not None:
             yield read_messages(bus.messages)
         if bus.name == name and bus.message:
-            yield _table(bus.message)
+            masks = {_key(m): _mask(m) for m in bus.message if m.pgn is not None}
+            known = (message_of(m.name, _key(m), [*map(bits_of, m.signal)]) for m in bus.message)
+            yield MessageSet(tuple(known), "[[bus.message]]", masks=masks)
     axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == name]
     drives = {axis.canopen.node_id: axis.canopen.eds for axis in axes if axis.canopen is not None}
     for axis in axes:
@@ -42,24 +61,6 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
             drives = {node_id: axis.canopen.eds for node_id in nodes if node_id is not None} | drives
     for node_id, eds in sorted(drives.items()):
         yield read_drive(eds, node_id)
-
-
-_tables: dict[int, tuple[tuple[MessageConfig, ...], MessageSet]] = {}
-"""By the identity of the table, which is kept with it"""
-_MOST_TABLES = 16
-
-
-def _table(table: tuple[MessageConfig, ...]) -> MessageSet:
-    """The messages of a table, made once: each axis asks several times, and a thousand axes have as many messages."""
-    if id(table) not in _tables:
-        masks = {_key(m): _mask(m) for m in table if m.pgn is not None}
-        known = (message_of(m.name, _key(m), [*map(bits_of, m.signal)]) for m in table)
-        made = MessageSet(tuple(known), "[[bus.message]]", masks=masks)
-        if len(_tables) >= _MOST_TABLES:
-            _tables.clear()
-        _tables[id(table)] = table, made
-        return made
-    return _tables[id(table)][1]
 
 
 def is_addressed(pgn: int) -> bool:

@@ -1,6 +1,7 @@
 """Cross-checks of names, buses, their messages and the web: references exist, nothing is used twice."""
 
 from collections.abc import Iterator, Sequence
+from functools import cache, partial
 from typing import NamedTuple
 
 from monitor_core.wording import did_you_mean, listed
@@ -228,9 +229,10 @@ def _further(config: Config) -> Iterator[_Use]:
 
 def message_names(config: Config) -> Iterator[Finding]:
     """Each message and each signal is known on the axis's bus."""
+    known_on = cache(partial(messages_of, config))
     for use in (*_values(config), *_counters(config), *_further(config)):
         try:
-            known = messages_of(config, use.axis.bus)
+            known = known_on(use.axis.bus)
         except DescriptionError:  # reported with the bus
             continue
         try:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 
 from monitor_core.drive import LOAD, AxisModel
 from monitor_core.monitoring import short_memory, unidentifiable_words
@@ -11,7 +12,7 @@ from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed
 from service.can.bus import FD_INTERFACES
 from service.can.frames import CLASSIC_BYTES
-from service.can.messages import find_signal, key_of_message
+from service.can.messages import MessageSet, find_signal, key_of_message
 from service.config.axis_settings import (
     Detectors,
     axis_settings,
@@ -26,6 +27,8 @@ from service.config.conditions import turning_torques, varying_of
 from service.config.drives import axis_model, not_identified
 from service.config.schema import AxisConfig, Config, NamedAxis
 
+_KnownOn = Callable[[str], MessageSet]
+"""The messages of a bus by its name"""
 _NEARLY = 1e-3
 _EXACT = 1e-7
 
@@ -39,8 +42,9 @@ def remarks(config: Config) -> Iterator[str]:
     """
     yield from _shared_torque(config)
     yield from _unsaid(config)
-    yield from _by_events(config)
-    yield from _long_frames(config)
+    known_on = cache(partial(messages_of, config))
+    yield from _by_events(config, known_on)
+    yield from _long_frames(config, known_on)
     if unknown := [axis.id for axis in config.axes if not_identified(axis.config)]:
         yield (
             f"{listed(unknown)}: not identified yet; `axiswatch commission` or `identify` finds"
@@ -56,7 +60,7 @@ def remarks(config: Config) -> Iterator[str]:
         yield from _short_memory(axis, model, settings)
         for words in unidentifiable_words(unidentifiable_pairs(axis.config)):
             yield f"{axis.id}: {words}"
-        yield from _small_noise(axis, config)
+        yield from _small_noise(axis, known_on)
         yield from _nearly_a_turn(axis)
         yield from _detector(axis, detectors_of(axis, model, settings))
 
@@ -120,9 +124,9 @@ def _short_memory(axis: NamedAxis, model: AxisModel, settings: Settings) -> Iter
         yield f"{words}: from {short.needed_s:.3g} s on estimates scatter as reported"
 
 
-def _small_noise(axis: NamedAxis, config: Config) -> Iterator[str]:
+def _small_noise(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
     """A noise that is smaller than the resolution."""
-    given, least = predictor_of(axis.config).output_noise, _least_noise(config, axis.config)
+    given, least = predictor_of(axis.config).output_noise, _least_noise(known_on, axis.config)
     if given is not None and least is not None and given < least * (1 - _NEARLY):
         yield (
             f"{axis.id}: output_noise = {given:.3g} is below {least:.3g}, which the resolution of the"
@@ -131,12 +135,12 @@ def _small_noise(axis: NamedAxis, config: Config) -> Iterator[str]:
         )
 
 
-def _by_events(config: Config) -> Iterator[str]:
+def _by_events(config: Config, known_on: _KnownOn) -> Iterator[str]:
     """Drives whose torque and motion are not sampled at one moment."""
     for axis in config.axes:
         if axis.config.canopen is None or axis.config.records_only:
             continue
-        known = messages_of(config, axis.config.bus)
+        known = known_on(axis.config.bus)
         sources = axis.config.torque, axis.config.motion
         messages = [find_signal(known, source.message, source.signal)[0] for source in sources]
         late = [message.name for message in messages if key_of_message(message) not in known.sync]
@@ -148,12 +152,12 @@ def _by_events(config: Config) -> Iterator[str]:
             )
 
 
-def _long_frames(config: Config) -> Iterator[str]:
+def _long_frames(config: Config, known_on: _KnownOn) -> Iterator[str]:
     """Messages of CAN FD on buses that are not opened for it."""
     for bus in config.bus:
         if bus.interface in FD_INTERFACES or "fd" in bus.options:
             continue
-        known = messages_of(config, bus.name)
+        known = known_on(bus.name)
         used = [
             find_signal(known, source.message, source.signal)[0]
             for axis in config.axes
@@ -167,11 +171,11 @@ def _long_frames(config: Config) -> Iterator[str]:
             )
 
 
-def _least_noise(config: Config, axis: AxisConfig) -> float | None:
+def _least_noise(known_on: _KnownOn, axis: AxisConfig) -> float | None:
     """The noise of the encoder's resolution, or, if that is not given, of that of its signal on the bus."""
     if (noise := step_noise(axis)) is not None or axis.records_only:
         return noise
-    _, signal = find_signal(messages_of(config, axis.bus), axis.motion.message, axis.motion.signal)
+    _, signal = find_signal(known_on(axis.bus), axis.motion.message, axis.motion.signal)
     return None if signal.is_float else rounded(float(signal.scale) * axis.motion.factor)
 
 

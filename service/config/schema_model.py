@@ -8,6 +8,7 @@ from monitor_core.monitoring import REOPEN_MEMORIES, AlarmRules, Priority
 from monitor_core.wording import seconds_in
 from service.config.base_table import (
     DriveName,
+    Name,
     NotNegative,
     Positive,
     Reading,
@@ -184,6 +185,8 @@ class AlarmsConfig(Table):
     """parameters or sensor faults whose alarms are recorded, but not announced"""
     out_of_service: bool = Field(False, strict=True)
     """while the axis is maintained: all of its alarms are recorded, but not announced"""
+    group: Name | None = None
+    """of the alarms of the axes of one group the first is marked; default: the name of the robot"""
     off_delay_s: NotNegative | None = None
     """an alarm returns when its cause has been away for that long [s]; one that is back sooner is no new alarm"""
 

@@ -58,6 +58,11 @@ def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Qua
     return found
 
 
+def alarm_groups(axes: Iterable[NamedAxis]) -> dict[str, str]:
+    """The groups of axes whose alarms may have a first one."""
+    return {axis.id: axis.config.alarms.group or axis.robot for axis in axes}
+
+
 def alarm_rules(
     axes: Iterable[NamedAxis], causes: Iterable[tuple[str, str]]
 ) -> dict[tuple[str, str], AlarmRules]:

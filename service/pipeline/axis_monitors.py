@@ -294,7 +294,7 @@ class FramePipeline:
 
     def __init__(self, config: Config, axes: Sequence[NamedAxis] | None = None) -> None:
         self.monitors = AxisMonitors(config.axes if axes is None else axes)
-        self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self.ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
         self.live = LiveSignals()
         """What is shown of the last seconds"""
         self._samples: dict[str, list[SampleBlock]] = {}
@@ -315,6 +315,13 @@ class FramePipeline:
         """End of the frames: values without a partner are counted; the last samples wait for ``update``."""
         for ingest in self.ingests.values():
             self._keep(ingest.flush())
+
+    def change_buses(self, names: Sequence[str], new: Mapping[str, Ingest]) -> None:
+        """Take frames of these buses from now on: those of ``new`` by it, of which no frame is left to be taken."""
+        for name, ingest in self.ingests.items():
+            if name in new or name not in names:
+                self._keep(ingest.flush())
+        self.ingests = {name: new.get(name) or self.ingests[name] for name in names}
 
     def _keep(self, samples: Samples) -> None:
         for axis_id, found in samples.items():

@@ -120,11 +120,14 @@ class Checkpointer:
         try:
             self._checkpoints.save(states, now_us)
         except StoreError as error:
+            if self.problem is None:
+                log.error("checkpoint failed; it is tried again", reason=str(error))
             self.problem = sentence(
                 "not saved", "the state of the monitors cannot be saved: {why}", why=error
             )
-            log.error("checkpoint failed", reason=str(error))
             return
+        if self.problem is not None:
+            log.info("checkpoints are saved again")
         self.saved_us, self.problem = now_us, None
         self._monitors.trends.saved()
 

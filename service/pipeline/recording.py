@@ -97,6 +97,11 @@ class RecordingFolder:
     def __init__(self, path: Path, most_bytes: int, blf_channels: Mapping[str, int] | None = None) -> None:
         self.path, self._most_bytes, self._blf_channels = path, most_bytes, blf_channels
 
+    def add_channels(self, numbers: Mapping[str, int]) -> None:
+        """These buses have these numbers; frames of the former ones may still be kept."""
+        if self._blf_channels is not None:
+            self._blf_channels = {**self._blf_channels, **numbers}
+
     def files(self) -> list[Path]:
         """All extracts, oldest first."""
         try:
@@ -193,7 +198,6 @@ class Extracts:
         self._requests = queue.SimpleQueue[Future[Path]]()
         self._looks = queue.SimpleQueue[tuple[float, Future[Frames]]]()
         self._jobs = queue.SimpleQueue[tuple[_Extract, Frames] | None]()
-        self._stopped = threading.Event()
         self._writer = threading.Thread(target=self._write_all, name="recordings", daemon=True)
         self._writer.start()
         self.problem: str | None = None
@@ -242,7 +246,6 @@ class Extracts:
         """Write what has begun, with the frames that are there, and end the thread."""
         if self._begun is not None:
             self._hand_over(self._begun)
-        self._stopped.set()
         self._jobs.put(None)
         self._writer.join()
         while not self._requests.empty():
@@ -257,13 +260,23 @@ class Extracts:
         self._jobs.put((extract, self._ring.between(extract.from_us, extract.until_us)))
 
     def _write_all(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            extract, blocks = job
-            while not self._write(extract, blocks):
-                # The disk may have space again; what is newer is wanted more, and only one is kept in memory.
-                if self._stopped.wait(_RETRY_S) or not self._jobs.empty():
-                    extract.written.set_exception(RecordError(self.problem or ""))
-                    break
+        # Around an alarm, and refused by the disk, which may have space again; only the newest is kept in memory.
+        left: tuple[_Extract, Frames] | None = None
+        going_on = True
+        while going_on:
+            try:
+                job = self._jobs.get(timeout=None if left is None else _RETRY_S)
+                going_on = job is not None
+            except queue.Empty:
+                job = None
+            if job is None:
+                job, left = left, None
+            if job is not None and not self._write(*job):
+                if left is not None:
+                    left[0].written.set_exception(RecordError(self.problem or ""))
+                left = job
+        if left is not None:
+            left[0].written.set_exception(RecordError(self.problem or ""))
 
     def _write(self, extract: _Extract, blocks: Frames) -> bool:
         """Whether nothing is left to do; otherwise the disk has refused the frames around an alarm."""
@@ -281,7 +294,8 @@ class Extracts:
                 "frames not recorded", "frames around an alarm are not recorded yet: {why}", why=error
             )
             return False
-        self.problem = None
+        if not extract.asked:
+            self.problem = None
         log.info("frames recorded", file=path.name)
         extract.written.set_result(path)
         return True

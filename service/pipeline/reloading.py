@@ -4,26 +4,34 @@ What takes time, and all that can be wrong, is done before the worker exchanges 
 changed axis goes on as after a restart: from its checkpoint if that fits, with its open alarms from the journal.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from typing import NamedTuple
 
 import structlog
 
 from monitor_core.modeling import ModelError
+from monitor_core.wording import listed
 from service.can.messages import DescriptionError
-from service.can.user_errors import IngestError
+from service.can.user_errors import BusError, IngestError
 from service.config import Config, NamedAxis
 from service.config.axis_settings import AxisError
+from service.config.bus_messages import Files, files_of
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import alarm_rules, quantities
+from service.pipeline.alarm_recording import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import Baselines, at_start, begun_again, resume
+from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.worker import Worker
+from service.pipeline.worker import BusIntake, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 
 log = structlog.get_logger(__name__)
+
+Part = Callable[[Config], AbstractContextManager[None]]
+"""What else a configuration changes: exchanged when entered, or at the end, where nothing has failed within; else as
+before.  It raises ReloadError."""
 
 
 class ReloadError(Exception):
@@ -38,8 +46,8 @@ class Reloaded(NamedTuple):
     removed: tuple[str, ...]
     kept: int
     """Number of axes that go on as they are"""
-    needs_restart: tuple[str, ...]
-    """Tables whose changes count only after a restart"""
+    tables: tuple[str, ...]
+    """What else was changed: tables of the configuration, and the buses that were opened again"""
 
 
 class Reloading:
@@ -50,10 +58,12 @@ class Reloading:
         pipeline: of the worker; used by its thread only.
         worker: exchanges monitors.
         baselines: know which values are in force.
+        buses: the readers.
         journal: of the alarms and epochs.
         checkpoints: where the states of the monitors are.
         checkpointer: saves them.
         now_us: wall clock.
+        parts: what else is exchanged.
     """
 
     def __init__(
@@ -62,15 +72,18 @@ class Reloading:
         pipeline: FramePipeline,
         worker: Worker,
         baselines: Baselines,
+        buses: BusReaders,
         journal: Journal,
         checkpoints: Checkpoints,
         checkpointer: Checkpointer,
         now_us: Callable[[], int],
+        parts: Sequence[Part] = (),
     ) -> None:
         self._config, self._pipeline, self._worker, self._baselines = config, pipeline, worker, baselines
         self._journal, self._checkpoints, self._checkpointer = journal, checkpoints, checkpointer
-        self._now_us = now_us
+        self._buses, self._now_us, self._parts = buses, now_us, parts
         self._filters = {name: frozenset(ingest.filter) for name, ingest in pipeline.ingests.items()}
+        self._files = {bus.name: files_of(config, bus.name) for bus in config.bus}
 
     @property
     def config(self) -> Config:
@@ -85,43 +98,71 @@ class Reloading:
             StoreError: the state directory cannot be read or written; nothing was changed.
         """
         with self._baselines.held():
+            if fixed := list(_fixed(self._config, new)):
+                raise ReloadError(f"a change of {listed(fixed)} needs a restart")
             before = {axis.id: axis for axis in self._config.axes}
             after = {axis.id: axis for axis in new.axes}
             changed = [axis for axis_id, axis in after.items() if before.get(axis_id) != axis]
-            found = Reloaded(
+            removed = tuple(axis_id for axis_id in before if axis_id not in after)
+            files, ingests = self._checked(new, changed)
+            with ExitStack() as undone:
+                for part in self._parts:
+                    undone.enter_context(part(new))
+                try:
+                    intakes = undone.enter_context(self._buses.exchanged(new, ingests))
+                except BusError as error:
+                    raise ReloadError(str(error)) from None
+                if changed or removed or ingests or len(new.bus) < len(self._config.bus):
+                    self._exchange(new, changed, removed, ingests, intakes)
+            gone = {bus.name for bus in self._config.bus} - {bus.name for bus in new.bus}
+            tables = [f"[[bus]] {name}" for name in (*ingests, *sorted(gone))]
+            tables += [
+                f"[{name}]" for name in ("links", "web") if getattr(new, name) != getattr(self._config, name)
+            ]
+            self._filters = {bus.name: self._filters[bus.name] for bus in new.bus if bus.name not in ingests}
+            self._filters |= {name: frozenset(ingest.filter) for name, ingest in ingests.items()}
+            self._files, self._config = files, new
+            return Reloaded(
                 tuple(axis.id for axis in changed if axis.id in before),
                 tuple(axis.id for axis in changed if axis.id not in before),
-                tuple(axis_id for axis_id in before if axis_id not in after),
+                removed,
                 len(after) - len(changed),
-                tuple(
-                    f"[{name}]"
-                    for name in ("service", "web", "links")
-                    if getattr(new, name) != getattr(self._config, name)
-                ),
+                tuple(tables),
             )
-            self._check(new, changed)
-            if changed or found.removed:
-                self._exchange(new, changed, found.removed)
-            # Of the tables that need a restart the old ones are still in force.
-            self._config = self._config.model_copy(update={"robot": new.robot})
-            return found
 
-    def _check(self, new: Config, changed: Sequence[NamedAxis]) -> None:
-        """All that can be wrong with the changed axes."""
-        if new.bus != self._config.bus:
-            raise ReloadError("[[bus]] was changed, which needs a restart")
+    def _checked(
+        self, new: Config, changed: Sequence[NamedAxis]
+    ) -> tuple[dict[str, Files], dict[str, Ingest]]:
+        """What describes each bus, and what takes the frames of those that are to be opened anew.
+
+        Raises:
+            ReloadError: an axis or a bus cannot be used as configured.
+        """
+        before, found = {bus.name: bus for bus in self._config.bus}, dict[str, Ingest]()
         try:
             if changed:
                 AxisMonitors(changed)
-            for name, known in self._filters.items():
-                if not set(Ingest(new, name).filter) <= known:
-                    raise ReloadError(
-                        f"an axis needs messages of bus {name} that no axis needed at the start, which needs a restart"
-                    )
-        except (AxisError, DescriptionError, IngestError, ModelError) as error:
+            files = {bus.name: files_of(new, bus.name) for bus in new.bus}
+            for bus in new.bus:
+                ingest = Ingest(new, bus.name)
+                same = bus == before.get(bus.name) and files[bus.name] == self._files[bus.name]
+                # A message that no axis has needed is not let through.
+                if not same or not set(ingest.filter) <= self._filters[bus.name]:
+                    found[bus.name] = ingest
+        except (AxisError, DescriptionError, IngestError, ModelError, OSError) as error:
             raise ReloadError(str(error)) from None
+        if found and self._worker.compiles:
+            raise ReloadError("the numeric kernel is being compiled; try again when it is ready")
+        return files, found
 
-    def _exchange(self, new: Config, changed: Sequence[NamedAxis], removed: Sequence[str]) -> None:
+    def _exchange(
+        self,
+        new: Config,
+        changed: Sequence[NamedAxis],
+        removed: Sequence[str],
+        ingests: Mapping[str, Ingest],
+        intakes: Mapping[str, BusIntake],
+    ) -> None:
         begun = at_start(changed, self._journal.epochs, self._now_us())
         in_force = {axis.id: axis for axis in begun.axes}
         made = AxisMonitors(begun.axes)
@@ -134,6 +175,7 @@ class Reloading:
 
         def exchange() -> tuple[str, ...]:
             now_us = self._now_us()
+            self._worker.take_all()
             if late := [a for a in (*in_force, *removed) if self._worker.waits_for_journal(a)]:
                 raise ReloadError(
                     f"alarms of {', '.join(late)} are not recorded yet; try again when they are"
@@ -143,6 +185,8 @@ class Reloading:
             restored = restore(made, self._checkpoints, self._journal, now_us, ids)
             rules = alarm_rules(begun.axes, quantities(made.by_id))
             self._journal.obey(rules, now_us)
+            self._journal.group(alarm_groups(new.axes))
+            self._worker.change_buses([bus.name for bus in new.bus], intakes, ingests)
             for name, ingest in self._pipeline.ingests.items():
                 ingest.change([axis for axis in axes if axis.config.bus == name], in_force.keys())
             self._worker.change(axes, made)
@@ -153,4 +197,20 @@ class Reloading:
         self._baselines.configure(new.axes, axes)
         for message in (*begun.messages, *messages, *begun_again(made)):
             log.warning("reload", message=message)
-        log.info("reloaded", axes=len(axes), changed=list(in_force), removed=list(removed))
+        log.info("reloaded", axes=len(axes), changed=[*in_force], removed=[*removed], opened=[*ingests])
+
+
+_RUNNING = ("hosts", "open_metrics", "certificate", "key")
+"""Keys of [web] that can be changed while it is served"""
+
+
+def _fixed(before: Config, new: Config) -> Iterator[str]:
+    """What is changed and cannot be while the daemon runs: tables with their keys."""
+    for name in ("service", "web"):
+        old, other = getattr(before, name), getattr(new, name)
+        for key in type(old).model_fields:
+            changed = getattr(old, key) != getattr(other, key)
+            if name == "web" and key in _RUNNING:  # but whether there is TLS
+                changed = changed and key == "certificate" and None in (old.certificate, other.certificate)
+            if changed:
+                yield f"[{name}] {key}"

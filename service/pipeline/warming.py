@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from monitor_core.monitoring import AxisBatch
 
 _CHILD = """
-import gc, os, sys
+import gc, os, sys, threading
+threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()  # its end: the parent has ended
 gc.disable()  # a tenth of the time; the process ends soon
 from service.pipeline.warming import Shape, compile_kernel, compile_update
 shape = Shape(sys.argv[1])
@@ -133,8 +134,8 @@ class CacheFiller:
             if child is not None:
                 self._wait(child)
         for beside in self._beside:
-            beside.kill()  # what it would compile is there
-            beside.wait()
+            with beside:
+                beside.kill()  # what it would compile is there
         return not self._stopped
 
     def stop(self) -> None:
@@ -159,7 +160,8 @@ class CacheFiller:
             return child
 
     def _wait(self, child: subprocess.Popen[str]) -> None:
-        _, messages = child.communicate()
+        with child:
+            messages = child.stderr.read() if child.stderr else ""
         if child.returncode != 0 and not self._stopped:
             _warn(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
 
@@ -168,11 +170,12 @@ def _compiler(shape: Shape, *what: str) -> subprocess.Popen[str]:
     """A process that compiles.
 
     It has a group of its own: Ctrl-C is for the daemon, which ends the child itself.  Not a session of its own: Linux
-    shares out the processor by sessions first, and "nice" would count for nothing.
+    shares out the processor by sessions first, and "nice" would count for nothing.  A parent that is killed ends it by
+    closing its standard input.
     """
     command, null = [sys.executable, "-P", "-c", _CHILD, shape, *what], subprocess.DEVNULL
     return subprocess.Popen(
-        command, stdin=null, stdout=null, stderr=null if what else subprocess.PIPE, text=True,
+        command, stdin=subprocess.PIPE, stdout=null, stderr=null if what else subprocess.PIPE, text=True,
         process_group=0, env=_effort(shape),
     )  # fmt: skip
 

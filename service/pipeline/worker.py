@@ -8,7 +8,7 @@ somebody looks.
 import threading
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from time import perf_counter
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
@@ -264,6 +264,24 @@ class Worker:
         self._views = {axis_id: self._views[axis_id] for axis_id in ids}
         self._checkpointer.save_soon()
 
+    def take_all(self) -> None:
+        """Take all frames that wait; between two blocks."""
+        while not self.compiles and self._block():
+            pass
+
+    def change_buses(
+        self, names: Sequence[str], new: Mapping[str, BusIntake], ingests: Mapping[str, Ingest]
+    ) -> None:
+        """Take frames of these buses from now on, those of ``new`` in place of the former; between two blocks."""
+        kept = {bus.name: bus for bus in self._buses}
+        self._pipeline.change_buses(names, ingests)
+        self._buses = [new.get(name) or kept[name] for name in names]
+
+    @property
+    def compiles(self) -> bool:
+        """Whether frames wait for the compiler; from any thread."""
+        return not self._compiled.estimates.done()
+
     def adopt(self, open_alarms: Iterable[AxisAlarm], changes: Iterable[AxisAlarm]) -> None:
         """Alarms of changed axes that are open in the journal, and what it does not have yet; between two blocks."""
         self._alarms.adopt(open_alarms)
@@ -311,7 +329,7 @@ class Worker:
 
     def _waits(self) -> bool:
         """Whether frames wait for the compiler."""
-        if not self._compiled.estimates.done():
+        if self.compiles:
             return True
         full = self._pipeline.monitors.deferred_samples >= MOST_DEFERRED
         return full and not self._compiled.multimodel.done()

@@ -19,8 +19,8 @@ FLOOD = 10
 MOST_FREQUENT = 10
 
 FIRST_OUT_S = 600.0
-"""Alarms of a robot belong together where each is raised within this time after another one: an axis that moves seldom
-detects late what another one has detected at once."""
+"""Alarms of a group of axes belong together where each is raised within this time after another one: an axis that moves
+seldom detects late what another one has detected at once."""
 
 ACTIVE = f"coalesce(returns_to, state) IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
 """Condition of SQL: the cause is there, or the alarm is latched"""
@@ -37,25 +37,28 @@ CHATTERING = f"""id IN (SELECT alarm_id FROM (
 
 
 _SHOWN = f"state IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
-_SAME_ROBOT = "substr(other.axis, 1, instr(other.axis, '.')) = substr(alarm.axis, 1, instr(alarm.axis, '.'))"
+GROUP = "axis_group"
+"""Function of SQL: the group of an axis, by default its robot"""
+_SAME_GROUP = f"{GROUP}(other.axis) = {GROUP}(alarm.axis)"
 _WITHIN_US = round(FIRST_OUT_S * 1e6)
 FOLLOWS = f"""CASE WHEN alarm.{_SHOWN} THEN (
-    SELECT other.id FROM alarm other WHERE {_SAME_ROBOT}
-    AND other.raised_us BETWEEN alarm.raised_us - {_WITHIN_US} AND alarm.raised_us
+    SELECT other.id FROM alarm other
+    WHERE other.raised_us BETWEEN alarm.raised_us - {_WITHIN_US} AND alarm.raised_us AND {_SAME_GROUP}
     AND (other.raised_us, other.id) < (alarm.raised_us, alarm.id)
     AND coalesce(other.ended_us, alarm.raised_us) >= alarm.raised_us
     AND other.state NOT IN ({", ".join(repr(str(state)) for state in HIDDEN_STATES)})
     ORDER BY other.raised_us, other.id LIMIT 1
 ) END"""
-"""Column of SQL: of an alarm that is shown and active, the first one of its robot that was there when it was raised.
+"""Column of SQL: of an alarm that is shown and active, the first one of its group that was there when it was raised.
 
 By the time of raising, as on an annunciator: an onset is an estimate, and the intervals of a cascade overlap."""
 FOLLOWED = f"""alarm.{_SHOWN} AND EXISTS (
-    SELECT 1 FROM alarm other WHERE {_SAME_ROBOT} AND other.axis <> alarm.axis AND other.{_SHOWN}
-    AND other.raised_us BETWEEN alarm.raised_us AND alarm.raised_us + {_WITHIN_US}
+    SELECT 1 FROM alarm other
+    WHERE other.raised_us BETWEEN alarm.raised_us AND alarm.raised_us + {_WITHIN_US}
+    AND other.axis <> alarm.axis AND other.{_SHOWN} AND {_SAME_GROUP}
     AND (other.raised_us, other.id) > (alarm.raised_us, alarm.id)
 )"""
-"""Column of SQL: whether another axis of its robot has an alarm that was raised soon after it"""
+"""Column of SQL: whether another axis of its group has an alarm that was raised soon after it"""
 
 
 class Frequency(NamedTuple):

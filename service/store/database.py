@@ -4,11 +4,12 @@ import fcntl
 import os
 import sqlite3
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 from monitor_core.wording import sentence
@@ -43,14 +44,21 @@ class Database:
     """A file with one writing connection, and a connection for each reading.
 
     ``messages`` are for the operator, e.g. that a damaged file was quarantined.  Nothing is ever deleted.
+    ``functions`` are those that its SQL uses, by their names.
 
     Raises:
         StoreInUseError: someone else writes to it.
         StoreError: it cannot be opened, or a newer version of the program wrote it.
     """
 
-    def __init__(self, path: Path, migrations: Sequence[str], synchronous: Synchronous) -> None:
-        self.path = path
+    def __init__(
+        self,
+        path: Path,
+        migrations: Sequence[str],
+        synchronous: Synchronous,
+        functions: Mapping[str, Callable[[str], str]] = MappingProxyType({}),
+    ) -> None:
+        self.path, self._functions = path, functions
         self.messages: tuple[str, ...] = ()
         self.revision = 0
         """Number of transactions that were committed"""
@@ -58,7 +66,7 @@ class Database:
         self._closed = False
         self._owner = _claim(path)
         try:
-            self._writer = self._open(migrations, synchronous)
+            self._writer = self._with_functions(self._open(migrations, synchronous))
         except BaseException:
             self._owner.close()
             raise
@@ -100,8 +108,13 @@ class Database:
             if self._closed:
                 raise sqlite3.ProgrammingError("it has been closed")
             with closing(_connect(f"{self.path.resolve().as_uri()}?mode=ro")) as connection:
-                connection.execute("BEGIN")
+                self._with_functions(connection).execute("BEGIN")
                 yield connection
+
+    def _with_functions(self, connection: sqlite3.Connection) -> sqlite3.Connection:
+        for name, function in self._functions.items():
+            connection.create_function(name, 1, function)
+        return connection
 
     def close(self) -> None:
         """Close the file; a transaction that is under way finishes first."""

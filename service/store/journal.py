@@ -26,6 +26,7 @@ from service.store.alarm_statistics import (
     CHATTERING,
     FOLLOWED,
     FOLLOWS,
+    GROUP,
     STALE,
     STALE_S,
     AlarmStatistics,
@@ -130,13 +131,13 @@ class RecordedAlarm(Alarm):
     work_order: str = ""
     """The last one that was given; empty: none"""
     follows: int | None = None
-    """The alarm of its robot that was there when it was raised, the first one; None: there was none"""
+    """The alarm of its group that was there when it was raised, the first one; None: there was none"""
     followed: bool = False
-    """Whether another axis of its robot has an alarm that was raised soon after it"""
+    """Whether another axis of its group has an alarm that was raised soon after it"""
 
     @property
     def first_out(self) -> bool:
-        """Whether it is the first of alarms of several axes of its robot."""
+        """Whether it is the first of alarms of several axes of its group."""
         return self.followed and self.follows is None
 
     @property
@@ -185,7 +186,8 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
-        self._db = Database(path, MIGRATIONS, "FULL")
+        self._groups: dict[str, str] = {}
+        self._db = Database(path, MIGRATIONS, "FULL", {GROUP: self._group})
         self.messages = self._db.messages
         with self._db.read() as connection:
             self.identity = str(connection.execute("SELECT identity FROM journal_identity").fetchone()[0])
@@ -226,6 +228,13 @@ class Journal:
         with self._db.write() as connection:
             stale = [alarm for alarm in _open(connection, axis) if alarm.parameter not in names]
             return _end(connection, stale, Note(at_us, SERVICE), {})
+
+    def group(self, groups: Mapping[str, str]) -> None:
+        """Look for the first of several alarms among axes of one group: by axis; others belong to their robot."""
+        self._groups = dict(groups)
+
+    def _group(self, axis: str) -> str:
+        return self._groups.get(axis) or axis.partition(".")[0]
 
     def obey(self, rules: Mapping[tuple[str, str], AlarmRules], at_us: int) -> None:
         """Let the alarms that are active or hidden obey the configuration, which may have changed.

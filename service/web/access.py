@@ -75,12 +75,16 @@ class Access:
         open_metrics: bool = False,
     ) -> None:
         self._tokens, self._remote, self._tls = tokens, remote, tls
-        self.open_metrics = open_metrics
-        self._hosts = {*_THIS_MACHINE, *(host.lower() for host in hosts)} - {*_EVERY_ADDRESS}
+        self.change(hosts, open_metrics)
         has_tokens = tokens is not None and bool(tokens.tokens())
         if remote and not insecure and not (has_tokens and tls):
             raise UnprotectedError(_unprotected(has_tokens, tls))
         self._needed = remote and not insecure
+
+    def change(self, hosts: Iterable[str], open_metrics: bool) -> None:
+        """Have these names, and tell its metrics to everyone or not; from any thread."""
+        self.open_metrics = open_metrics
+        self._hosts = {*_THIS_MACHINE, *(host.lower() for host in hosts)} - {*_EVERY_ADDRESS}
 
     def known_host(self, host: str) -> bool:
         """Whether the daemon has this name or address, without a port."""

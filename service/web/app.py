@@ -163,7 +163,7 @@ def _probes(state: AppState) -> APIRouter:
         response.status_code = 503 if reasons else 200
         return models.Readiness(ready=not reasons, reasons=reasons)
 
-    open_metrics = state.access.open_metrics
+    open_metrics = state.access.open_metrics  # as described; what holds now, the gate knows
 
     @probes.get(
         "/metrics",

@@ -17,6 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from monitor_core.wording import sentence
 from service.store.database import StoreError
 from service.store.tokens import NOBODY, Caller
+from service.store.tokens import Scope as Role
 from service.web.access import Access
 from service.web.problem_details import answer
 
@@ -36,6 +37,9 @@ COOKIE = "axiswatch-token"
 _HOST = re.compile(r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<name>[^\s:/@\[\]]+))(?::\d{1,5})?")
 _NOBODY = Caller(NOBODY, frozenset())
 """Who asks without a token where there are some."""
+_METRICS = "/metrics"
+_SCRAPER = Caller(NOBODY, frozenset({Role.READ}))
+"""Who asks without a token for what is open"""
 _READING = ("GET", "HEAD", "OPTIONS")
 _LONGEST_PATH = 200
 _POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'"
@@ -60,7 +64,6 @@ class Gate:
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
         self._app, self._access = app, access
-        self._open = {"/healthz", *(["/metrics"] if access.open_metrics else [])}
         self._reported: str | None = None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -72,7 +75,7 @@ class Gate:
         who = _NOBODY
         try:
             refusal, caller = self._judged(scope)
-            who = caller or _NOBODY
+            who = caller or (_SCRAPER if scope["path"] == _METRICS else _NOBODY)
             if refusal is None:
                 await self._pass(exchange, who)
             else:
@@ -94,14 +97,18 @@ class Gate:
             if str(error) != self._reported:  # once, however many ask
                 self._reported = str(error)
                 log.error("tokens", message=str(error))
-            if path in self._open or is_page(path):
+            if self._is_open(path):
                 return None, None
             return answer(503, "the tokens cannot be read; the log of the daemon says why"), None
         if scope["method"] not in _READING and _of_another_page(headers):
             return answer(403, "a page of another host may change nothing here"), caller
-        if caller is None and not (path in self._open or is_page(path)):
+        if caller is None and not self._is_open(path):
             return _unknown(headers), None
         return None, caller
+
+    def _is_open(self, path: str) -> bool:
+        """Whether it needs no token."""
+        return path == "/healthz" or is_page(path) or (path == _METRICS and self._access.open_metrics)
 
     def _misdirected(self, scope: Scope, headers: Headers) -> JSONResponse | None:
         """A name that the daemon does not have: a foreign page whose name was made to lead here (DNS rebinding)."""

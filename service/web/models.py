@@ -470,11 +470,11 @@ class Alarm(Body):
     priority: Priority
     work_order: TextOrNull = Field(description="the last one that was given; null: none")
     first_out: bool = Field(
-        description="whether it was raised first of alarms of several axes of its robot, each raised within ten minutes"
+        description="whether it was raised first of alarms of several axes of its group, each raised within ten minutes"
         " after another one; while it is shown and active, and others are"
     )
     follows: int | None = Field(
-        description="id of the alarm of its robot that was there when it was raised, the first one; null: none was"
+        description="id of the alarm of its group that was there when it was raised, the first one; null: none was"
     )
     parameter: str = Field(
         description="the most probable name now; causes states how certain it is. A monitored parameter, or, from"

@@ -9,7 +9,7 @@ import ssl
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import h11
 import uvicorn
@@ -34,11 +34,12 @@ class CertificateError(Exception):
     """The certificate or its key cannot be used; the text names the file and says why."""
 
 
-class Certificate(NamedTuple):
+class Certificate:
     """PEM files of TLS: the certificate, with those up to the root, and its private key."""
 
-    file: Path
-    key: Path
+    def __init__(self, file: Path, key: Path) -> None:
+        self.file, self.key = file, key
+        self._context: ssl.SSLContext | None = None
 
     def check(self) -> None:
         """Read both.
@@ -46,18 +47,29 @@ class Certificate(NamedTuple):
         Raises:
             CertificateError: they cannot be used.
         """
-        for path in self:
+        for path in (self.file, self.key):
             try:
                 path.read_bytes()
             except OSError as error:
                 raise CertificateError(f"{path}: {error.strerror}") from error
         try:
-            ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(*self, password=_no_password)
+            context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+            context.load_cert_chain(self.file, self.key, password=_no_password)
         except (ssl.SSLError, ValueError) as error:
             why = getattr(error, "reason", None) or str(error)
             raise CertificateError(
                 f"{self.file} and {self.key}: no PEM certificate with its own private key ({why})"
             ) from error
+
+    def context(self, _config: object, make: Callable[[], ssl.SSLContext]) -> ssl.SSLContext:
+        """What a server uses, made with these files."""
+        self._context = make()
+        return self._context
+
+    def renew(self, new: "Certificate") -> None:
+        """Let the server use these files for new connections; ``check`` has found them right."""
+        if self._context is not None:
+            self._context.load_cert_chain(new.file, new.key, password=_no_password)
 
 
 def _no_password() -> str:
@@ -152,8 +164,9 @@ def serve(
         limit_concurrency=_CONNECTIONS,
         timeout_keep_alive=_SILENT_S,
         timeout_graceful_shutdown=GRACE_S,
-        ssl_certfile=certificate and certificate.file,
-        ssl_keyfile=certificate and certificate.key,
+        ssl_certfile=None if certificate is None else certificate.file,
+        ssl_keyfile=None if certificate is None else certificate.key,
+        ssl_context_factory=None if certificate is None else certificate.context,
     )
     with listen(host, port) as listener:
         actual = listener.getsockname()[1]

@@ -24,6 +24,7 @@ from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
+from service.texts import iso, now_us
 from tests.end_to_end.processes import (
     PATIENCE_S,
     Daemon,
@@ -191,7 +192,9 @@ def is_backed_up(d: Daemon, alarm: dict[str, Any]) -> int:
     (backup,) = shown("axiswatch backup")
     kept = axiswatch(*backup[1:])
     assert (kept.exit_code, kept.stderr) == (0, "")
-    return int(d.axis()["samples"])
+    # What is shown may be older than the checkpoint in the backup.
+    since = iso(now_us())
+    return int(wait_for(lambda: (s := d.get("api/v1/axes"))["taken"] > since and s["axes"][0]["samples"]))
 
 
 def goes_on_in_another_folder(before: int) -> None:

@@ -147,6 +147,21 @@ def test_datagrams_in_blocks_give_the_frames_that_python_can_gives(seed: int, fi
     assert all(abs(a.t_us - b.t_us) <= 1 for a, b in zip(found, expected, strict=True))
 
 
+def test_groups_that_share_a_port_are_different_buses() -> None:
+    """As two robots that nobody gave a port of their own."""
+    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 50_000)}
+    for groups in (("239.74.163.4", "239.74.163.5"), ("ff15::74:4", "ff15::74:5")):
+        with ExitStack() as stack:
+            own, other = (can.Bus(g, "udp_multicast", ignore_config=True, **options) for g in groups)
+            for bus in (own, other):
+                stack.callback(bus.shutdown)
+            receiver = receiver_of(own)
+            send(other, STANDARD, b"other")
+            send(own, STANDARD, b"last")
+            frames, _ = until_last(receiver)
+        assert [frame.data for frame in frames] == [b"last"]
+
+
 def test_a_datagram_without_a_frame_is_a_fault_after_the_frames_before_it() -> None:
     with multicast() as (bus, _, sender):
         receiver = receiver_of(bus)

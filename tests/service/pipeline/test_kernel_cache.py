@@ -3,6 +3,7 @@
 import errno
 import importlib.metadata
 import os
+import subprocess
 import sys
 import tempfile
 import threading
@@ -124,6 +125,35 @@ def test_a_stop_ends_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         filler.stop()
         thread.join(60)
     assert (ended, logs) == ([False], [])
+
+
+_KILLED = """
+import time
+from service.pipeline.warming import CacheFiller, Shape
+filler = CacheFiller()
+filler.begin(Shape.FEW_AXES)
+print(*(child.pid for child in (*filler._children.values(), *filler._beside)), flush=True)
+time.sleep(1000)
+"""
+
+
+def test_a_daemon_that_is_killed_leaves_nothing_behind_that_compiles(tmp_path: Path) -> None:
+    environ = {**os.environ, VARIABLE: str(tmp_path)}
+    command = [sys.executable, "-c", _KILLED]
+    with subprocess.Popen(command, env=environ, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        children = parent.stdout.readline().split()
+        parent.kill()
+    assert children
+    wait_for(lambda: not any(_runs(pid) for pid in children))
+    assert list(tmp_path.glob("*.compiled")) == [], "they have not ended, but finished"
+
+
+def _runs(pid: str) -> bool:
+    try:
+        return Path("/proc", pid, "stat").read_text(encoding="ascii").rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 def test_after_a_stop_none_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -174,6 +174,11 @@ def test_frames_wait_for_space_on_the_disk(tmp_path: Path, monkeypatch: pytest.M
     with capture_logs() as logs:
         feed(found, 2, 3, 4)
         wait_for(lambda: found.problem is not None)
+        asked = found.request()
+        found.tick()
+        with pytest.raises(RecordError, match="cannot write"):
+            asked.result(20)
+        assert found.problem is not None
         folder.unlink()
         wait_for(lambda: found.problem is None)
     found.close()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from service.can.bus import open_buses, send
 from service.can.frames import Frame
 from service.config import Config
+from service.pipeline.bus_readers import BusReaders
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_transitions import Note
 from tests.end_to_end.processes import wait_for
@@ -22,19 +25,6 @@ def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
     return changed_axis(tmp_path_factory.mktemp("frames"), 24.0, seed)
 
 
-def reloading(core: RunningCore) -> Reloading:
-    return Reloading(
-        core.config,
-        core.core,
-        core.worker,
-        core.baselines,
-        core.journal,
-        core.checkpoints,
-        core.checkpointer,
-        lambda: core.now_us,
-    )
-
-
 @pytest.fixture
 def core(tmp_path: Path, frames: list[Frame]) -> Iterator[RunningCore]:
     """Twelve seconds after its start; the first axis has an alarm."""
@@ -46,18 +36,36 @@ def core(tmp_path: Path, frames: list[Frame]) -> Iterator[RunningCore]:
     core.close()
 
 
+@pytest.fixture
+def reloading(core: RunningCore) -> Iterator[Reloading]:
+    """With readers of real buses, beside the one that the test feeds, until one is opened again."""
+    with closing(BusReaders(core.config, core.core.ingests)) as buses:
+        buses.start(lambda: None)
+        yield Reloading(
+            core.config,
+            core.core,
+            core.worker,
+            core.baselines,
+            buses,
+            core.journal,
+            core.checkpoints,
+            core.checkpointer,
+            lambda: core.now_us,
+        )
+
+
 def with_fm(config: Config, value: float, only: str = "axis1") -> Config:
     nominal = {**config.axes[0].config.model.nominal, "fm": value}
     return changed(config, only, model={"nominal": nominal})
 
 
 def test_an_axis_that_is_not_changed_is_the_same_bits(
-    core: RunningCore, tmp_path: Path, frames: list[Frame]
+    core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
 ) -> None:
     (tmp_path / "plain").mkdir()
     plain = RunningCore(tmp_path / "plain", cell(tmp_path, 2))
     plain.feed(seconds(frames, 0, 12))
-    found = reloading(core).reload(with_fm(core.config, 0.078))
+    found = reloading.reload(with_fm(core.config, 0.078))
     assert found == Reloaded((AXIS,), (), (), 1, ())
     for running in (plain, core):
         running.feed(seconds(frames, 12, 24))
@@ -68,14 +76,16 @@ def test_an_axis_that_is_not_changed_is_the_same_bits(
     plain.close()
 
 
-def test_an_axis_with_other_thresholds_keeps_its_estimates_and_its_alarm(core: RunningCore) -> None:
+def test_an_axis_with_other_thresholds_keeps_its_estimates_and_its_alarm(
+    core: RunningCore, reloading: Reloading
+) -> None:
     before = core.axis()
     new = changed(
         core.config,
         "axis1",
         detector=core.config.axes[0].config.detector.model_copy(update={"alpha_2": 25.0}),
     )
-    found = reloading(core).reload(new)
+    found = reloading.reload(new)
     assert (found.changed, found.kept) == ((AXIS,), 1)
     wait_for(lambda: core.axis().status.parameters[2].h != before.status.parameters[2].h)
     after = core.axis()
@@ -84,22 +94,27 @@ def test_an_axis_with_other_thresholds_keeps_its_estimates_and_its_alarm(core: R
     assert [a.raised_us for a in after.open_alarms] == [a.raised_us for a in before.open_alarms]
 
 
-def test_an_axis_with_another_trend_goes_on_where_it_was(core: RunningCore, frames: list[Frame]) -> None:
+def test_an_axis_with_another_trend_goes_on_where_it_was(
+    core: RunningCore, reloading: Reloading, frames: list[Frame]
+) -> None:
     before = states(core, AXIS)
     new = changed(core.config, "axis1", trend={"lead_time": 86400.0})
-    assert reloading(core).reload(new).changed == (AXIS,)
+    assert reloading.reload(new).changed == (AXIS,)
     assert states(core, AXIS) == before
     core.feed(seconds(frames, 12, 13))
     assert (core.axis().epoch.number, core.axis().status.samples) == (1, 2600)
 
 
-def test_axes_are_added_and_removed(core: RunningCore, tmp_path: Path, frames: list[Frame]) -> None:
-    reload = reloading(core).reload
+def test_axes_are_added_and_removed(
+    core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
+) -> None:
+    reload = reloading.reload
     assert reload(cell(tmp_path, 1)) == Reloaded((), (), (OTHER,), 1, ())
     wait_for(lambda: len(core.worker.snapshot.axes) == 1)
     core.feed([f for f in seconds(frames, 12, 13) if f.can_id == frames[0].can_id])
     assert [axis.id for axis in core.worker.snapshot.axes] == [AXIS]
     assert reload(cell(tmp_path, 2)) == Reloaded((), (OTHER,), (), 1, ())
+    wait_for(lambda: len(core.worker.snapshot.axes) == 2)
     core.feed(seconds(frames, 13, 14))
     assert [(axis.id, axis.status.samples) for axis in core.worker.snapshot.axes] == [
         (AXIS, 2800),
@@ -107,31 +122,82 @@ def test_axes_are_added_and_removed(core: RunningCore, tmp_path: Path, frames: l
     ]
 
 
-def test_what_is_not_possible_changes_nothing(core: RunningCore, tmp_path: Path) -> None:
-    reload, before = reloading(core).reload, core.axis().status
-    epochs = core.epochs()
-    bus = core.config.bus[0].model_copy(update={"channel": "another"})
+def test_what_is_not_possible_changes_nothing(
+    core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
+) -> None:
+    before, epochs = core.axis().status, core.epochs()
+    other = with_fm(core.config, 0.07)
     wrong = changed(core.config, "axis1", estimator={"torque_noise": None})
+    kept = core.config.service.model_copy(update={"history_interval_s": 7.0})
+    web = core.config.web.model_copy(update={"port": 9, "certificate": tmp_path / "a.crt"})
     cases = {
-        "needs a restart": with_fm(core.config, 0.07).model_copy(update={"bus": (bus,)}),
-        "needs messages of bus can0": cell(tmp_path, 3),
-        "demo.axis1: torque_noise not known": wrong,
+        r"^a change of \[service\] history_interval_s needs a restart$": other.model_copy(
+            update={"service": kept}
+        ),
+        r"^a change of \[web\] port and \[web\] certificate needs": other.model_copy(update={"web": web}),
+        "^demo.axis1: torque_noise not known": wrong,
+        "^bus can0: cannot open udp_multicast 10.0.0.1": on_bus(
+            other, interface="udp_multicast", channel="10.0.0.1"
+        ),
     }
     for words, config in cases.items():
         with pytest.raises(ReloadError, match=words):
-            reload(config)
+            reloading.reload(config)
+        assert reloading.config == core.config
     assert core.axis().status.parameters == before.parameters
     assert core.epochs() == epochs
+    core.feed(seconds(frames, 12, 13))
+    assert core.axis().status.samples == 2600
+    assert reloading.reload(other).changed == (AXIS,)
 
 
-def test_what_needs_a_restart_is_named(core: RunningCore) -> None:
-    kept = core.config.service.model_copy(update={"history_interval_s": 7.0})
-    new = with_fm(core.config, 0.07).model_copy(update={"service": kept})
-    assert reloading(core).reload(new) == Reloaded((AXIS,), (), (), 1, ("[service]",))
+def on_bus(config: Config, **values: object) -> Config:
+    return config.model_copy(update={"bus": (config.bus[0].model_copy(update=values),)})
 
 
-def test_a_reload_without_a_change_keeps_an_epoch(core: RunningCore) -> None:
-    reload = reloading(core).reload
+def test_a_bus_is_opened_again_and_its_axes_go_on(
+    core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
+) -> None:
+    """On another channel; with messages that no axis has needed before; with another description of the same name."""
+    core.reader.add(seconds(frames, 12, 12.5))  # which wait still
+    options = {"preserve_timestamps": True}
+    new = on_bus(core.config, channel="another", options=options)
+    assert reloading.reload(new) == Reloaded((), (), (), 2, ("[[bus]] can0",))
+    arrive(core, new, seconds(frames, 12.5, 13), 2600)
+
+    third = on_bus(cell(tmp_path, 3), channel="another", options=options)
+    found = reloading.reload(third)
+    assert (found.added, found.kept, found.tables) == (("demo.axis3",), 2, ("[[bus]] can0",))
+    arrive(core, third, seconds(frames, 13, 13.5), 2700)
+
+    assert third.bus[0].messages is not None
+    file = tmp_path / "demo.dbc"
+    file.write_bytes(third.bus[0].messages.read_bytes())
+    described = on_bus(third, messages=file)
+    assert reloading.reload(described).tables == ("[[bus]] can0",)
+    assert reloading.reload(described).tables == ()
+    text = file.read_text(encoding="utf-8")
+    assert "Axis1State" in text
+    file.write_text(text.replace("Axis1State", "FirstState"), encoding="utf-8")
+    with pytest.raises(ReloadError, match='no message "Axis1State"'):
+        reloading.reload(described)
+    file.write_text(text + "\n", encoding="utf-8")
+    assert reloading.reload(described).tables == ("[[bus]] can0",)
+    arrive(core, described, seconds(frames, 13.5, 14), 2800)
+    assert [a.parameter for a in core.axis().open_alarms] == ["fm"]
+    assert core.axis().status.counters["started"] == 1
+
+
+def arrive(core: RunningCore, config: Config, frames: list[Frame], samples: int) -> None:
+    """These frames come over the bus, and make that many samples of each of the first axes, with those before."""
+    with open_buses(config.bus) as buses:
+        for frame in frames:
+            send(buses["can0"], frame.key, frame.data, frame.t_us * 1e-6)
+    wait_for(lambda: [axis.status.samples for axis in core.worker.snapshot.axes[:2]] == [samples] * 2)
+
+
+def test_a_reload_without_a_change_keeps_an_epoch(core: RunningCore, reloading: Reloading) -> None:
+    reload = reloading.reload
     core.baselines.learn(AXIS, 36.0, 0.0, Note(START_US, "anna"))
     assert reload(core.config) == Reloaded((), (), (), 2, ())
     assert reload(

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from structlog.testing import capture_logs
@@ -20,10 +20,20 @@ from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, states_of
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
-from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, BusIntake, Compiled, Worker
+from service.pipeline.snapshot import Snapshot
+from service.pipeline.worker import (
+    COMPILING,
+    COMPILING_MULTIMODEL,
+    LOOKED_AT_S,
+    UNSEEN_S,
+    BusIntake,
+    Compiled,
+    Worker,
+)
 from service.simulation.robot import Fault
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint, Checkpoints
+from service.store.database import StoreError
 from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
 from service.store.journal import Journal, RecordedAlarm
@@ -202,6 +212,32 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
     )
 
 
+@pytest.mark.parametrize(("making_s", "pause_s"), [(0.01, LOOKED_AT_S), (0.05, 0.5), (0.3, UNSEEN_S)])
+def test_a_pause_between_snapshots_is_ten_times_as_long_as_one_takes_but_at_most_a_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, making_s: float, pause_s: float
+) -> None:
+    bench = Bench(tmp_path, demo(tmp_path, 2), Waiting())
+    clock, step_s, pauses = 0.0, 0.01, list[float]()
+    monkeypatch.setattr(worker_module, "perf_counter", lambda: clock)
+    worker, make = bench.worker, bench.worker._snapshot
+
+    def make_slowly(*news: Any) -> Snapshot:
+        nonlocal clock
+        pauses.append(clock - worker._published_s)
+        clock += making_s
+        return make(*news)
+
+    monkeypatch.setattr(worker, "_snapshot", make_slowly)
+    bench.compile()
+    while len(pauses) < 5:
+        clock += step_s
+        worker._tick()
+        assert worker.snapshot is worker._published
+    # The first one is of what is news: the kernel is ready.
+    assert pauses[-3:] == pytest.approx([pause_s] * 3, abs=1.01 * step_s)
+    bench.close()
+
+
 def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
     bench: Bench, frames: Sequence[Frame]
 ) -> None:
@@ -321,6 +357,22 @@ def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: Be
     with capture_logs() as logs:
         bench.worker.stop()
     assert [entry["samples"] for entry in logs if "was not ready" in entry["event"]] == [4800]
+
+
+def test_a_disk_that_refuses_checkpoints_is_logged_once_and_when_it_takes_them_again(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise StoreError("database or disk is full")
+
+    saver, save = bench.worker._checkpointer, bench.checkpoints.save
+    with capture_logs() as logs:
+        for way in (refuse, refuse, save, save, refuse):
+            monkeypatch.setattr(bench.checkpoints, "save", way)
+            saver.save()
+    failed, again = "checkpoint failed; it is tried again", "checkpoints are saved again"
+    assert [entry["event"] for entry in logs] == [failed, again, failed]
+    assert "disk is full" in str(saver.problem)
 
 
 def test_no_checkpoint_is_saved_while_the_detectors_are_behind_the_estimates(

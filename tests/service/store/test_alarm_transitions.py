@@ -306,6 +306,19 @@ def test_the_first_alarm_of_a_robot_is_first_out_while_others_that_followed_are_
     assert marks()[second] == (False, first)  # it was not first, though it is the only one now
 
 
+def test_the_first_of_a_group_is_first_out_whatever_their_robots(journal: Journal) -> None:
+    for second, axis in enumerate(("cell.a", "cell2.b", "cell.c")):
+        alarm = replace(RAISED, raised_us=second * SECOND, updated_us=second * SECOND)
+        journal.record([Entry(axis, "1", 1.0, alarm)])
+
+    def marks() -> list[tuple[bool, int | None]]:
+        return [(a.first_out, a.follows) for a in sorted(journal.query()[0], key=lambda a: a.id)]
+
+    assert marks() == [(True, None), (False, None), (False, 1)]
+    journal.group({"cell.a": "line", "cell2.b": "line"})
+    assert marks() == [(True, None), (False, 1), (False, None)]
+
+
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(

@@ -130,6 +130,18 @@ def test_metrics_need_none_where_that_is_configured(stage: Stage, tokens: TokenF
     refused(client.get("/api/v1/axes"), 401)
     described = client.get("/openapi.json", headers=bearer(tokens.new("ben", Scope.READ))).json()
     assert "security" not in described["paths"]["/metrics"]["get"]
+    stage.access.change([], open_metrics=False)
+    refused(client.get("/metrics"), 401)
+
+
+def test_metrics_can_be_opened_and_a_name_given_while_it_is_served(stage: Stage, tokens: TokenFile) -> None:
+    tokens.new("anna", Scope.READ)
+    stage.access = Access(tokens)
+    client = stage.client()
+    refused(client.get("/metrics"), 401)
+    stage.access.change(["axiswatch.plant.example"], open_metrics=True)
+    assert client.get("/metrics", headers={"Host": "axiswatch.plant.example"}).status_code == 200
+    refused(client.get("/readyz"), 401)
 
 
 def test_each_scope_may_do_what_it_says(asked: TestClient, tokens: TokenFile) -> None:

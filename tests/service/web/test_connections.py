@@ -34,6 +34,16 @@ def test_over_tls_the_answer_is_encrypted_and_the_browser_keeps_to_it(stage: Sta
             httpx.get(f"http://localhost:{port}/healthz")
 
 
+def test_a_certificate_that_was_renewed_is_used_for_new_connections(stage: Stage) -> None:
+    own = Certificate(TLS.file, TLS.key)
+    with serving(stage, own) as url:
+        first = ssl.get_server_certificate(("127.0.0.1", port_of(url)))
+        own.renew(Certificate(TLS.file.with_name("renewed.crt"), TLS.key.with_name("renewed.key")))
+        second = ssl.get_server_certificate(("127.0.0.1", port_of(url)))
+    assert first.split() == TLS.file.read_text(encoding="ascii").split()
+    assert second.split() == TLS.file.with_name("renewed.crt").read_text(encoding="ascii").split()
+
+
 def test_a_connection_that_sends_no_request_is_closed(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even a part of one keeps it open, before the first request or after it."""
     monkeypatch.setattr(server, "_SILENT_S", 0.2)
@@ -79,11 +89,11 @@ def test_a_certificate_that_cannot_be_used_says_why(tmp_path: Path) -> None:
     TLS.check()
     none = tmp_path / "none.key"
     with pytest.raises(CertificateError, match=r"none\.key: No such file"):
-        TLS._replace(key=none).check()
+        Certificate(TLS.file, none).check()
     none.write_text("no key", encoding="utf-8")
     with pytest.raises(
         CertificateError, match=r"localhost\.crt and .*none\.key: no PEM certificate with its own"
     ):
-        TLS._replace(key=none).check()
+        Certificate(TLS.file, none).check()
     with pytest.raises(CertificateError, match=r"the key is encrypted: store it without a password"):
-        TLS._replace(key=TLS.key.with_name("encrypted.key")).check()
+        Certificate(TLS.file, TLS.key.with_name("encrypted.key")).check()

@@ -385,7 +385,7 @@ export const de: Texts = {
     ended: "beendet", all: "alle", frequent: "häufigste",
   },
   firstOut: "Erstmeldung",
-  firstOutMeaning: "Er wurde als erster der Alarme mehrerer Achsen dieses Roboters ausgelöst.",
+  firstOutMeaning: "Er wurde als erster der Alarme mehrerer Achsen seiner Gruppe ausgelöst.",
   follows: (id) => `folgt Alarm ${id}`,
   frequency: { alarms: "Alarme", axis: "Achse", parameter: "Parameter", floods: "Anteil der zehn Minuten mit mehr als zehn" },
   sound: { on: "Ton: an", off: "Ton: aus" },

@@ -99,7 +99,7 @@ export const en = {
     all: "all", frequent: "most frequent",
   },
   firstOut: "first-out",
-  firstOutMeaning: "It was raised first of the alarms of several axes of this robot.",
+  firstOutMeaning: "It was raised first of the alarms of several axes of its group.",
   follows: (id: number) => `follows alarm ${id}`,
   frequency: { alarms: "Alarms", axis: "Axis", parameter: "Parameter", floods: "Share of the ten minutes with more than ten" },
   sound: { on: "Sound: on", off: "Sound: off" },
