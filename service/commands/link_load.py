@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +12,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import Term
-from monitor_core.identification import link_weights
+from monitor_core.identification import Record, gear_ratios, link_weights
 from service.commands.signal_proposals import configured
 from service.config import Config, NamedAxis, given_values
 from service.config.commissioned import SIGNAL, Correction, corrected
@@ -41,24 +43,27 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     arm = {other.config.name: _signal(axis, other) for other in _arm(config, axis)}
     if axis.config.name not in arm or len(arm) < 2:
         return None
+    given = {signal.name for signal in axis.config.signal}
     every = [change for changes in arm.values() for change in changes]
     config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
     loaded = [load(record, config, axis_id).record for record in records]
-    angles = [
-        name
-        for name, (signal, *_) in arm.items()
-        if all(_turns_as_an_arm(record.signals.get(signal.key[1])) for record in loaded)
-    ]
-    if axis.config.name not in angles:
+    names = {name: signal.key[1] for name, (signal, *_) in arm.items()}
+    own = names[axis.config.name]
+    extents = {n: float(np.max([_extent(r.signals.get(n)) for r in loaded])) for n in names.values()}
+    known = [name for name in names.values() if math.isfinite(extents[name])]
+    motors = [name for name in known if extents[name] >= _MOST_TURN and name not in given]
+    ratios = gear_ratios(loaded, own, known, motors) if own in motors else {}
+    angles = [name for name in known if extents[name] < _MOST_TURN or name in ratios]
+    if own not in angles:
         return None
-    names = {name: arm[name][0].key[1] for name in angles}
-    found = link_weights(loaded, names[axis.config.name], list(names.values()))
+    found = link_weights([_behind_gears(record, ratios) for record in loaded], own, angles)
     if found is None:
         return None
     used = {signal for term in found.terms for signal in Term.read(term).signals}
-    if used == {names[axis.config.name]}:
+    if used == {own}:
         return None
     signals = [c for changes in arm.values() for c in changes if c.key[1] in used]
+    signals += [_gear(name, ratio) for name, ratio in ratios.items() if name in used]
     return LinkLoad(tuple(signals), found.terms)
 
 
@@ -88,7 +93,18 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
     return tuple(found)
 
 
-def _turns_as_an_arm(angle: Floats | None) -> bool:
-    """Whether a signal is known, and may be the angle of an arm."""
+def _extent(angle: Floats | None) -> float:
+    """Range of a signal, rad; NaN: it is not known."""
     known = np.zeros(0) if angle is None else angle[np.isfinite(angle)]
-    return bool(known.size) and float(np.ptp(known)) < _MOST_TURN
+    return float(np.ptp(known)) if known.size else math.nan
+
+
+def _behind_gears(record: Record, ratios: Mapping[str, float]) -> Record:
+    """With the angles of the arm for those of the motors."""
+    turned = {name: ratio * record.signals[name] for name, ratio in ratios.items()}
+    return replace(record, signals={**record.signals, **turned})
+
+
+def _gear(name: str, ratio: float) -> Correction:
+    reason = f"the weight turns about as with a gear of 1/{1 / ratio:.3g}; the data sheet has the exact ratio"
+    return Correction((SIGNAL, name, "factor"), float(f"{ratio:.3g}"), reason)

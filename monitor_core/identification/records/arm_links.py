@@ -76,14 +76,8 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
         own: name of the signal that is the angle of the axis itself.
         angles: names of all of them, own too, from the base to the hand.
     """
-    parts = [
-        _thinned(part)
-        for part in windowed_parts(records)
-        if all(np.isfinite(part.signals[name]).all() for name in angles)
-    ]
-    window = _window(records, parts)
-    parts = [part for part in parts if len(part.u) > window]
-    if sum(len(part.u) for part in parts) < _LEAST_WINDOWS * window:
+    parts, window = slow_parts(records, angles)
+    if not parts:
         return None
     balance = _Balance(parts, window, speed_scales(records)[1])
     chosen = _waves(*_chosen(balance, own, angles))
@@ -98,6 +92,19 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
         return None
     return LinkWeights(tuple(map(str, needed)), explained, before)
+
+
+def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[Part], int]:
+    """Parts of records where these angles are known, and the window of their torque balance; none: too few windows."""
+    parts = [
+        _thinned(part)
+        for part in windowed_parts(records)
+        if all(np.isfinite(part.signals[name]).all() for name in angles)
+    ]
+    window = _window(records, parts)
+    parts = [part for part in parts if len(part.u) > window]
+    enough = sum(len(part.u) for part in parts) >= _LEAST_WINDOWS * window
+    return (parts if enough else []), window
 
 
 def _window(records: Sequence[Record], parts: Sequence[Part]) -> int:
@@ -192,7 +199,7 @@ def _thinned(part: Part) -> Part:
     return Part(means(part.u), means(part.y), part.h * block, part.quantity, signals)
 
 
-def _moving(parts: Sequence[Part], window: int) -> Bools:
+def windows_of_motion(parts: Sequence[Part], window: int) -> Bools:
     """In which windows (M,) of all parts the axis moves: where it stands, friction may be anything, as a weight may."""
     least = least_speed(parts)
     if least is not None:
@@ -210,7 +217,7 @@ class _Balance:
     def __init__(self, parts: Sequence[Part], window: int, scale: float) -> None:
         self._parts, self._window = parts, window
         equations = [windowed_equations(part, window, scale, USUAL) for part in parts]
-        self._kept = _moving(parts, window)
+        self._kept = windows_of_motion(parts, window)
         self._rows = np.concatenate([rows for rows, _ in equations])[self._kept]
         self._torque = np.concatenate([torque for _, torque in equations])[self._kept]
         self._columns: dict[_Wave, Floats] = {}

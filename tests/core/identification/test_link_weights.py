@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import Record, link_weights, turning_weight
+from monitor_core.identification import Record, gear_ratios, link_weights, turning_weight
 
 ANGLES = ("q1", "q2", "q3", "q4")
 RATE_HZ, SECONDS = 100, 60.0
@@ -128,3 +128,51 @@ def test_signals_that_never_came_tell_nothing(seed: int) -> None:
         record.t, record.u, record.y, "angle", signals={**record.signals, "q3": np.full(len(record), np.nan)}
     )
     assert link_weights([lost], "q2", ANGLES) is None
+
+
+GEARS = {"q1": 60.0, "q2": 90.0, "q3": 80.0, "q4": 50.0}
+
+
+def of_motors(record: Record, gears: Mapping[str, float]) -> Record:
+    """The same record with angles that turn so many times as far: those of motors for those of the arm, or back."""
+    return replace(
+        record, signals={name: gears.get(name, 1.0) * angle for name, angle in record.signals.items()}
+    )
+
+
+@pytest.mark.parametrize(
+    ("own", "torque", "turning"),
+    [
+        ("q2", lambda q: 8 * np.cos(q["q2"]), {"q2"}),
+        ("q2", lambda q: 8 * np.cos(q["q2"]) + 4 * np.cos(q["q2"] - q["q3"]), {"q2", "q3"}),
+        ("q3", lambda q: 5 * np.cos(q["q2"] + q["q3"] - 0.8), {"q2", "q3"}),
+        ("q4", lambda q: 3 * np.sin(q["q2"] + q["q3"] + q["q4"]) + np.cos(q["q3"] + q["q4"]), {"q2", "q3", "q4"}),
+    ],
+)  # fmt: skip
+def test_the_gear_ratios_of_motors_are_found(own: str, torque: Torque, turning: set[str], seed: int) -> None:
+    rec = of_motors(recorded(torque, np.random.default_rng(seed), own), GEARS)
+    found = gear_ratios([rec], own, ANGLES, ANGLES)
+    print({name: 1 / ratio for name, ratio in found.items()})
+    assert set(found) == turning
+    for name, ratio in found.items():
+        assert (
+            pytest.approx(1 / GEARS[name], rel=1 / 3) == ratio
+        )  # a motion over a radian and a half tells no more
+    explained = link_weights([of_motors(rec, found)], own, list(found))
+    assert explained is not None
+    assert explained.explained > max(0.9, explained.before)
+
+
+def test_angles_that_are_known_keep_their_ratio(seed: int) -> None:
+    """The shoulder is measured at the arm, the elbow at its motor."""
+    torque: Torque = lambda q: 5 * np.cos(q["q2"] + q["q3"])  # noqa: E731
+    rec = of_motors(recorded(torque, np.random.default_rng(seed), "q3"), {"q3": 80.0})
+    found = gear_ratios([rec], "q3", ANGLES, ("q3",))
+    assert set(found) == {"q3"}
+    assert pytest.approx(1 / 80, rel=0.05) == found["q3"]
+
+
+def test_a_motor_whose_weight_does_not_turn_has_no_ratio(seed: int) -> None:
+    rec = of_motors(recorded(lambda q: 3 + 0 * q["q2"], np.random.default_rng(seed)), GEARS)
+    found = gear_ratios([rec], "q2", ANGLES, ANGLES)
+    assert not found or link_weights([of_motors(rec, found)], "q2", list(found)) is None

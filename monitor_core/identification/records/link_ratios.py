@@ -1,0 +1,175 @@
+"""The gear ratios that the weight of an arm's links shows, where only the angles of the motors are known.
+
+The weight that an axis holds turns with sums of the angles of the arm (``arm_links``).  Where these are angles of
+motors before their gears, m_j, the ratios r_j = arm angle / motor angle are what the torque is explained with best:
+
+    J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = r_own m_own +- r_j m_j +- r_k m_k
+
+A program turns an arm by a few radians: a ratio that is wrong by a tenth changes an angle by a few tenths.  So trials
+of all ratios in such steps find the least of the unexplained torque, and Gauss-Newton goes on from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from monitor_core.arrays import Floats
+from monitor_core.identification.records.arm_links import slow_parts, windows_of_motion
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.rigid_body import (
+    USUAL,
+    Part,
+    integrals,
+    speed_scales,
+    window_of,
+    windowed_equations,
+)
+
+_TURNS = np.geomspace(0.3, 2 * np.pi, 40)
+"""Turns of the arm over the record, rad, that are tried; further axes hardly turn by more than a whole turn."""
+_LESS = 0.6
+"""Of the squared errors: what a further angle must leave at most."""
+
+_Sum = tuple[tuple[str, int], ...]
+
+
+def gear_ratios(
+    records: Sequence[Record], own: str, angles: Sequence[str], motors: Collection[str]
+) -> Mapping[str, float]:
+    """Arm angle over motor angle, by the name of the motor's signal, for each that the weight on an axis turns with.
+
+    Empty where the torque shows no weight that turns, or the axis itself is not one of the motors.
+
+    Args:
+        records: of the axis, whose angle is measured, with all angles as signals [rad].
+        own: name of the signal that is the angle of the axis itself.
+        angles: names of all of them, own too.
+        motors: those that are angles of motors, before gears that are not known; the others are those of the arm.
+    """
+    parts, window = slow_parts(records, angles)
+    if not parts or own not in motors:
+        return {}
+    trial = _Trial(parts, window, angles, speed_scales(records)[1])
+    ratios, sums, left = _first(trial, own)
+    for _ in range(2):
+        tried = [
+            _with_another(trial, own, other, motors, ratios, sums) for other in angles if other not in ratios
+        ]
+        best = min(tried, key=lambda found: found[2], default=None)
+        if best is None or not best[2] < _LESS * left:
+            break
+        ratios, sums, left = best
+    # A ratio that turns the arm by nearly nothing or by many turns is no weight's.
+    turns = {name: ratio * trial.extent(name) for name, ratio in ratios.items() if name in motors}
+    if not all(_TURNS[0] / 2 < turn < 2 * _TURNS[-1] for turn in turns.values()):
+        return {}
+    return {name: ratios[name] for name in turns}
+
+
+_Found = tuple[dict[str, float], list[_Sum], float]
+"""Ratios of the angles that are used, their sums, and what is left of the squared torque."""
+
+
+class _Trial:
+    """The torque balance in windows, with the mean angle of each window: a weight hardly changes within one."""
+
+    def __init__(self, parts: Sequence[Part], window: int, angles: Sequence[str], scale: float) -> None:
+        kept = windows_of_motion(parts, window)
+        equations = [windowed_equations(part, window, scale, USUAL) for part in parts]
+        rows = np.concatenate([rows for rows, _ in equations])[kept]
+        size = np.sqrt((rows**2).sum(axis=0))
+        self.rows = rows / np.where(size > 0, size, 1.0)
+        self.torque = np.concatenate([torque for _, torque in equations])[kept]
+        self.angles = dict[str, Floats]()
+        for name in angles:
+            means = []
+            for part in parts:
+                shape = window_of(window, part.h)[0]
+                means.append(integrals(part, shape, part.signals[name]) / (part.h * shape.sum()))
+            angle = np.concatenate(means)[kept]
+            self.angles[name] = angle - angle.mean()
+
+    def extent(self, name: str) -> float:
+        """Range of an angle, rad."""
+        return float(np.ptp(self.angles[name])) or 1.0
+
+    def trials(self, name: str, unknown: bool) -> Floats:
+        """Ratios to be tried for an angle."""
+        return _TURNS / self.extent(name) if unknown else np.ones(1)
+
+    def phase(self, ratios: Mapping[str, float], angles: _Sum) -> Floats:
+        """A sum of angles (M,), rad."""
+        return np.asarray(sum(sign * ratios[name] * self.angles[name] for name, sign in angles))
+
+    def columns(self, ratios: Mapping[str, float], sums: Sequence[_Sum]) -> Floats:
+        """What is fitted to the torque: one mass with friction, cosine and sine of each sum."""
+        phases = [self.phase(ratios, angles) for angles in sums]
+        return np.column_stack([self.rows, *(wave(p) for p in phases for wave in (np.cos, np.sin))])
+
+    def missed(self, ratios: Mapping[str, float], sums: Sequence[_Sum]) -> Floats:
+        """The torque (M,) that is not explained with these ratios."""
+        A = self.columns(ratios, sums)
+        return np.asarray(self.torque - A @ np.linalg.lstsq(A, self.torque, rcond=1e-8)[0])
+
+    def least(self, known: Floats, phases: Floats) -> tuple[int, float]:
+        """Which one of some sums (M, G) explains most beside known columns, and what it leaves."""
+        Q = np.linalg.qr(known)[0]
+        e = self.torque - Q @ (Q.T @ self.torque)
+        c, s = np.cos(phases), np.sin(phases)
+        c, s = c - Q @ (Q.T @ c), s - Q @ (Q.T @ s)
+        cc, ss, cs, ce, se = (c * c).sum(0), (s * s).sum(0), (c * s).sum(0), e @ c, e @ s
+        det = cc * ss - cs * cs
+        explained = np.where(det > 1e-9 * cc * ss, (ce**2 * ss - 2 * ce * se * cs + se**2 * cc) / det, 0.0)
+        best = int(np.argmax(explained))
+        return best, float(e @ e - explained[best])
+
+    def refined(self, ratios: dict[str, float], sums: list[_Sum], free: Sequence[str]) -> _Found:
+        """From about these ratios to those that leave least."""
+
+        def ratios_at(x: Floats) -> dict[str, float]:
+            return ratios | dict(zip(free, np.exp(x).tolist(), strict=True))
+
+        def missed_at(x: Floats) -> Floats:
+            return self.missed(ratios_at(x), sums)
+
+        found = least_squares(missed_at, np.log([ratios[name] for name in free]), x_scale=0.1)
+        return ratios_at(found.x), sums, float(2 * found.cost)
+
+
+def _first(trial: _Trial, own: str) -> _Found:
+    """The weight that turns with the axis itself."""
+    ratios = trial.trials(own, unknown=True)
+    best, _ = trial.least(trial.rows, np.outer(trial.angles[own], ratios))
+    return trial.refined({own: float(ratios[best])}, [((own, 1),)], [own])
+
+
+def _with_another(
+    trial: _Trial,
+    own: str,
+    other: str,
+    motors: Collection[str],
+    ratios: Mapping[str, float],
+    sums: Sequence[_Sum],
+) -> _Found:
+    """One more angle, in the sum with all that are used so far; the own ratio may be another one with it."""
+    beside = [name for name in ratios if name != own]
+    signs = list(product((1, -1), repeat=1 + len(beside)))
+    with_all = [tuple(zip((own, other, *beside), (1, *s), strict=True)) for s in signs]
+    others = trial.trials(other, other in motors)
+    owns = np.array([ratios[own]]) if beside else trial.trials(own, unknown=True)
+    tried = []
+    for r in owns.tolist():
+        known = dict(ratios) | {own: r}
+        phases = [
+            trial.phase(known | {other: 0.0}, angles)[:, None] + sign * np.outer(trial.angles[other], others)
+            for angles, (sign, *_) in zip(with_all, signs, strict=True)
+        ]
+        best, left = trial.least(trial.columns(known, sums), np.concatenate(phases, axis=1))
+        which, ratio = divmod(best, len(others))
+        tried.append((left, known | {other: float(others[ratio])}, with_all[which]))
+    _, found, angles = min(tried, key=lambda trial_: trial_[0])
+    return trial.refined(found, [*sums, angles], [name for name in found if name in motors])
