@@ -10,6 +10,10 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 
+_KEPT = 8 / 9
+"""Of the evidence for a change between two sizes of its cause (candidates.SIZES), these may keep no more.  So the
+evidence for a last resort counts for so much: else the scale of the output is named where kT has changed by a size
+between two, since the friction that it leaves as it is makes up for the error of the size."""
 _BEYOND = 1.5
 """Sizes are extrapolated so many times at most."""
 
@@ -75,6 +79,7 @@ class CausePosterior:
     def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:
         names = list(dict.fromkeys(h.cause for h in hypotheses))
         self._of = np.array([names.index(h.cause) for h in hypotheses])
+        self._counts = np.where([h.weight < 1 for h in hypotheses], _KEPT, 1.0)
         self._prior = np.array([h.weight for h in hypotheses]) / np.bincount(self._of)[self._of]
         self._causes = [_Cause.from_hypotheses(name, hypotheses) for name in names]
 
@@ -98,7 +103,8 @@ class CausePosterior:
 
         The prior of a size is its weight; all sizes together have the same prior as those of another cause.
         """
-        posterior = np.exp(evidence - evidence.max()) * self._prior
+        counted = self._counts * evidence
+        posterior = np.exp(counted - counted.max()) * self._prior
         return np.asarray(np.bincount(self._of, posterior, len(self._causes)) / posterior.sum())
 
 
