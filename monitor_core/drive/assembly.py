@@ -7,6 +7,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.friction_roles import rigid_speeds
 from monitor_core.drive.structure import DELAY, Drive, Term, split_name
 from monitor_core.kernel.llvm_vectors import FOUR
 from monitor_core.kernel.tables import (
@@ -160,7 +161,7 @@ class Assembly:
         return products + [(k, p * n + s.col, s.par) for s, k in self._index.items() if s.group == 5]
 
     def model_constants(self, model: AxisModel, speed_scale: float) -> dict[str, Floats]:
-        """V0, coef, weight, rest, theta0, lower, upper and u_scale of one axis, each as a vector.
+        """V0, coef, weight, rest, rigid, theta0, lower, upper and u_scale of one axis, each as a vector.
 
         ``speed_scale`` [rad/s] is that of Coulomb friction, see Settings.
 
@@ -179,6 +180,7 @@ class Assembly:
             "coef": np.array([p.multiple * p.term.value(fixed) for p in self._varying]),
             "weight": d[self.tables.A_col] / d[self.tables.A_row],
             "rest": model.drive.matrix("rest", model.nominal)[:, 0],
+            "rigid": rigid_speeds(model.drive, model.nominal) * (model.drive.output == "angle"),
             "theta0": model.theta0,
             "lower": model.limits[0],
             "upper": model.limits[1],

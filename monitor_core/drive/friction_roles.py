@@ -31,7 +31,7 @@ def friction_of(drive: Drive) -> Friction:
 
 def braking(drive: Drive, values: Mapping[str, float]) -> tuple[float, float]:
     """Viscous friction [N m s/rad] and Coulomb friction [N m] of a lasting motion, at the sensor; at least 0."""
-    speeds, angles = _rigid_speeds(drive, values), drive.matrix("ratio", values)[:, 0]
+    speeds, angles = rigid_speeds(drive, values), drive.matrix("ratio", values)[:, 0]
     viscous, coulomb = _viscous(drive), _coulomb(drive)
     d = sum(max(values[name], 0.0) * float(speeds[column]) ** 2 for name, column in viscous.items())
     c = sum(max(values[name], 0.0) * abs(float(angles[column])) for name, column in coulomb.items())
@@ -58,7 +58,7 @@ def _coulomb(drive: Drive) -> dict[str, int]:
     return found
 
 
-def _rigid_speeds(drive: Drive, values: Mapping[str, float]) -> Floats:
+def rigid_speeds(drive: Drive, values: Mapping[str, float]) -> Floats:
     """The state (n,) of the drive moving rigidly at a speed of 1 at the sensor; 0 where it is no speed."""
     rest = drive.matrix("rest", values)[:, 0]
     if drive.output != "angle":

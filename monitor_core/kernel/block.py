@@ -16,6 +16,7 @@ from monitor_core.kernel.admission import (
     classify_sample,
     close_gate,
     follow_conditions,
+    gain_of_speed,
     hold_inputs,
     restart_predictor,
 )
@@ -235,6 +236,7 @@ def run(
                     divide_by_interval(lanes, over, yhat, psi)
                 gain(lanes, lam, st.P, psi, Ppsi, S)
                 update_estimates(lanes, con, st, w, X, drift)
+                gain_of_speed(lanes, timing, con.rest, con.rigid, t, st.settled, h, mode, moves, st.in_a_row, K)
                 correct(lanes, K, X, eps, psi, moves)
                 if joint:
                     propagate_joint(lanes, con.joint, X, moved)

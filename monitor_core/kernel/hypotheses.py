@@ -29,6 +29,7 @@ from monitor_core.kernel.admission import (
     classify_sample,
     close_gate,
     hold_inputs,
+    is_first,
     restart_predictor,
 )
 from monitor_core.kernel.admission import GATED as CLOSED
@@ -52,6 +53,7 @@ from monitor_core.kernel.predictors import (
     USUAL,
     Predictors,
     correct,
+    correct_speed,
     has_gain,
     prediction_errors,
     propagate_interval,
@@ -161,6 +163,7 @@ def run_hypotheses(
         Roles(mode, moves, learns, tracks),
     )
     shortest, back = int(axis[SHORTEST, 0]), int(axis[BACK, 0])
+    turns = has_gain(P.K) and has_gain(P.rigid)
     gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     # fmt: off
     for k in range(start, block.t.size):
@@ -209,7 +212,11 @@ def run_hypotheses(
                                 believed)
                 check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
                             mode)
-                if moves[0] and gains:
+                first = is_first(t[0], integers[SETTLED, 0], axis[SETTLES, 0], axis[INTERVAL, 0])
+                if turns and first and mode[0] == SETTLE:
+                    integers[IN_A_ROW, 0] = 0
+                    correct_speed(lanes, P.rest, P.rigid, own, h[0], eps, x)
+                elif moves[0] and gains:
                     correct(lanes, K_now, eps, x)
                 if tracks[0]:
                     tested = True

@@ -50,6 +50,7 @@ class Predictors(NamedTuple):
     weight: Floats  # (entries of A, H) d_col / d_row of the balancing diagonal d
     K: Floats  # (GAINS n, H) filter gain after 0, 1, 2 .. intervals, over the scale of the output
     rest: Floats  # (n, H)
+    rigid: Floats  # (n, H)
     u_scale: Floats  # (m, H)
     usual_K: Floats  # (USUAL n, H) filter gain after each of the usual intervals
     terms: Floats  # (USUAL H/8 n (TERMS + n + len(moving)) 8,) factors of what x_r becomes after each of them, in the
@@ -223,3 +224,13 @@ def correct(lanes: Any, K: Floats, eps: Floats, x: Floats) -> None:
     for r in range(K.shape[0]):
         for a in range(len(lanes)):
             x[r, a] += K[r, a] * eps[a]
+
+
+@kernel
+def correct_speed(
+    lanes: Any, rest: Floats, rigid: Floats, own: Floats, h: float, eps: Floats, x: Floats
+) -> None:
+    """The first samples after a start tell angle and speed (admission.gain_of_speed)."""
+    for r in range(x.shape[0]):
+        for a in range(len(lanes)):
+            x[r, a] += (rest[r, a] + rigid[r, a] / h) * eps[a] / own[SCALE, a]

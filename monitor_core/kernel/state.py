@@ -140,7 +140,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     t = s + tables.terms.slot.size
     w = t + tables.A_row.size
     k = w + GAINS * n
-    r = k + 1 + n
+    r = k + 1 + 2 * n
     i = r + 8 * p
     b = i + m
     return Constants(
@@ -149,7 +149,8 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[t:w],
         c[w:k],
         c[k],
-        c[k + 1 : r],
+        c[k + 1 : k + 1 + n],
+        c[k + 1 + n : r],
         c[r : r + p],
         c[r + p : r + 2 * p],
         c[r + 2 * p : r + 3 * p],

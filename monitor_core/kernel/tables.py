@@ -113,6 +113,7 @@ class Constants(NamedTuple):
     K: Floats  # (GAINS n, W) filter gain after 0, 1, 2 .. intervals; 0 is the paper's output error
     interval: Floats  # (W,) s, nominal
     rest: Floats  # (n, W) state of the drive moving rigidly at y = 1
+    rigid: Floats  # (n, W) where y is an angle: state of the drive moving rigidly at a speed of 1; else zeros
     theta0: Floats  # (p, W) nominal values
     lower: Floats  # (p, W) bounds of theta
     upper: Floats  # (p, W)
@@ -143,4 +144,4 @@ class Constants(NamedTuple):
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array of the Constants of a batch."""
-    return t.slots + t.terms.slot.size + t.A_row.size + (GAINS + 1) * t.n + 8 * t.p + t.m + 18
+    return t.slots + t.terms.slot.size + t.A_row.size + (GAINS + 2) * t.n + 8 * t.p + t.m + 18

@@ -106,7 +106,7 @@ def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothe
         delay, torque.scale, torque.offset, output.scale, output.offset, hypothesis.frozen, hypothesis.still,
         1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0, 0.0, 0.0,
     ]  # fmt: skip
-    found = {name: numbers[name] for name in ("weight", "rest", "u_scale")}
+    found = {name: numbers[name] for name in ("weight", "rest", "rigid", "u_scale")}
     found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}
     usual = [
         {"usual_K": _gain_after(gains, us / 1e6 / s.interval_s)}
