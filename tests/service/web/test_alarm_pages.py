@@ -80,6 +80,7 @@ def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_
     stage.record("demo.axis1", "1", 1.0, changed)
     expect(alarm_row(page)).to_contain_text("kT ▲ up not yet named")
     expect(alarm_row(page)).to_contain_text("something has changed, at first sight kT")
+    expect(page.locator("#news")).to_contain_text("New alarm: demo.axis1")
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     expect(alarm_row(page)).to_contain_text("fm ▲ up at first kT")
     expect(alarm_row(page).get_by_role("cell").nth(4)).to_contain_text("−0.6 s +0.2 s")
