@@ -101,10 +101,9 @@ def restart_predictor(lanes: Any, mode: Ints, state_of_y: Floats, y: Floats, X: 
 
 
 @kernel
-def is_first(t: int, settled: int, settle_us: float, interval: float) -> bool:
-    """Whether a sample that settles is one of the first three after the start."""
-    intervals = (t - settled + settle_us) / (interval * 1e6)
-    return 0.5 <= intervals <= 3.5
+def is_first(t: int, settled: int, settle_us: float, h: float) -> bool:
+    """Whether a sample that settles is one of the first three after the start, by its interval h [s]."""
+    return 0.5 <= (t - settled + settle_us) / (h * 1e6) <= 3.5
 
 
 @kernel
@@ -117,24 +116,32 @@ def gain_of_speed(
     settled: Ints,
     h: Floats,
     mode: Ints,
-    moves: Ints,
-    in_a_row: Ints,
+    first: Ints,
     K: Floats,
 ) -> None:
     """Where y is an angle, the first samples after a start tell the speed, by what y has grown in each interval.
 
     An axis may start in the middle of a fast motion: the filter gain would take many time constants for its speed.
-    With three of them one that is an outlier, the very first one too, has no effect any more.
+    With three of them one that is an outlier, the very first one too, has no effect any more.  ``first`` (W,): 1 there.
     """
     for a in range(len(lanes)):
-        if mode[a] == SETTLE and is_first(t[a], settled[a], timing.settle_us[a], timing.interval[a]):
+        first[a] = 0
+        if mode[a] == SETTLE and is_first(t[a], settled[a], timing.settle_us[a], h[a]):
             most = 0.0
             for r in range(rigid.shape[0]):
                 most = max(most, abs(rigid[r, a]))
             if most > 0.0:
-                moves[a], in_a_row[a] = 1, 0
+                first[a] = 1
                 for r in range(rigid.shape[0]):
                     K[r, a] = rest[r, a] + rigid[r, a] / h[a]
+
+
+@kernel
+def follow_first(lanes: Any, first: Ints, moves: Ints, in_a_row: Ints) -> None:
+    """The state follows the first samples whatever they are."""
+    for a in range(len(lanes)):
+        if first[a]:
+            moves[a], in_a_row[a] = 1, 0
 
 
 @kernel

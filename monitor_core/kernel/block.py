@@ -16,6 +16,7 @@ from monitor_core.kernel.admission import (
     classify_sample,
     close_gate,
     follow_conditions,
+    follow_first,
     gain_of_speed,
     hold_inputs,
     restart_predictor,
@@ -183,7 +184,7 @@ def run(
         over, ago, lam, share, norm = floats(W), floats(W), floats(W), floats(W), floats(W)
         yhat, eps, believed, S, weight = floats(W), floats(W), floats(W), floats(W), floats(W)
         t, steps, terms, hit, fit, lost, until = ints(W), ints(W), ints(W), ints(W), ints(W), ints(W), ints(W)
-        mode, moves, learns, tracks = ints(W), ints(W), ints(W), ints(W)
+        mode, moves, learns, tracks, first = ints(W), ints(W), ints(W), ints(W), ints(W)
         theta, joint, drift = st.theta, any_positive(con.joint), any_positive(con.drift)
         delay = theta[T.late] if T.late >= 0 else con.delay
         # These are computed later in each sample: until then they are scratch.
@@ -211,6 +212,7 @@ def run(
             if moving:
                 time_since_correction(lanes, con.interval, h, st.in_a_row, ago)
                 interval_gain(lanes, con.interval, con.lam, con.K, h, ago, lam, K)
+                gain_of_speed(lanes, timing, con.rest, con.rigid, t, st.settled, h, mode, first, K)
                 if drift:
                     random_walk(lanes, con.drift, st.seed_left, lam, share)
                 evaluate_coefficients(lanes, T.terms, con.V0, con.coef, theta, V)
@@ -236,7 +238,7 @@ def run(
                     divide_by_interval(lanes, over, yhat, psi)
                 gain(lanes, lam, st.P, psi, Ppsi, S)
                 update_estimates(lanes, con, st, w, X, drift)
-                gain_of_speed(lanes, timing, con.rest, con.rigid, t, st.settled, h, mode, moves, st.in_a_row, K)
+                follow_first(lanes, first, moves, st.in_a_row)
                 correct(lanes, K, X, eps, psi, moves)
                 if joint:
                     propagate_joint(lanes, con.joint, X, moved)

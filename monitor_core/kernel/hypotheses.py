@@ -212,7 +212,7 @@ def run_hypotheses(
                                 believed)
                 check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
                             mode)
-                first = is_first(t[0], integers[SETTLED, 0], axis[SETTLES, 0], axis[INTERVAL, 0])
+                first = is_first(t[0], integers[SETTLED, 0], axis[SETTLES, 0], h[0])
                 if turns and first and mode[0] == SETTLE:
                     integers[IN_A_ROW, 0] = 0
                     correct_speed(lanes, P.rest, P.rigid, own, h[0], eps, x)

@@ -94,9 +94,10 @@ def outliers(name: str, grows: bool, seed: int) -> Situation:
     hit = np.flatnonzero(rng.random(350) < 0.004)
     rec.y[hit] += rng.choice([-1, 1], hit.size) * NOISE[case.output] * np.exp(rng.uniform(3, 7, hit.size))
     rec.y[300:310] += 50 * NOISE[case.output]  # more in a row than are passed over
-    rec.y[0] += 1000 * NOISE[case.output]  # it restarts
+    rec.y[0] += 1000 * NOISE[case.output]  # it restarts; of an angle the next samples make up for it
     rec.y[10:14] += 1000 * NOISE[case.output]  # later than that it does not, though it has not settled
-    return Situation(case, settings, rec, lambda p: p.outliers >= 3 and p.starts == 2, 1e-8)
+    starts = 1 if case.output == "angle" else 2
+    return Situation(case, settings, rec, lambda p: p.outliers >= 3 and p.starts == starts, 1e-8)
 
 
 FIVE_MASSES = (

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.friction_roles import rigid_speeds
 from monitor_core.drive.kalman import stable_limits
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import GAINS, TORQUE
@@ -163,6 +164,10 @@ class Paper:
             return math.nan, psi
         used = used and not pass_over
         corrects = not out or self.in_a_row >= 3
+        if self._tells_the_speed(t, h):
+            speeds = rigid_speeds(self.model.drive, self.model.nominal)
+            K = self.model.drive.matrix("rest", self.model.nominal)[:, 0] + speeds / h
+            corrects, self.in_a_row = True, 0
         before = self.theta.copy()
         if used:
             self._update(believed, psi)
@@ -266,6 +271,11 @@ class Paper:
         self.credit -= pass_over
         self.outliers += pass_over and self.t is not None and self.t >= self.settled
         return out, pass_over, float(np.clip(eps, -limit, limit))
+
+    def _tells_the_speed(self, t: int, h: float) -> bool:
+        """One of the three samples after a start, of an angle."""
+        start = self.settled - self.s.settle_s * 1e6
+        return self.model.drive.output == "angle" and t < self.settled and t - start <= 3.5e6 * h
 
     def _began_wrong(self, t: int, out: bool) -> bool:
         """The three samples after a start are all outliers: the first one was."""
