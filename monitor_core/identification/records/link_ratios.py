@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.records.arm_links import slow_parts, windows_of_motion
+from monitor_core.identification.records.arm_links import Sum, slow_parts, windows_of_motion
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     USUAL,
@@ -33,8 +33,6 @@ _TURNS = np.geomspace(0.3, 2 * np.pi, 40)
 """Turns of the arm over the record, rad, that are tried; further axes hardly turn by more than a whole turn."""
 _LESS = 0.6
 """Of the squared errors: what a further angle must leave at most."""
-
-_Sum = tuple[tuple[str, int], ...]
 
 
 def gear_ratios(
@@ -70,7 +68,7 @@ def gear_ratios(
     return {name: ratios[name] for name in turns}
 
 
-_Found = tuple[dict[str, float], list[_Sum], float]
+_Found = tuple[dict[str, float], list[Sum], float]
 """Ratios of the angles that are used, their sums, and what is left of the squared torque."""
 
 
@@ -101,16 +99,16 @@ class _Trial:
         """Ratios to be tried for an angle."""
         return _TURNS / self.extent(name) if unknown else np.ones(1)
 
-    def phase(self, ratios: Mapping[str, float], angles: _Sum) -> Floats:
+    def phase(self, ratios: Mapping[str, float], angles: Sum) -> Floats:
         """A sum of angles (M,), rad."""
-        return np.asarray(sum(sign * ratios[name] * self.angles[name] for name, sign in angles))
+        return np.asarray(sum(sign * ratios[name] * self.angles[name] for sign, name in angles))
 
-    def columns(self, ratios: Mapping[str, float], sums: Sequence[_Sum]) -> Floats:
+    def columns(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
         """What is fitted to the torque: one mass with friction, cosine and sine of each sum."""
         phases = [self.phase(ratios, angles) for angles in sums]
         return np.column_stack([self.rows, *(wave(p) for p in phases for wave in (np.cos, np.sin))])
 
-    def missed(self, ratios: Mapping[str, float], sums: Sequence[_Sum]) -> Floats:
+    def missed(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
         """The torque (M,) that is not explained with these ratios."""
         A = self.columns(ratios, sums)
         return np.asarray(self.torque - A @ np.linalg.lstsq(A, self.torque, rcond=1e-8)[0])
@@ -127,7 +125,7 @@ class _Trial:
         best = int(np.argmax(explained))
         return best, float(e @ e - explained[best])
 
-    def refined(self, ratios: dict[str, float], sums: list[_Sum], free: Sequence[str]) -> _Found:
+    def refined(self, ratios: dict[str, float], sums: list[Sum], free: Sequence[str]) -> _Found:
         """From about these ratios to those that leave least."""
 
         def ratios_at(x: Floats) -> dict[str, float]:
@@ -144,7 +142,7 @@ def _first(trial: _Trial, own: str) -> _Found:
     """The weight that turns with the axis itself."""
     ratios = trial.trials(own, unknown=True)
     best, _ = trial.least(trial.rows, np.outer(trial.angles[own], ratios))
-    return trial.refined({own: float(ratios[best])}, [((own, 1),)], [own])
+    return trial.refined({own: float(ratios[best])}, [((1, own),)], [own])
 
 
 def _with_another(
@@ -153,12 +151,12 @@ def _with_another(
     other: str,
     motors: Collection[str],
     ratios: Mapping[str, float],
-    sums: Sequence[_Sum],
+    sums: Sequence[Sum],
 ) -> _Found:
     """One more angle, in the sum with all that are used so far; the own ratio may be another one with it."""
     beside = [name for name in ratios if name != own]
     signs = list(product((1, -1), repeat=1 + len(beside)))
-    with_all = [tuple(zip((own, other, *beside), (1, *s), strict=True)) for s in signs]
+    with_all = [tuple(zip((1, *s), (own, other, *beside), strict=True)) for s in signs]
     others = trial.trials(other, other in motors)
     owns = np.array([ratios[own]]) if beside else trial.trials(own, unknown=True)
     tried = []

@@ -27,13 +27,18 @@ def go(page: Page, address: str) -> None:
     expect(page.locator("main")).to_contain_text("demo.axis1")
 
 
+def open_on_a_telephone(page: Page) -> None:
+    """The page in German, whose words are longer."""
+    page.set_viewport_size({"width": 360, "height": 740})
+    page.goto("/")
+    page.get_by_role("button", name="Deutsch").click()
+
+
 def test_on_a_telephone_nothing_is_cut_off_and_axe_finds_nothing(
     configured: Stage, page: Page, fm_alarm: Alarm
 ) -> None:
     configured.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
-    page.set_viewport_size({"width": 360, "height": 740})
-    page.goto("/")
-    page.get_by_role("button", name="Deutsch").click()
+    open_on_a_telephone(page)
     for address in ADDRESSES:
         go(page, address)
         unfold(page)
@@ -45,9 +50,7 @@ def test_each_form_is_filled_in_by_the_keyboard_and_left_where_it_was_opened(
     stage: Stage, page: Page, fm_alarm: Alarm
 ) -> None:
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
-    page.set_viewport_size({"width": 360, "height": 740})
-    page.goto("/")
-    page.get_by_role("button", name="Deutsch").click()
+    open_on_a_telephone(page)
     for address, names in FORMS.items():
         go(page, address)
         for name in names:
