@@ -48,6 +48,8 @@ _IN_STEP = 0.5
 """Of the torque that must be explained beyond that by a torque elsewhere, to take one that is out of step."""
 _ABOUT, _ROUGHER = 0.1, 3.0
 """Torques that fit as well but for this part, and are smoother by this factor, are wanted ones."""
+_ALIKE, _LATER = 0.05, 0.9
+"""Columns have the same numbers where they differ by less of their spread; and rows by which one is later"""
 _MOVES = 1e-9
 _ABSURD = 1e30
 """No quantity of a robot is as large, whatever its unit."""
@@ -235,7 +237,8 @@ def axes_by_values(
         *by_role.get("torque", []),
         *(n for n in by_role.get("current", []) if named[n].number not in known),
     ]
-    angles, unnamed = by_role.get("angle", []), by_role.get("", [])
+    asked = _asked(values, by_role.get("", []))
+    angles, unnamed = by_role.get("angle", []), [n for n in by_role.get("", []) if n not in asked]
     # An axis that sends both: the angle gives the better estimates.
     numbers = {named[name].number for name in angles}
     motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
@@ -274,7 +277,8 @@ def _weight(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> tu
     """Pairs with the same number come first, then those that explain each other; of equals the first in the table."""
     alike = named[pair.torque].number == named[pair.motion].number
     beside = _IN_STEP * _in_step(pair, named, step)
-    return alike, round(pair.explained + beside - _TURNED * pair.turned, 1)
+    digits = 1 if named[pair.torque].role or named[pair.motion].role else 2
+    return alike, round(pair.explained + beside - _TURNED * pair.turned, digits)
 
 
 # --- Columns without names: their places, and what is measured --------------------------------------------------------
@@ -316,6 +320,36 @@ def _measured(
     rough = _roughness(values[best.torque])
     rivals = [other.torque for other in alike if _roughness(values[other.torque]) * _ROUGHER > rough]
     return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
+
+
+def _asked(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
+    """Columns whose numbers another one has later: what a controller asks for, which is measured when it is done."""
+    centres = {name: float(np.nanmean(values[name])) for name in names}
+    spreads = {name: float(np.nanstd(values[name])) for name in names}
+    return {
+        a
+        for a in names
+        for b in names
+        if a != b
+        and abs(centres[b] - centres[a]) < _ALIKE * spreads[a]
+        and abs(spreads[b] - spreads[a]) < _ALIKE * spreads[a]
+        and _delay(values[a], values[b]) > _LATER
+    }
+
+
+def _delay(first: Floats, second: Floats) -> float:
+    """By how many rows the second column (N,) has the numbers of the first one later; 0: they are not the same."""
+    slope = np.gradient(first)
+    rows = np.column_stack([first, slope, np.ones_like(first)])
+    good = np.isfinite(rows).all(axis=1) & np.isfinite(second)
+    rows, right = rows[good], second[good]
+    if len(right) < _FEW or not changes(rows[:, 1]):
+        return 0.0
+    found = np.linalg.lstsq(rows, right, rcond=None)[0]
+    factor, lead, _ = found.tolist()
+    left = right - rows @ found
+    same = abs(factor - 1) < _ALIKE and float(np.std(left)) < _ALIKE * float(np.std(right))
+    return -lead / factor if same else 0.0
 
 
 def _roughness(v: Floats) -> float:
@@ -363,7 +397,8 @@ def _pair(
         record = Record(times[good], u[good], motion_of, output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
-        turned = has_wrong_sign(record)
+        # Most pairs of columns without names have nothing to do with each other.
+        turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
         axis_name(number),

@@ -115,8 +115,7 @@ def _own_word(name: str) -> str:
 
 def may_be_measured(message: Message, signal: Signal) -> bool:
     """Whether a signal may be torque or motion: it is no counter, state, limit, or what a controller asks for."""
-    # The name of an unknown message is its identifier: the ff in x18ff3101 is no word.
-    words = {*words_in(signal.name), *words_in(re.sub(r"^x[\da-f]+$", "", message.name))}
+    words = {*words_in(signal.name), *words_in(_known(message.name))}
     return not (
         counts(signal)
         or words & _NOT_MEASURED
@@ -167,9 +166,14 @@ def _wrap(signal: Signal) -> float | None:
     return next(turns, None)
 
 
+def _known(message: str) -> str:
+    """The name of a message; empty: it is unknown, and called by its identifier, which tells nothing."""
+    return "" if re.fullmatch(r"x[\da-f]+", message) else message
+
+
 def number_in(message: str, signal: str) -> str:
     """Of the axis, by the names; empty: there is none.  The number of a PDO is that of a message of every drive."""
-    for name in (re.sub(r"pdo_?\d+", "", text, flags=re.IGNORECASE) for text in (signal, message)):
+    for name in (re.sub(r"pdo_?\d+", "", text, flags=re.IGNORECASE) for text in (signal, _known(message))):
         found = re.findall(r"(?:axis|joint|motor|drive|achse|node|[aj])_?(\d+)", name, re.IGNORECASE)
         found = found or re.findall(r"\d+", name)
         if found:

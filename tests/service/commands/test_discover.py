@@ -110,6 +110,36 @@ def test_torque_and_angle_in_messages_of_their_own(tmp_path: Path, seed: int) ->
     assert ids == [("x101", "x201", "value_a"), ("x102", "x202", "value_a"), ("x103", "x203", "value_a")]
 
 
+def test_what_a_controller_asks_for_is_no_motion_and_identifiers_number_no_axes(seed: int) -> None:
+    """Three axes start and stop together; each angle that is asked for comes four cycles before the measured one.
+
+    The identifiers of torques and angles are in opposite orders, so equal digits belong to different axes.
+    """
+    rng, rate, n = np.random.default_rng(seed), 250, 4000
+    pulse = np.diff(np.sin(np.pi * np.arange(101) / 100) ** 2)  # speeds up and down again
+    rise = np.tile(np.concatenate([pulse, np.zeros(100)]), n // 200)
+    frames = []
+    for axis in range(3):
+        moves = np.repeat(rng.choice([-1, 1], n // 200) * rng.uniform(5, 20, n // 200), 200)
+        acceleration = moves * rise * rate
+        speed = np.cumsum(acceleration) / rate
+        angle = np.cumsum(speed) / rate
+        torque = 0.01 * acceleration + 0.02 * speed + 0.2 * np.tanh(speed) + 0.02 * rng.standard_normal(n)
+        counts = np.rint(angle * 4000).astype(int)
+        for k in range(n - 4):
+            t_us = round(1e6 * k / rate) + 100 * axis
+            sent = {
+                0xA1 + axis: round(1000 * torque[k]).to_bytes(2, "little", signed=True),
+                0xB3 - axis: int(counts[k]).to_bytes(4, "little", signed=True),
+                0x91 + axis: int(counts[k + 4]).to_bytes(4, "little", signed=True),
+            }
+            frames += [Frame(t_us + 30 * j, key, False, data) for j, (key, data) in enumerate(sent.items())]
+    frames.sort(key=lambda frame: frame.t_us)
+    found = discover_axes(FrameBlock.from_frames(frames)).axes
+    pairs = {axis.torque.message: axis.motion.message for axis in found}
+    assert pairs == {"xa1": "xb3", "xa2": "xb2", "xa3": "xb1"}
+
+
 def test_the_configuration_can_be_used_with_the_record(
     tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
