@@ -48,6 +48,8 @@ _IN_STEP = 0.5
 """Of the torque that must be explained beyond that by a torque elsewhere, to take one that is out of step."""
 _ABOUT, _ROUGHER = 0.1, 3.0
 """Torques that fit as well but for this part, and are smoother by this factor, are wanted ones."""
+_JERKS, _RATHER = 0.9, 6.0
+"""A torque without a name is rougher than the motion by this factor, in this share of the rows: as its slopes are."""
 _ALIKE, _LATER = 0.05, 0.9
 """Columns have the same numbers where they differ by less of their spread; and rows by which one is later"""
 _MOVES = 1e-9
@@ -254,8 +256,16 @@ def axes_by_values(
         }
         torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
     step = _step(speeds, named)
+    rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
+    found_pairs = (
+        _pair(values, u, y, output, named, t)
+        for u in torques
+        for y in motions
+        for output in _outputs(named[y].role, bool(speeds))
+        if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
+    )
     pairs = sorted(
-        (_pair(values, u, y, named, t) for u in torques for y in motions if u != y),
+        found_pairs,
         key=lambda pair: _weight(pair, named, step),
         reverse=True,
     )
@@ -271,6 +281,11 @@ def axes_by_values(
     if len({pair.name for pair in found}) < len(found):
         found = [pair._replace(name=f"axis{k}") for k, pair in enumerate(found, 1)]
     return found
+
+
+def _outputs(role: str, beside_speeds: bool) -> Sequence[Literal["angle", "speed"]]:
+    """What a motion may be: one that no name tells, and beside which no slope of an angle was found, is either."""
+    return ("speed",) if role == "speed" else ("angle",) if role or beside_speeds else ("angle", "speed")
 
 
 def _weight(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
@@ -352,11 +367,11 @@ def _delay(first: Floats, second: Floats) -> float:
     return -lead / factor if same else 0.0
 
 
-def _roughness(v: Floats) -> float:
-    """Of a column (N,): the usual change of its slope from row to row, as part of the range of 98 % of it."""
+def _roughness(v: Floats, share: float = 0.5) -> float:
+    """Of a column (N,): the change of its slope that this share of the rows has at most, as part of its usual range."""
     finite = v[np.isfinite(v)]
     low, high = np.quantile(finite, _MOST)
-    return float(np.median(abs(np.diff(finite, 2))) / (high - low)) if high > low else 0.0
+    return float(np.quantile(abs(np.diff(finite, 2)), share) / (high - low)) if high > low else 0.0
 
 
 def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:
@@ -382,14 +397,18 @@ def _likeness(a: Floats, b: Floats) -> float:
 
 
 def _pair(
-    values: Mapping[str, Floats], torque: str, motion: str, named: Mapping[str, Named], t: Floats | None
+    values: Mapping[str, Floats],
+    torque: str,
+    motion: str,
+    output: Literal["angle", "speed"],
+    named: Mapping[str, Named],
+    t: Floats | None,
 ) -> AxisRoles:
-    output: Literal["angle", "speed"] = "speed" if named[motion].role == "speed" else "angle"
     u, y = values[torque], values[motion]
     good = np.isfinite(u) & np.isfinite(y)
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
     good &= np.isfinite(times)
-    good[1:] &= np.diff(times) > 0
+    good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
     explained, turned = 0.0, False
     period = wrap_of(y[good]) if output == "angle" else None
     if np.count_nonzero(good) > 1:

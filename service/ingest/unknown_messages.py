@@ -14,7 +14,7 @@ from service.can.messages import Bits, Kind, MessageSet, message_of
 from service.ingest.live_roles import roles_on_bus
 from service.ingest.signal_roles import BusAxis
 
-_FEWEST_VALUES, _CHANGES = 100, 0.2
+_FEWEST_VALUES, _CHANGES = 16, 0.2
 """Of an axis that moves: different numbers, and the share of the frames with another one than before"""
 
 
@@ -49,6 +49,7 @@ class Discovered(NamedTuple):
 
 def discover_axes(frames: FrameBlock) -> Discovered:
     """Look at all frames of a bus, in the order of their receipt."""
+    frames = frames.in_order()
     ids, places, counts = np.unique(frames.ids, return_inverse=True, return_counts=True)
     order = np.argsort(places, kind="stable")
     own = np.split(order, np.cumsum(counts)[:-1])

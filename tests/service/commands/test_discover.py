@@ -2,12 +2,15 @@
 
 import gzip
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock, concatenate_frames
 from service.can.messages import message_of
@@ -110,34 +113,89 @@ def test_torque_and_angle_in_messages_of_their_own(tmp_path: Path, seed: int) ->
     assert ids == [("x101", "x201", "value_a"), ("x102", "x202", "value_a"), ("x103", "x203", "value_a")]
 
 
-def test_what_a_controller_asks_for_is_no_motion_and_identifiers_number_no_axes(seed: int) -> None:
-    """Three axes start and stop together; each angle that is asked for comes four cycles before the measured one.
+RATE = 250
+"""Frames a second of each identifier below"""
 
-    The identifiers of torques and angles are in opposite orders, so equal digits belong to different axes.
-    """
-    rng, rate, n = np.random.default_rng(seed), 250, 4000
+
+def moving_axes(seed: int, count: int) -> list[tuple[Floats, Floats, Floats]]:
+    """Angle [rad], speed [rad/s] and torque [N m] of axes that start and stop together, 16 s."""
+    rng, moves, found = np.random.default_rng(seed), 20, list[tuple[Floats, Floats, Floats]]()
     pulse = np.diff(np.sin(np.pi * np.arange(101) / 100) ** 2)  # speeds up and down again
-    rise = np.tile(np.concatenate([pulse, np.zeros(100)]), n // 200)
-    frames = []
-    for axis in range(3):
-        moves = np.repeat(rng.choice([-1, 1], n // 200) * rng.uniform(5, 20, n // 200), 200)
-        acceleration = moves * rise * rate
-        speed = np.cumsum(acceleration) / rate
-        angle = np.cumsum(speed) / rate
-        torque = 0.01 * acceleration + 0.02 * speed + 0.2 * np.tanh(speed) + 0.02 * rng.standard_normal(n)
-        counts = np.rint(angle * 4000).astype(int)
-        for k in range(n - 4):
-            t_us = round(1e6 * k / rate) + 100 * axis
-            sent = {
-                0xA1 + axis: round(1000 * torque[k]).to_bytes(2, "little", signed=True),
-                0xB3 - axis: int(counts[k]).to_bytes(4, "little", signed=True),
-                0x91 + axis: int(counts[k + 4]).to_bytes(4, "little", signed=True),
-            }
-            frames += [Frame(t_us + 30 * j, key, False, data) for j, (key, data) in enumerate(sent.items())]
-    frames.sort(key=lambda frame: frame.t_us)
-    found = discover_axes(FrameBlock.from_frames(frames)).axes
-    pairs = {axis.torque.message: axis.motion.message for axis in found}
-    assert pairs == {"xa1": "xb3", "xa2": "xb2", "xa3": "xb1"}
+    for _ in range(count):
+        speeds = rng.choice([-1, 1], moves) * rng.uniform(5, 20, moves)
+        acceleration = np.repeat(speeds, 200) * np.tile(np.concatenate([pulse, np.zeros(100)]), moves) * RATE
+        speed = np.cumsum(acceleration) / RATE
+        noise = 0.02 * rng.standard_normal(speed.size)
+        torque = 0.01 * acceleration + 0.02 * speed + 0.2 * np.tanh(speed) + noise
+        found.append((np.cumsum(speed) / RATE, speed, torque))
+    return found
+
+
+def counted(values: Floats, scale: float, width: int) -> list[bytes]:
+    return [int(v).to_bytes(width, "little", signed=True) for v in np.rint(values * scale)]
+
+
+def received(
+    sent: Mapping[int, Sequence[bytes]], each: Mapping[int, int] = MappingProxyType({})
+) -> FrameBlock:
+    """The frames of these identifiers, one after another in each cycle; ``each``: only in every n-th cycle."""
+    frames = [
+        Frame(1_000_000 + 4000 * k + 50 * place, can_id, False, data)
+        for place, (can_id, column) in enumerate(sent.items())
+        for k, data in enumerate(column)
+        if k % each.get(can_id, 1) == 0
+    ]
+    return FrameBlock.from_frames(sorted(frames, key=lambda frame: frame.t_us))
+
+
+def found_in(frames: FrameBlock) -> dict[str, tuple[str, str]]:
+    axes = discover_axes(frames).axes
+    return {axis.torque.message: (axis.motion.message, axis.motion.quantity) for axis in axes}
+
+
+def test_what_a_controller_asks_for_is_no_motion_and_identifiers_number_no_axes(seed: int) -> None:
+    """Each angle that is asked for comes four cycles before the measured one; torques and angles of one axis have
+    unlike digits."""
+    sent = dict[int, list[bytes]]()
+    for axis, (angle, _, torque) in enumerate(moving_axes(seed, 3)):
+        sent[0x91 + axis] = counted(angle[4:], 4000, 4)
+        sent[0xA1 + axis] = counted(torque[:-4], 1000, 2)
+        sent[0xB3 - axis] = counted(angle[:-4], 4000, 4)
+    assert found_in(received(sent)) == {
+        "xa1": ("xb3", "angle"),
+        "xa2": ("xb2", "angle"),
+        "xa3": ("xb1", "angle"),
+    }
+
+
+def test_a_speed_alone_and_a_torque_of_few_bits(seed: int) -> None:
+    sent = dict[int, list[bytes]]()
+    for axis, (_, speed, torque) in enumerate(moving_axes(seed, 3)):
+        sent[0x210 + axis] = counted(speed, 100, 2)
+        sent[0x32 - axis] = counted(torque, 20, 1)
+    assert found_in(received(sent)) == {
+        "x32": ("x210", "speed"),
+        "x31": ("x211", "speed"),
+        "x30": ("x212", "speed"),
+    }
+
+
+def test_angles_at_half_the_rate_of_the_torques(seed: int) -> None:
+    sent, each = dict[int, list[bytes]](), dict[int, int]()
+    for axis, (angle, _, torque) in enumerate(moving_axes(seed, 3)):
+        sent[0x52 - axis], sent[0x210 + axis] = counted(torque, 1000, 2), counted(angle, 1e4, 4)
+        each[0x210 + axis] = 2
+    frames = received(sent, each)
+    assert found_in(frames) == {"x52": ("x210", "angle"), "x51": ("x211", "angle"), "x50": ("x212", "angle")}
+    assert {axis.interval_s for axis in discover_axes(frames).axes} == {0.008}
+
+
+def test_a_clock_that_was_set_back(seed: int) -> None:
+    """By five seconds, in the middle of the record."""
+    ((angle, _, torque),) = moving_axes(seed, 1)
+    frames = received({0x50: counted(torque, 1000, 2), 0x210: counted(angle, 1e4, 4)})
+    frames.records["t_us"][frames.size // 2 :] -= 5_000_000
+    assert found_in(frames) == {"x50": ("x210", "angle")}
 
 
 def test_the_configuration_can_be_used_with_the_record(
