@@ -225,7 +225,10 @@ def _timed(axis: BusAxis, message: Message, series: Mapping[str, Series]) -> Bus
     cycle_s = (message.cycle_time or 0) / 1000
     interval_s = cycle_s if abs(measured_s - cycle_s) < _CYCLE * cycle_s else _rounded(measured_s)
     bunched = any(s.is_bunched for s in own)
-    return axis._replace(interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched)
+    apart = max(s.interval_s for s in own) > _ALIKE * min(s.interval_s for s in own)
+    return axis._replace(
+        interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched, apart=apart
+    )
 
 
 def _rounded(interval_s: float) -> float:

@@ -66,6 +66,8 @@ class BusAxis(NamedTuple):
     """The interval is measured"""
     bunched: bool = False
     """Its frames are received in bunches"""
+    apart: bool = False
+    """Its torque and its motion come at different rates"""
     explained: float | None = None
     """Part of the torque that the motion explains as a rigid mass; None: no values were compared"""
 
@@ -226,4 +228,6 @@ def summary(axes: Sequence[BusAxis]) -> Iterator[str]:
             words += f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
         elif axis.measured:
             words += " by its name; it did not move"
+        if axis.apart:
+            words += "; torque and motion come at different rates, and a sample needs both: let them be sent at one rate"
         yield words

@@ -16,6 +16,7 @@ from service.can.frames import Frame, FrameBlock, concatenate_frames
 from service.can.messages import message_of
 from service.commands.exit_codes import MISTAKE
 from service.config import Config, load
+from service.ingest.signal_roles import summary
 from service.ingest.unknown_messages import discover_axes
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch, refused, shown
@@ -187,7 +188,9 @@ def test_angles_at_half_the_rate_of_the_torques(seed: int) -> None:
         each[0x210 + axis] = 2
     frames = received(sent, each)
     assert found_in(frames) == {"x52": ("x210", "angle"), "x51": ("x211", "angle"), "x50": ("x212", "angle")}
-    assert {axis.interval_s for axis in discover_axes(frames).axes} == {0.008}
+    axes = discover_axes(frames).axes
+    assert {axis.interval_s for axis in axes} == {0.008}
+    assert all("come at different rates" in line for line in summary(axes))
 
 
 def test_a_clock_that_was_set_back(seed: int) -> None:
