@@ -229,5 +229,7 @@ def summary(axes: Sequence[BusAxis]) -> Iterator[str]:
         elif axis.measured:
             words += " by its name; it did not move"
         if axis.apart:
-            words += "; torque and motion come at different rates, and a sample needs both: let them be sent at one rate"
+            words += (
+                "; torque and motion come at different rates, but a sample needs both: send them at one rate"
+            )
         yield words
