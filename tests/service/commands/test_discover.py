@@ -181,6 +181,20 @@ def test_a_speed_alone_and_a_torque_of_few_bits(seed: int) -> None:
     }
 
 
+def test_all_axes_in_one_long_frame(seed: int) -> None:
+    """Of CAN FD: a number that begins with the ninth byte is called neither i, which is a current, nor t or w."""
+    axes = moving_axes(seed, 6)
+    columns = [
+        column for angle, _, torque in axes for column in (counted(torque, 1000, 2), counted(angle, 1e4, 4))
+    ]
+    found = discover_axes(received({0x20: [b"".join(row) for row in zip(*columns, strict=True)]})).axes
+    places = ["a", "g", "xbe", "xcc", "xda", "xdg"]
+    assert [axis.torque.signal for axis in found] == [f"value_{place}" for place in places]
+    assert [axis.motion.signal for axis in found] == [
+        f"value_{p}" for p in ("c", "xba", "xbg", "xce", "xdc", "xea")
+    ]
+
+
 def test_angles_at_half_the_rate_of_the_torques(seed: int) -> None:
     sent, each = dict[int, list[bytes]](), dict[int, int]()
     for axis, (angle, _, torque) in enumerate(moving_axes(seed, 3)):
