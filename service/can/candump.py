@@ -42,7 +42,7 @@ _SHOWN = re.compile(
 )
 _CSV = re.compile(rb"^(\d+\.?\d*),0x([\da-f]+),([01]),([01]),([01]),(\d+),([\w+/=]*)\r?$", re.MULTILINE)
 _SAVVYCAN = re.compile(
-    rb"^(\d+),([\dA-F]{8}),(true|false),(?:[RT]x,)?(\d+),(\d+),((?:[\dA-F]{2},?)*)\r?$",
+    rb"^(\d+),([\dA-F]{8}),(true|false),(?:[RT]x,)?(\d+),(\d+),((?:[\dA-F]{2},?)*),*\r?$",
     re.MULTILINE | re.IGNORECASE,
 )
 Text = NDArray[np.uint8]
@@ -128,7 +128,7 @@ def _of_savvycan(line: re.Match[bytes]) -> bytes:
     data = shown.replace(b",", b"")
     if len(data) != 2 * int(length):
         return line[0]
-    return _line(int(stamp) / 1e6, channel, frame_id if extended == b"true" else frame_id[-3:], data)
+    return _line(int(stamp) / 1e6, channel, frame_id if extended.lower() == b"true" else frame_id[-3:], data)
 
 
 _FORMS: Mapping[bytes, tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], bytes]]] = {
