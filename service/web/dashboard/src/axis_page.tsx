@@ -84,10 +84,11 @@ function newest(axis: Axis | undefined): number {
 
 function Head({ axis, age }: { axis: Axis; age: number | null }) {
   const localised = (words: string): string => translated(words, axis.sentences) ?? words;
+  const gate = localised(axis.gated_by ?? "");
   const notes = [
-    ...t.notTestedSentences(axis),
+    ...t.notTestedSentences(axis, gate),
     ...(epochWords(axis) === "" ? [] : [epochWords(axis)]),
-    ...(axis.gated_by === null ? [] : [t.paused(localised(axis.gated_by))]),
+    ...(gate === "" ? [] : [t.paused(gate)]),
     ...axis.outside_calibration.map((words) => t.outsideCalibration(localised(words))),
   ];
   return (

@@ -9,6 +9,7 @@ import { hasToken, type Alarm, type Body } from "./ask";
 import { AxisPage } from "./axis_page";
 import { CommissioningPage } from "./commissioning_page";
 import { span, zone } from "./format";
+import { language } from "./language";
 import { silence, start, useLive, type Live } from "./live";
 import { isHidden, keyOf } from "./need";
 import { Overview } from "./overview";
@@ -16,7 +17,7 @@ import "./page.css";
 import { translated, Words } from "./sentences";
 import { SignIn } from "./sign_in";
 import { SystemPage } from "./system_page";
-import { choose, language, t } from "./texts";
+import { choose, t } from "./texts";
 
 function useAddress(): string[] {
   const read = (): string[] => location.hash.replace(/^#\/?/, "").split("/").map((part) => {

@@ -70,11 +70,11 @@ describe("an alarm in a sentence", () => {
   test("is German in German", () => {
     choose("de");
     const unit = "N\u202fm\u202fs/rad";
-    expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %) über dem Nennwert`);
+    expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert`);
     expect(alarmSentence(changed({ stage: "changed" }))).toContain("auf den ersten Blick fm");
     expect(alarmSentence(changed({ size: null, direction: "down" }))).toContain("fm liegt unter dem Nennwert, um wie viel");
     expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc"] }] })))
-      .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %) über dem Nennwert; gleich sähe aus: fc`);
+      .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert; gleich sähe aus: fc`);
     expect(alarmSentence(changed({ parameter: "delay", size: 0.0005, nominal: 0 }))).toContain("kommt 0,5 ms zu spät");
     expect(alarmSentence(changed({ parameter: "delay", size: null, nominal: 0 }))).toContain("kommt zu spät, um wie viel");
     expect(alarmSentence(changed({ doubt: "still", inside_calibration: false }))).toMatch(/keine Bewegung.*; außerhalb/);
@@ -82,7 +82,7 @@ describe("an alarm in a sentence", () => {
       name: "fm", limit: 0.09, unit: "N m s/rad", above: true, state: "ahead", low: "2026-03-13T00:00:00Z", high: "2026-03-21T00:00:00Z", words: "",
     };
     expect(alarmSentence(changed({ reaches: [reach], updated: "2026-03-01T00:00:00Z" })))
-      .toBe(`fm erreicht 0,09 ${unit} in 12 bis 20 Tagen; jetzt: fm liegt 0,018 ${unit} (30 %) über dem Nennwert`);
+      .toBe(`fm erreicht 0,09 ${unit} in 12 bis 20 Tagen; jetzt: fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert`);
     expect(meaningOf("reciprocal of: inertia of the arm")).toBe("Kehrwert von: Trägheit des Arms");
     expect(meaningOf("friction of my drive")).toBe("friction of my drive");
     choose("en");
@@ -132,11 +132,11 @@ describe("what is not tested", () => {
     choose("en");
   });
 
-  test("is that of the daemon in English", () => expect(t.notTestedSentences(axis)).toEqual(["as the daemon says it"]));
+  test("is that of the daemon in English", () => expect(t.notTestedSentences(axis, "payload")).toEqual(["as the daemon says it"]));
 
   test("is a sentence for each reason in German", () => {
     choose("de");
-    const [unseen, gated, ...more] = t.notTestedSentences(axis);
+    const [unseen, gated, ...more] = t.notTestedSentences(axis, "payload");
     expect(unseen).toMatch(/^p0, p2 werden nicht geprüft: die Bewegung enthält fast keine Information darüber. Nötig: Bewegung/);
     expect(gated).toMatch(/^p3 wird nicht geprüft: die Betriebsbedingungen schließen die Messwerte aus \(payload\). Nötig/);
     expect(more).toEqual([]);

@@ -1,13 +1,13 @@
 // German. Sentences of the daemon are here by their kinds; what is not, as the text of an error of the system, is English.
 import type { Alarm, Body, Parameter } from "../ask";
 import { moment, unit as unitOf } from "../format";
-import { translated } from "../sentences";
+import { Z95 } from "../series";
 import type { Texts } from "./en";
 
 const comma = (digits: string): string => digits.replace(".", ",");
 
 /** Two digits, all of a whole number. */
-const digits = (x: number): string => (Number.isFinite(x) ? comma(x >= 10 ? x.toFixed(0) : String(Number(x.toPrecision(2)))) : "?");
+const digits = (x: number): string => (Number.isFinite(x) ? comma(Math.abs(x) >= 10 ? x.toFixed(0) : String(Number(x.toPrecision(2)))) : "?");
 
 const ms = (s: number): string => `${digits(1000 * Math.abs(s))} ms`;
 
@@ -76,8 +76,16 @@ function fact(alarm: Alarm, unit: string): string {
   }
   const side = size < 0 ? "unter" : "über";
   if (!Number.isFinite(size)) return `${alarm.parameter} liegt ${side} dem Nennwert, um wie viel, ist nicht bekannt`;
-  const part = nominal ? ` (${digits(Math.abs((100 * size) / nominal))} %)` : "";
+  const scale = nominal ? 100 / Math.abs(nominal) : 1;
+  const known = [...(nominal ? [`${digits(scale * Math.abs(size))} %`] : []), ...interval(scale * Math.abs(size), scale * (alarm.size_sd ?? NaN))];
+  const part = known.length > 0 ? ` (${known.join(", ")})` : "";
   return `${alarm.parameter} liegt ${[digits(Math.abs(size)), unit].filter(Boolean).join(" ")}${part} ${side} dem Nennwert`;
+}
+
+/** Worin die Größe mit 95 % Wahrscheinlichkeit liegt; leer: unbekannt, oder nicht von ihr zu unterscheiden. */
+function interval(size: number, sd: number): string[] {
+  const [low, high] = [digits(size - Z95 * sd), digits(size + Z95 * sd)];
+  return Number.isFinite(sd) && low !== high ? [`${low} bis ${high}`] : [];
 }
 
 const SURE = 0.95;
@@ -360,12 +368,12 @@ export const de: Texts = {
     "not observed": "nicht beobachtet", invalid: "ungültig", alarm: "Alarm",
   },
   notTested: "nicht geprüft",
-  notTestedSentences: ({ parameters, gated_by, sentences }) => {
+  notTestedSentences: ({ parameters }, gate) => {
     const reasons = [...new Set(parameters.map((p) => p.not_tested_reason))].filter((reason) => reason !== null);
     return reasons.map((reason) => {
       const names = parameters.filter((p) => p.not_tested_reason === reason).map((p) => p.name);
       const [why, needed] = NOT_TESTED[reason];
-      const condition = reason === "operating conditions" && gated_by !== null ? ` (${translated(gated_by, sentences) ?? gated_by})` : "";
+      const condition = reason === "operating conditions" && gate ? ` (${gate})` : "";
       return `${names.join(", ")} ${names.length === 1 ? "wird" : "werden"} nicht geprüft: ${why}${condition}. Nötig: ${needed}`;
     });
   },
@@ -454,6 +462,7 @@ export const de: Texts = {
     sensor: "Zuerst Sensor, Kabel und Einstellungen der Steuerung prüfen, dann die Mechanik.",
     inspect: (what) => `Die Achse auf diese Ursache prüfen: ${what}.`,
     inspectAlike: (names) => `Die Daten können dies nicht unterscheiden, also auch prüfen: ${names}.`,
+    cold: "Ein kälteres Getriebe oder anderes Fett sähe gleich aus: mit seiner Temperatur vergleichen, und mit anderen Achsen.",
     payload: "Was der Roboter trägt, mit der in der Steuerung eingestellten Nutzlast vergleichen.",
     forecast: "Die Wartung vor dem Erreichen der Grenze einplanen.",
     order: "Auftragsnummer eintragen; Rohdaten und Bericht mitgeben.",

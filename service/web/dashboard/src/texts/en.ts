@@ -80,7 +80,7 @@ export const en = {
     "not observed": "not observed", invalid: "invalid", alarm: "alarm",
   } as Record<string, string>,
   notTested: "not tested",
-  notTestedSentences: (axis: Axis) => axis.not_tested,
+  notTestedSentences: (axis: Axis, _gate: string) => axis.not_tested,
   notTestedReason: {
     "no sample": "no sample", settling: "settling after a start or a gap", "operating conditions": "operating conditions",
     "warm-up state": "warm-up state not known", unidentifiable: "unidentifiable", seeding: "learning",
@@ -168,6 +168,7 @@ export const en = {
     sensor: "Check sensor, cable and controller settings of this axis first, then the mechanics.",
     inspect: (what: string) => `Inspect the axis for this cause: ${what}.`,
     inspectAlike: (names: string) => `The data cannot tell these apart, so check them, too: ${names}.`,
+    cold: "A colder gearbox or another grease would look the same: compare with its temperature, and with other axes.",
     payload: "Compare what the robot carries with the payload that the controller has been given.",
     forecast: "Plan the maintenance before the limit is reached.",
     order: "Note the work order; send frames and report with it.",
