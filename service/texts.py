@@ -130,8 +130,12 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
         return f"{parameter} is {side} its nominal value, by how much is not known"
     amount += "" if unit == "1" else f" {unit}"
     scale = 100 / abs(nominal) if nominal else 1.0
-    share = [f"{_digits(scale * abs(size))} %"] if nominal else []
-    known = ", ".join(share + _interval(scale * abs(size), scale * size_sd))
+    known = ", ".join(
+        [
+            *([f"{_digits(scale * abs(size))} %"] if nominal else []),
+            *_interval(scale * abs(size), scale * size_sd),
+        ]
+    )
     return f"{parameter} is {amount}{f' ({known})' if known else ''} {side} its nominal value"
 
 

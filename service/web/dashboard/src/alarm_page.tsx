@@ -7,7 +7,7 @@ import { moment, percent, stamp, zone } from "./format";
 import { useLive } from "./live";
 import { AlarmWords, Meaning, meaningOf, Reached } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time } from "./marks";
-import { causeName, whoName } from "./sentences";
+import { causeName, failure, whoName } from "./sentences";
 import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
@@ -20,7 +20,7 @@ export function AlarmPage({ id }: { id: string }) {
       set(await ask<AlarmRecord>(`/api/v1/alarms/${encodeURIComponent(id)}`));
       setProblem("");
     } catch (error) {
-      setProblem((error as Error).message);
+      setProblem(failure(error));
     }
   }, [id]);
   const beat = Math.floor((live.answered ?? 0) / 5000);

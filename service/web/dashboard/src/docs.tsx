@@ -1,8 +1,7 @@
 // Renders openapi.json: operations with their parameters and the fields of their answers.
-import { render, type ComponentChildren } from "preact";
+import type { ComponentChildren } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { ask, TokenNeeded } from "./ask";
-import "./page.css";
 import { SignIn } from "./sign_in";
 import { t } from "./texts";
 
@@ -107,12 +106,15 @@ function BodyPart({ name, schema }: { name: string; schema: Schema }) {
   );
 }
 
-function Docs() {
+export function Docs() {
   const [api, set] = useState<OpenApi | null>(null);
   const [problem, setProblem] = useState<unknown>(null);
-  useEffect(() => void ask<OpenApi>("/openapi.json").then(set, setProblem), []);
+  useEffect(() => {
+    document.title = "axiswatch API";
+    void ask<OpenApi>("/openapi.json").then(set, setProblem);
+  }, []);
   return (
-    <>
+    <div class="docs">
       <header>
         <div class="bar-top">
           <a class="brand" href="/"><img src="/static/icon.svg" alt="" width="24" height="24" /> axiswatch</a>
@@ -124,7 +126,7 @@ function Docs() {
         <h1>{api ? `${api.info.title} API ${api.info.version}` : "axiswatch API"}</h1>
         {api ? <Everything api={api} /> : <p class="quiet">{problem ? String((problem as Error).message) : t.schemaLoading}</p>}
       </main>
-    </>
+    </div>
   );
 }
 
@@ -145,6 +147,3 @@ function Everything({ api }: { api: OpenApi }) {
     </>
   );
 }
-
-const place = document.getElementById("app");
-if (place) render(<Docs />, place);

@@ -49,11 +49,11 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
   const { number, state, source, since, who, values } = t.epochs.columns;
   const cellsOf = (epoch: Epoch): Cells => [
     String(epoch.number),
-    <>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words>{epoch.reason}</Words></small>}</>,
+    <>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words by={epoch.sentences}>{epoch.reason}</Words></small>}</>,
     t.epochs.source[epoch.source],
     <>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</>,
     <bdi>{[whoName(epoch.who), epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi>,
-    <>{epoch.values.map((v) => <Value key={v.name} v={v} />)}</>,
+    <>{epoch.values.map((v) => <Value key={v.name} v={v} by={epoch.sentences} />)}</>,
     ["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
       <button type="button" onClick={() => want({ action: "restore", number: epoch.number })}>{t.epochs.restore}</button>
     ),
@@ -74,9 +74,9 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
   );
 }
 
-function Value({ v }: { v: Epoch["values"][number] }) {
+function Value({ v, by }: { v: Epoch["values"][number]; by: Epoch["sentences"] }) {
   const before = v.former === null ? "" : ` (${t.epochs.before} ${numberWithUnit(v.former, v.unit)})`;
-  return <div><bdi>{v.name}</bdi> = {numberWithUnit(v.value, v.unit)}{before}{v.kept !== null && <small><Words>{v.kept}</Words></small>}</div>;
+  return <div><bdi>{v.name}</bdi> = {numberWithUnit(v.value, v.unit)}{before}{v.kept !== null && <small><Words by={by}>{v.kept}</Words></small>}</div>;
 }
 
 /** The text of a chosen file; null: none was chosen. */

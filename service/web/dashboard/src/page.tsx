@@ -1,4 +1,4 @@
-// The dashboard: its header, and the page that the address names (#/, #/axes/ID, #/alarms, #/alarms/N, #/system).
+// The dashboard: its header, and the page that the address names (#/, #/axes/ID, #/alarms, #/alarms/N, #/system); or /docs.
 import { render } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { AlarmList } from "./alarm_list";
@@ -8,6 +8,7 @@ import { SoundSwitch } from "./alarm_sound";
 import { hasToken, type Alarm, type Body } from "./ask";
 import { AxisPage } from "./axis_page";
 import { CommissioningPage } from "./commissioning_page";
+import { Docs } from "./docs";
 import { span, zone } from "./format";
 import { language } from "./language";
 import { silence, start, useLive, type Live } from "./live";
@@ -193,6 +194,7 @@ function useTitle(live: Live, gone: number | null): void {
   }, [title, icon]);
 }
 
-start();
+const ofApi = location.pathname === "/docs";
+if (!ofApi) start();
 const place = document.getElementById("app");
-if (place) render(<App />, place);
+if (place) render(ofApi ? <Docs /> : <App />, place);
