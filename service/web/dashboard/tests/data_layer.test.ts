@@ -459,7 +459,8 @@ describe("what has changed in a Bode plot", () => {
     const resonances = [{ nominal_hz: 10, present_hz: 10.05 }, { nominal_hz: 20, present_hz: 22 }, { nominal_hz: 30, present_hz: null }];
     expect(signsOf(resonances)).toEqual([{ at: 10, mark: "○" }, { at: 20, mark: "○" }, { at: 22, mark: "▲" }, { at: 30, mark: "○" }]);
     const curve = (magnitude_db: Numbers) => ({ magnitude_db, phase_deg: magnitude_db });
-    const bode = { axis: "a", unit: "rad per N m", frequency_hz: [1, 2, 3, 4], nominal: curve([0, 0, 0, null]), without_estimate: [], resonances };
+    const bode = { axis: "a", unit: "rad per N m", frequency_hz: [1, 2, 3, 4], nominal: curve([0, 0, 0, null]),
+      without_estimate: [], magnitude_sd_db: [], phase_sd_deg: [], resonances };
     expect(farthest({ ...bode, present: curve([1, -3, 2, 9]) })).toEqual({ hz: 2, db: -3 });
     expect(farthest({ ...bode, present: curve([0.05, 0, 0, null]) })).toBeNull();
     expect(farthest({ ...bode, present: null })).toBeNull();

@@ -577,7 +577,7 @@ export const de: Texts = {
     magnitude: (unit) => `Betrag [dB, von ${unit}]`,
     phase: "Phase [°]",
     nominal: "Nennmodell, seine Resonanzen",
-    present: "heutiges Modell, verschobene Resonanzen",
+    present: "heutiges Modell mit 95-%-Band, verschobene Resonanzen",
     none: "Mit den heutigen Schätzwerten ergibt der Antrieb keinen Sinn: es gibt kein heutiges Modell.",
     without: (names) => `Kein gültiger Schätzwert von ${names}: das heutige Modell hat den Nennwert.`,
     change: (db, hz) => `Größte Änderung des Betrags: ${db} bei ${hz}`,

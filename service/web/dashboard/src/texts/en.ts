@@ -250,7 +250,7 @@ export const en = {
     magnitude: (unit: string) => `Magnitude [dB, of ${unit}]`,
     phase: "Phase [°]",
     nominal: "nominal model, its resonances",
-    present: "present model, resonances that have moved",
+    present: "present model with its 95 % band, resonances that have moved",
     none: "With the present estimates the drive makes no sense: there is no present model.",
     without: (names: string) => `No valid estimate of ${names}: the present model has the nominal value.`,
     change: (db: string, hz: string) => `Largest change of the magnitude: ${db} at ${hz}`,
