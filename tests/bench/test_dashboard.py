@@ -88,9 +88,9 @@ def test_three_hundred_axes_in_a_browser(
             )
             page.wait_for_timeout(3000)
             first_mb = heap_mb(page)
-            page.wait_for_timeout(1000 * LIVE_S)
-            last_mb = heap_mb(page)
+            page.wait_for_timeout(1000 * LIVE_S + 500)
             browser.stop_tracing()
+            last_mb = heap_mb(page)
             tasks = tasks_of(json.loads(trace.read_bytes())["traceEvents"])
             live = [task for task in tasks if task.at_s > tasks[-1].at_s - LIVE_S]
             rows.append(

@@ -91,15 +91,19 @@ function Head({ axis, age }: { axis: Axis; age: number | null }) {
     ...(gate === "" ? [] : [t.paused(gate)]),
     ...axis.outside_calibration.map((words) => t.outsideCalibration(localised(words))),
   ];
+  // What is not tested for that reason is named above.
+  const isTold = (words: string): boolean => axis.sentences.some(({ words: own, kind, values }) => own === words && kind === "not observed"
+    && axis.parameters.some((p) => p.name === values["name"] && p.not_tested_reason === "not observed"));
+  const confounded = axis.confounded.filter((words) => !isTold(words));
   return (
     <div class="axis-head">
       <h1><bdi>{axis.id}</bdi></h1>
       <p class={isSilent(axis) ? "late" : "quiet"}>{age === null ? t.noSample : t.lastSample(span(age))}</p>
       <p class="quiet"><bdi>{axis.model.drive}</bdi>, {t.output[axis.model.output] ?? axis.model.output} · {t.bus} <bdi>{axis.bus}</bdi></p>
-      {(axis.confounded.length > 0 || notes.length > 0) && (
+      {(confounded.length > 0 || notes.length > 0) && (
         <ul class="banner warn" aria-label={`${t.notTested}: ${axis.id}`}>
           {notes.map((words) => <li key={words}><bdi>{words}</bdi></li>)}
-          {axis.confounded.map((words) => <li key={words}><Words by={axis.sentences}>{words}</Words></li>)}
+          {confounded.map((words) => <li key={words}><Words by={axis.sentences}>{words}</Words></li>)}
         </ul>
       )}
     </div>

@@ -57,7 +57,7 @@ export const stateOf = (p: Parameter): string =>
 
 /** The estimate with its 95 % interval; before the first sample there is none. */
 export const estimateText = (p: Parameter): string =>
-  p.status === "waiting" ? "–" : `${withMargin(p.estimate, Z95 * (p.standard_deviation ?? 0))} ${unit(p.unit)}`.trim();
+  p.status === "waiting" || p.estimate === null ? "–" : `${withMargin(p.estimate, Z95 * (p.standard_deviation ?? 0))} ${unit(p.unit)}`.trim();
 
 /** How a parameter is to be drawn. */
 export const kindOf = (p: Parameter): string => (p.status === "alarm" ? "out" : p.tested ? "" : "untested");

@@ -173,8 +173,7 @@ function drawnTile(item: Item, known: boolean, wide: boolean, age: string) {
       <a class={`tile ${need} prio-${alarms[0]?.priority ?? "none"}`} href={axisLink(axis.id)} aria-label={label} title={axis.id}>
         <span class="head">
           {alarms[0] ? <AlarmMark alarm={alarms[0]} /> : <NeedMark need={need} />}
-          {wide ? <bdi class="whole name">{axis.id}</bdi>
-            : <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>}
+          <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>
           {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[axis.epoch.state] : words}</span>}
         </span>
         {wide && <Age {...{ item, age }} />}
