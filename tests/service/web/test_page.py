@@ -265,6 +265,9 @@ def test_of_a_robot_with_a_long_name_each_tile_names_its_axis(page: Page, stage:
     for name in names.all():
         inside = "n => n.getBoundingClientRect().right <= n.closest('.head').getBoundingClientRect().right"
         assert name.evaluate(f"n => n.scrollWidth <= n.clientWidth && ({inside})(n)")
+    page.set_viewport_size({"width": 560, "height": 800})  # narrow tiles: the numbers give way to the names
+    for name in page.locator(".row .parameter").all():
+        assert name.evaluate("n => n.scrollWidth <= n.clientWidth")
 
 
 @pytest.mark.parametrize("width", soaked([3840, 1280, 360], 360))

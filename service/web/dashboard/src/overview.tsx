@@ -132,7 +132,7 @@ function Tiles({ items }: { items: Item[] }) {
   };
   return (
     <ul ref={place} class={layout.wide ? "tiles wide" : "tiles"} aria-label={t.axes} onKeyDown={move}
-      style={{ "gap": `${GAP}px`, "grid-template-columns": `repeat(${layout.columns}, minmax(0, 1fr))`, "--bar": `${layout.bar}px` }}>
+      style={{ "gap": `${GAP}px`, "grid-template-columns": `repeat(${layout.columns}, minmax(0, 1fr))`, "--bar": `${layout.bar}px`, "--zoom": layout.zoom }}>
       {items.map((item) => (
         <Tile key={item.axis.id} item={drawn.get(item.axis.id) ?? item} known={drawn.has(item.axis.id)}
           wide={layout.wide} age={layout.wide ? ageText(ageOf(item.axis, live)) : ""} />

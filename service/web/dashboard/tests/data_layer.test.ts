@@ -73,8 +73,8 @@ describe("an alarm in a sentence", () => {
     expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert`);
     expect(alarmSentence(changed({ stage: "changed" }))).toContain("auf den ersten Blick fm");
     expect(alarmSentence(changed({ size: null, direction: "down" }))).toContain("fm liegt unter dem Nennwert, um wie viel");
-    expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc"] }] })))
-      .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert; gleich sähe aus: fc`);
+    expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc", "torque scale"] }] })))
+      .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert; gleich sähe aus: fc oder Maßstab des Moments`);
     expect(alarmSentence(changed({ parameter: "delay", size: 0.0005, nominal: 0 }))).toContain("kommt 0,5 ms zu spät");
     expect(alarmSentence(changed({ parameter: "delay", size: null, nominal: 0 }))).toContain("kommt zu spät, um wie viel");
     expect(alarmSentence(changed({ doubt: "still", inside_calibration: false }))).toMatch(/keine Bewegung.*; außerhalb/);
@@ -245,6 +245,13 @@ describe("tiles", () => {
     const { columns, bar, wide } = layoutOf(300, 3, 1888, 850);
     expect(wide).toBe(false);
     expect(Math.ceil(300 / columns) * (27 + 3 * (3 + bar) + GAP)).toBeLessThanOrEqual(850 + GAP);
+  });
+  test("of a few are larger on a wall, where all still fit", () => {
+    const { columns, wide, zoom } = layoutOf(6, 3, 2400, 1200);
+    expect([wide, zoom]).toEqual([true, 2]);
+    expect(zoom * Math.ceil(6 / columns) * (74 + 36 * 3)).toBeLessThan(1200);
+    expect(layoutOf(60, 3, 2400, 1200).zoom).toBe(1);
+    expect(layoutOf(6, 3, 1248, 600).zoom).toBe(1);
   });
   test("of a few show numbers, on a phone, too", () => {
     expect(layoutOf(6, 3, 1888, 850).wide).toBe(true);

@@ -149,15 +149,15 @@ function course(p: Body<"LongTermHistory">, unit: string): string {
 function sentence(alarm: Alarm, unit: string): string | null {
   const outside = alarm.inside_calibration === false ? "; außerhalb der Bedingungen der Kalibrierung ausgelöst" : "";
   if (alarm.stage === "changed") {
-    return `etwas hat sich geändert, auf den ersten Blick ${alarm.parameter}; Ursache und Größe sind noch nicht bekannt${outside}`;
+    return `etwas hat sich geändert, auf den ersten Blick ${nameOf(alarm.parameter)}; Ursache und Größe sind noch nicht bekannt${outside}`;
   }
   const words = fact(alarm, unit);
   if (alarm.reaches.length > 0) {
     return [...alarm.reaches.map((r) => reach(r, unitOf(r.unit), alarm.updated)), `jetzt: ${words}`].join("; ");
   }
   const doubts: Record<string, string> = {
-    several: `mehr als ein Parameter hat sich geändert, oder keiner; am nächsten liegt ${alarm.parameter}: ${words}`,
-    model: `das Modell gilt nicht mehr, wie bei einem Sensorfehler; am nächsten liegt ${alarm.parameter}: ${words}`,
+    several: `mehr als ein Parameter hat sich geändert, oder keiner; am nächsten liegt ${nameOf(alarm.parameter)}: ${words}`,
+    model: `das Modell gilt nicht mehr, wie bei einem Sensorfehler; am nächsten liegt ${nameOf(alarm.parameter)}: ${words}`,
     sign: "die Bewegung folgt dem Moment nicht, als hätte eines von beiden das Vorzeichen gewechselt oder hinge",
     still: "auf das Moment folgt keine Bewegung: Sensor oder Achse hängt, oder der Antrieb ist aus",
   };
@@ -165,10 +165,10 @@ function sentence(alarm: Alarm, unit: string): string | null {
   const [first] = alarm.causes;
   const likely = alarm.causes.slice(0, 3);
   const which = first === undefined || (first.probability ?? 0) >= SURE ? ""
-    : `${likely.map((cause) => cause.parameter).join(" oder ")}, ${likely.map((cause) => (100 * (cause.probability ?? 0)).toFixed(0)).join(":")}; `;
+    : `${likely.map((cause) => nameOf(cause.parameter)).join(" oder ")}, ${likely.map((cause) => (100 * (cause.probability ?? 0)).toFixed(0)).join(":")}; `;
   const drifts = alarm.kind === "drift" ? `, und driftet nach ${alarm.direction === "up" ? "oben" : "unten"}` : "";
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
-  const same = alike.length > 0 ? `; gleich sähe aus: ${alike.join(" oder ")}` : "";
+  const same = alike.length > 0 ? `; gleich sähe aus: ${alike.map(nameOf).join(" oder ")}` : "";
   return `${which}${words}${drifts}${same}${outside}`;
 }
 
@@ -178,6 +178,8 @@ const CAUSES: Record<string, string> = {
   "output stuck": "Bewegung hängt", "output scale": "Maßstab der Bewegung", "output offset": "Versatz der Bewegung",
   "output noise": "Rauschen der Bewegung", delay: "Verzögerung des Moments", load: "Last", inertia: "Trägheit der Last",
 };
+
+const nameOf = (cause: string): string => CAUSES[cause] ?? cause;
 
 const BUS_UP = "einschalten mit `ip link set {channel} up`";
 const NO_TLS = "was gesendet wird, kann unterwegs gelesen und verändert werden (kein TLS)";
