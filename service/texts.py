@@ -47,6 +47,8 @@ SURE_CAUSE = 0.95
 
 Z95 = 1.96
 """Half the width of an interval with a probability of 95 %, in standard deviations"""
+_VAGUE = 5.0
+"""Standard deviation over size, from which on an interval says nothing"""
 
 DOUBTS: dict[Doubt, str] = {
     "several": "more than one parameter has changed, or none of them; nearest is {parameter}: {fact}",
@@ -140,9 +142,9 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
 
 
 def _interval(size: float, sd: float) -> list[str]:
-    """Where the size is with a probability of 95 %; empty: not known, or not to be told from the size."""
+    """Where the size is with a probability of 95 %; empty: not known, hardly known, or not to be told from the size."""
     low, high = _digits(size - Z95 * sd), _digits(size + Z95 * sd)
-    return [f"{low} to {high}"] if math.isfinite(sd) and low != high else []
+    return [f"{low} to {high}"] if sd < _VAGUE * size and low != high else []
 
 
 def _skew(size: float, nominal: float) -> str:

@@ -105,6 +105,7 @@ CARRIES = "the axis carries {} weight than at its commissioning: another payload
         ),
         (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
         (("kT", -0.1, 1.0, "1", 0.06), "kT is 0.1 (10 %, -1.8 to 22) below its nominal value"),
+        (("kT", -0.1, 1.0, "1", 1.0), "kT is 0.1 (10 %) below its nominal value"),
         (("kT", -0.1, -1.0, "1", 1e-6), "kT is 0.1 (10 %) below its nominal value"),
         (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
         (("tau0", 0.25, 0.0, "N m", 0.02), "tau0 is 0.25 N m (0.21 to 0.29) above its nominal value"),

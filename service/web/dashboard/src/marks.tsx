@@ -1,6 +1,6 @@
 // What several pages draw: the mark of a state by its shape, the bar of a parameter, times.
 import type { Alarm, Parameter } from "./ask";
-import { moment, number, percent, stamp, unit, withMargin } from "./format";
+import { local, moment, number, percent, stamp, unit, withMargin } from "./format";
 import { isHidden, type Item, type Need } from "./need";
 import { Z95 } from "./series";
 import { causeName } from "./sentences";
@@ -48,6 +48,12 @@ export function deviationText(p: Parameter): string {
   const d = deviationOf(p);
   if (p.nominal) return percent(d === null ? null : d / Math.abs(p.nominal));
   return d === null ? "–" : `${withMargin(d, null, true)} ${unit(p.unit)}`;
+}
+
+/** The same in little room: where nominal is zero, two digits beside the estimate with its unit. */
+export function shareText(p: Parameter): string {
+  const d = deviationOf(p);
+  return p.nominal || d === null ? deviationText(p) : `${d > 0 ? "+" : ""}${local(String(Number(d.toPrecision(2))))}`;
 }
 
 /** "tracking", "not tested", "alarm". */

@@ -6,7 +6,7 @@ import { AlarmWords, Meaning } from "./alarm_words";
 import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
-import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
+import { alarmLink, AlarmMark, axisLink, Bar, barText, shareText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
 import { isHidden, itemsOf, matches, NEEDS, ordered, urgency, type Item, type Need } from "./need";
 import { t } from "./texts";
 import { GAP, layoutOf } from "./tile_layout";
@@ -197,7 +197,7 @@ function WideRow({ p }: { p: Item["axis"]["parameters"][number] }) {
     <span class={`row ${kindOf(p)}`}>
       <bdi class="parameter">{p.name}</bdi>
       <span class="value">{estimateText(p)}</span>
-      <span class="share">{p.status === "waiting" ? "–" : deviationText(p)}</span>
+      <span class="share">{p.status === "waiting" ? "–" : shareText(p)}</span>
       <Bar p={p} />
       <span class="state">{stateOf(p)}</span>
     </span>

@@ -6,6 +6,7 @@ import { chainOf, monitoredIn, placeless, type Component, type DriveModel } from
 import { EventParser } from "../src/events";
 import * as format from "../src/format";
 import { liveBuffer } from "../src/live_buffer";
+import { shareText } from "../src/marks";
 import { itemsOf, matches, ordered } from "../src/need";
 import { farthest, signsOf } from "../src/resonances";
 import { causeName, failure, translated } from "../src/sentences";
@@ -258,6 +259,14 @@ describe("tiles", () => {
     expect(layoutOf(6, 3, 340, 400)).toMatchObject({ columns: 1, wide: true });
   });
   test("that do not fit have names that can be read", () => expect(layoutOf(2000, 3, 1888, 850).columns).toBe(14));
+});
+
+describe("a deviation in little room", () => {
+  const of = (nominal: number | null, estimate: number | null): string => shareText(parameter({ nominal, estimate, unit: "N m" }) as unknown as Axis["parameters"][number]);
+  test("is a share, or a short number where nominal is zero", () => {
+    expect([of(2, 1), of(0, 0.012345), of(0, -3.14159e-9), of(0, 0), of(0, null), of(null, 1)])
+      .toEqual(["−50.0\u00a0%", "+0.012", "−3.1e-9", "0", "–", "–"]);
+  });
 });
 
 describe("the range of time", () => {

@@ -82,12 +82,13 @@ function fact(alarm: Alarm, unit: string): string {
   return `${alarm.parameter} liegt ${[digits(Math.abs(size)), unit].filter(Boolean).join(" ")}${part} ${side} dem Nennwert`;
 }
 
-/** Worin die Größe mit 95 % Wahrscheinlichkeit liegt; leer: unbekannt, oder nicht von ihr zu unterscheiden. */
+/** Worin die Größe mit 95 % Wahrscheinlichkeit liegt; leer: kaum bekannt, oder nicht von ihr zu unterscheiden. */
 function interval(size: number, sd: number): string[] {
   const [low, high] = [digits(size - Z95 * sd), digits(size + Z95 * sd)];
-  return Number.isFinite(sd) && low !== high ? [`${low} bis ${high}`] : [];
+  return sd < VAGUE * size && low !== high ? [`${low} bis ${high}`] : [];
 }
 
+const VAGUE = 5;
 const SURE = 0.95;
 const LIKELY = 0.9;
 
