@@ -63,7 +63,9 @@ export function AlarmPage({ id }: { id: string }) {
           <ol>{advice(alarm, meaning, axis?.heat ?? null).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
           {(alarm.recording !== null || report) && <h2>{t.files}</h2>}
           <ul>
-            {alarm.recording !== null && <li><Frames name={alarm.recording} full /></li>}
+            {alarm.recording !== null && (
+              <li><Frames name={alarm.recording} full /><small>{t.replayed} <code>axiswatch replay {alarm.recording} --config CONFIG.toml --report replay.html</code></small></li>
+            )}
             {report && <li><a href={report}>{t.pages.report}</a></li>}
           </ul>
         </section>

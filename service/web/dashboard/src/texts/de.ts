@@ -475,6 +475,7 @@ export const de: Texts = {
   whatToDo: "Was zu tun ist",
   history: "Verlauf",
   files: "Dateien",
+  replayed: "der Bericht dazu:",
   kind: { "": "nicht bekannt", step: "plötzlich", drift: "allmählich", forecast: "Vorhersage" },
   kindLabel: "Verlauf der Änderung",
   nominal: "Nennwert",

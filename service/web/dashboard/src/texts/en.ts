@@ -145,6 +145,7 @@ export const en = {
   whatToDo: "What to do",
   history: "What has happened to it",
   files: "Files",
+  replayed: "its report:",
   kind: { "": "not known", step: "sudden", drift: "gradual", forecast: "forecast" } as Record<string, string>,
   kindLabel: "Course",
   nominal: "Nominal value",
