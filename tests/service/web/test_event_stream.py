@@ -79,10 +79,10 @@ def test_of_many_axes_that_change_each_has_its_turn(stage: Stage) -> None:
         for turn in range(2):
             axes = tuple(replace(a, gated_by=f"x = {turn}") for a in stage.snapshot.axes)
             stage.snapshot = replace(stage.snapshot, taken_us=NOON_US + 1 + turn, axes=axes)
-            told = [next(events).data["axes"] for _ in range(3)]
-            assert [len(some) for some in told] == [50, 50, 30]
-            assert {a["id"] for some in told for a in some} == {a.id for a in axes}
-            assert {a["gated_by"] for some in told for a in some} == {f"x = {turn}"}
+            sent = [next(events).data["axes"] for _ in range(3)]
+            assert [len(some) for some in sent] == [50, 50, 30]
+            assert {a["id"] for some in sent for a in some} == {a.id for a in axes}
+            assert {a["gated_by"] for some in sent for a in some} == {f"x = {turn}"}
 
 
 def test_only_an_axis_and_its_alarms(stage: Stage, fm_alarm: Alarm) -> None:
