@@ -499,7 +499,7 @@ export const de: Texts = {
     sensor: "Zuerst Sensor, Kabel und Einstellungen der Steuerung prüfen, dann die Mechanik.",
     inspect: (what) => `Die Achse auf diese Ursache prüfen: ${what}.`,
     inspectAlike: (names) => `Die Daten können dies nicht unterscheiden, also auch prüfen: ${names}.`,
-    cold: "Ein kälteres Getriebe oder anderes Fett sähe gleich aus: mit seiner Temperatur vergleichen, und mit anderen Achsen.",
+    cold: "Ein kälteres oder wärmeres Getriebe oder anderes Fett sähe gleich aus: mit seiner Temperatur vergleichen, und mit anderen Achsen.",
     payload: "Was der Roboter trägt, mit der in der Steuerung eingestellten Nutzlast vergleichen.",
     forecast: "Die Wartung vor dem Erreichen der Grenze einplanen.",
     order: "Auftragsnummer eintragen; Rohdaten und Bericht mitgeben.",

@@ -169,7 +169,7 @@ export const en = {
     sensor: "Check sensor, cable and controller settings of this axis first, then the mechanics.",
     inspect: (what: string) => `Inspect the axis for this cause: ${what}.`,
     inspectAlike: (names: string) => `The data cannot tell these apart, so check them, too: ${names}.`,
-    cold: "A colder gearbox or another grease would look the same: compare with its temperature, and with other axes.",
+    cold: "A colder or warmer gearbox or another grease would look the same: compare with its temperature, and with other axes.",
     payload: "Compare what the robot carries with the payload that the controller has been given.",
     forecast: "Plan the maintenance before the limit is reached.",
     order: "Note the work order; send frames and report with it.",
