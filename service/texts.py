@@ -45,6 +45,11 @@ def control_character(text: str) -> str | None:
 SURE_CAUSE = 0.95
 """A cause that is likelier needs no second one beside it."""
 
+Z95 = 1.96
+"""Half the width of an interval with a probability of 95 %, in standard deviations"""
+_VAGUE = 5.0
+"""Standard deviation over size, from which on an interval says nothing"""
+
 DOUBTS: dict[Doubt, str] = {
     "several": "more than one parameter has changed, or none of them; nearest is {parameter}: {fact}",
     "model": "the model no longer holds, as if a sensor were wrong; nearest is {parameter}: {fact}",
@@ -79,7 +84,7 @@ def _episode_words(e: Alarm, nominal: float, unit: str) -> str:
     size = e.size
     if size is None:
         size = -math.inf if e.direction == "down" else math.inf
-    fact = alarm_words(e.parameter, size, nominal, unit)
+    fact = alarm_words(e.parameter, size, nominal, unit, math.nan if e.size_sd is None else e.size_sd)
     if e.reaches:
         return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
     if e.doubt:
@@ -103,14 +108,15 @@ def _which(causes: tuple[Cause, ...]) -> str:
     return f"{' or '.join(cause.parameter for cause in likely)}, {shares}; "
 
 
-def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
-    """An alarm in words: "fm is 0.018 N m s/rad (30 %) above its nominal value".
+def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd: float = math.nan) -> str:
+    """An alarm in words: "fm is 0.018 N m s/rad (30 %, 26 to 34) above its nominal value".
 
     Args:
         parameter: its name, or that of a fault of a sensor.
         size: its estimate minus its nominal value, in ``unit``; infinite: not known.
         nominal: its nominal value, in ``unit``.
         unit: "1" for a ratio.
+        size_sd: standard deviation of the size, for the interval with a probability of 95 %; not finite: not known.
     """
     if parameter == DELAY:
         return _skew(size, nominal)
@@ -125,9 +131,21 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
     side = "below" if size < 0 else "above"
     if not math.isfinite(size):
         return f"{parameter} is {side} its nominal value, by how much is not known"
-    share = f" ({_digits(abs(100 * size / nominal))} %)" if nominal else ""
     amount += "" if unit == "1" else f" {unit}"
-    return f"{parameter} is {amount}{share} {side} its nominal value"
+    scale = 100 / abs(nominal) if nominal else 1.0
+    known = ", ".join(
+        [
+            *([f"{_digits(scale * abs(size))} %"] if nominal else []),
+            *_interval(scale * abs(size), scale * size_sd),
+        ]
+    )
+    return f"{parameter} is {amount}{f' ({known})' if known else ''} {side} its nominal value"
+
+
+def _interval(size: float, sd: float) -> list[str]:
+    """Where the size is with a probability of 95 %; empty: not known, hardly known, or not to be told from the size."""
+    low, high = _digits(size - Z95 * sd), _digits(size + Z95 * sd)
+    return [f"{low} to {high}"] if sd < _VAGUE * size and low != high else []
 
 
 def _skew(size: float, nominal: float) -> str:
@@ -168,7 +186,7 @@ def _digits(value: float) -> str:
     """Two significant digits, as a size is hardly ever known better; all digits of a whole number."""
     if not math.isfinite(value):
         return "?"
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+    return f"{value:.0f}" if abs(value) >= 10 else f"{value:.2g}"
 
 
 # --- Parameters that are not tested: why, and what would help ---------------------------------------------------------

@@ -298,6 +298,9 @@ class AxisMonitor:
             detectors=tuple(self._detectors()),
             remedy=self._remedy(),
             memory_s=self._memory_s,
+            covariance=tuple(
+                map(tuple, (self.settings.lam0 / self.settings.divisor * st.P[..., a]).tolist())
+            ),
         )
 
     def _detectors(self) -> Iterator[DetectorStatus]:

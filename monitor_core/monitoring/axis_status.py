@@ -101,6 +101,8 @@ class AxisStatus:
     """What would help while P(0) is not found; None: it is"""
     memory_s: float = 0.0
     """Memory of the estimates [s]"""
+    covariance: tuple[tuple[float, ...], ...] = ()
+    """Of the estimates, lambda_0 P / (1 + lambda), in the order and the units of the parameters; empty: not known"""
 
     def untested(self) -> dict[NotTested, tuple[str, ...]]:
         """Parameters that are not tested now, by reason."""

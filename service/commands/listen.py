@@ -142,10 +142,10 @@ def bus_lines(buses: Sequence[LiveBus]) -> list[str]:
 
 def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
     return [
-        words
+        f"{axis.id}: {words}"
         for axis in config.axes
         if axis.id in stamps
-        for words in remarks(axis.id, axis.config.sample_interval_s, stamps[axis.id])
+        for words in remarks(axis.config.sample_interval_s, stamps[axis.id])
     ]
 
 

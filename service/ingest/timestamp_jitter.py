@@ -9,6 +9,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.wording import Sentence, sentence
+
 Clock = Literal["receipt", "cyclic", "counter"]
 
 _ENOUGH = 100
@@ -51,21 +53,25 @@ def stamps_of(meter: NDArray[np.void], clock: Clock, fitted_s: float | None = No
     return Stamps(clock, scatter_s, median_s if clear else fitted_s)
 
 
-def remarks(axis_id: str, interval_s: float, stamps: Stamps) -> Iterator[str]:
+def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
     """Recommendations for the configuration of an axis with that nominal interval [s], from its time stamps."""
     scatter_s, found_s = stamps.scatter_s, stamps.interval_s
     if stamps.clock == "receipt" and scatter_s is not None and scatter_s > _SCATTER * interval_s:
-        yield (
-            f"{axis_id}: stamps scatter by {_ms(scatter_s)}: if the controller samples on its own clock, set "
-            'clock = "cyclic" in [robot.axis.time], or counter_message and counter_signal if it sends a counter'
+        yield sentence(
+            "stamps scatter",
+            "stamps scatter by {scatter}: if the controller samples on its own clock, set "
+            'clock = "cyclic" in [robot.axis.time], or counter_message and counter_signal if it sends a counter',
+            scatter=_ms(scatter_s),
         )
     if found_s is None:
         return
     by_clock = stamps.clock != "receipt" and abs(found_s / interval_s - 1) > _CRYSTALS
     if by_clock or _far_off(found_s, interval_s, scatter_s):
-        yield (
-            f"{axis_id}: a sample comes every {1e3 * found_s:.5g} ms, not every {1e3 * interval_s:g} ms: correct "
-            "sample_interval_s"
+        yield sentence(
+            "interval differs",
+            "a sample comes every {found} ms, not every {interval} ms: correct sample_interval_s",
+            found=f"{1e3 * found_s:.5g}",
+            interval=f"{1e3 * interval_s:g}",
         )
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 
 import structlog
 
-from monitor_core.trend import PARTS, Learned, LearningWindow, WindowError
+from monitor_core.trend import PARTS, Kept, Learned, LearningWindow, WindowDoubt, WindowError
 from monitor_core.wording import duration, sentence
 from service.config import NamedAxis
 from service.config.axis_settings import axis_settings, monitored_model
@@ -32,7 +32,7 @@ from service.pipeline.snapshot import AxisSnapshot
 from service.pipeline.worker import Worker
 from service.store.alarm_transitions import SERVICE, Note
 from service.store.database import StoreError
-from service.store.epochs import Configured, Epoch, EpochPlan, Epochs, EpochValue
+from service.store.epochs import CANCELLED, RECONFIGURED, Configured, Epoch, EpochPlan, Epochs, EpochValue
 
 LOOK_S = 1.0
 """Time between two looks at the windows that are under way."""
@@ -61,6 +61,34 @@ class UnknownEpochError(LookupError):
     def __init__(self, axis: str, number: int, known: Sequence[int]) -> None:
         super().__init__(f"{axis} has no epoch {number}")
         self.known = known
+
+
+_REASONS = {
+    str(words): words
+    for words in (
+        CANCELLED,
+        RECONFIGURED,
+        sentence("window unobserved", WindowDoubt.NOT_OBSERVED),
+        sentence("window unexplained", WindowDoubt.MODEL),
+        sentence("window unsteady", WindowDoubt.UNSTEADY),
+        sentence("window moved", WindowDoubt.MOVED),
+        sentence("kept unobserved", Kept.NOT_OBSERVED),
+        sentence("kept uncertain", Kept.UNCERTAIN),
+        sentence("kept by definition", Kept.BY_DEFINITION),
+    )
+}
+
+
+def reason_of(stored: str) -> str:
+    """A reason that an epoch or one of its values has in the store, as the sentence that it is, where it is one."""
+    why, colon, names = stored.partition(": ")
+    if why not in _REASONS:
+        return stored
+    return (
+        sentence("of parameters", "{why}: {names}", why=_REASONS[why], names=names)
+        if colon
+        else _REASONS[why]
+    )
 
 
 class AtStart(NamedTuple):
@@ -229,8 +257,16 @@ class Baselines:
             least_s = PARTS * settings.naming_samples * settings.interval_s
             if length_s < least_s:
                 raise BaselineError(
-                    f"{axis_id}: a learning window of {duration(length_s)} is too short: the memory of its estimates"
-                    f" needs at least {duration(least_s)} of operation"
+                    sentence(
+                        "window too short",
+                        "{axis}: a learning window of {length} is too short: the memory of its estimates needs at least"
+                        " {least} of operation",
+                        axis=axis_id,
+                        length=duration(length_s),
+                        least=duration(least_s),
+                        length_s=length_s,
+                        least_s=least_s,
+                    )
                 )
             plan = EpochPlan(
                 axis_id, "window", content_of(axis), self._fingerprint(axis_id), (), length_s, verify_s
@@ -281,10 +317,18 @@ class Baselines:
             self._ready(axis_id)
             former = known[number]
             if former.in_force:
-                raise BaselineConflictError(f"epoch {number} of {axis_id} is in force")
+                words = "epoch {number} of {axis} is in force"
+                raise BaselineConflictError(sentence("in force already", words, number=number, axis=axis_id))
             if former.in_force_us is None:
+                words = "epoch {number} of {axis} never was in force: {why}"
                 raise BaselineConflictError(
-                    f"epoch {number} of {axis_id} never was in force: {former.reason}"
+                    sentence(
+                        "never in force",
+                        words,
+                        number=number,
+                        axis=axis_id,
+                        why=reason_of(former.reason),
+                    )
                 )
             fingerprint = self._fingerprint(axis_id)
             plan = EpochPlan(axis_id, "restored", former.content, fingerprint, (), None, verify_s, number)
@@ -302,14 +346,16 @@ class Baselines:
 
     def _cancel(self, axis_id: str, note: Note, refused: str = "") -> Epoch:
         def end() -> Epoch | None:
-            event, reason = ("refused", refused) if refused else ("cancelled", "it was cancelled")
+            event, reason = ("refused", refused) if refused else ("cancelled", CANCELLED)
             epoch = self.epochs.cancel(axis_id, note, event, reason)  # type: ignore[arg-type]
             self._monitors.epochs[axis_id].learning = None
             return epoch
 
         epoch = self.between_blocks(end)
         if epoch is None:
-            raise BaselineConflictError(f"no learning window of {axis_id} runs")
+            raise BaselineConflictError(
+                sentence("no window", "no learning window of {axis} runs", axis=axis_id)
+            )
         return epoch
 
     def look(self) -> None:
@@ -375,9 +421,8 @@ class Baselines:
 
         def exchange() -> Epoch:
             if self._worker.waits_for_journal(axis_id):
-                raise BaselineConflictError(
-                    f"{axis_id}: alarms are not recorded yet; try again when they are"
-                )
+                words = "{axis}: alarms are not recorded yet; try again when they are"
+                raise BaselineConflictError(sentence("alarms first", words, axis=axis_id))
             epoch = self.epochs.take_over(plan, note, self._worker.rules_of(axis_id))
             self._worker.change(axes, made)
             return epoch
@@ -389,9 +434,8 @@ class Baselines:
 
     def _ready(self, axis_id: str) -> NamedAxis:
         if any(epoch.state == "learning" for epoch in self.epochs.of_axis(axis_id)):
-            raise BaselineConflictError(
-                f"a learning window of {axis_id} runs: wait for its end, or cancel it first"
-            )
+            words = "a learning window of {axis} runs: wait for its end, or cancel it first"
+            raise BaselineConflictError(sentence("window runs", words, axis=axis_id))
         return self._in_force[axis_id]
 
     def _fingerprint(self, axis_id: str) -> str:
@@ -411,7 +455,8 @@ class Baselines:
         except TimeoutError:
             if not done.cancel():  # it has just begun
                 return done.result()
-        raise BaselineUnavailableError("the worker does not answer: the daemon starts or stops; try again")
+        words = "the worker does not answer: the daemon starts or stops; try again"
+        raise BaselineUnavailableError(sentence("worker silent", words))
 
     def _run(self) -> None:
         while not self._stop.wait(LOOK_S):

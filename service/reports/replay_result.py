@@ -161,12 +161,12 @@ class Replay:
             stamps=stamps,
             trends=monitors.trends.for_axis(axis.id),
         )
-        doubts = remarks(axis.id, axis.config.sample_interval_s, stamps)
+        doubts = remarks(axis.config.sample_interval_s, stamps)
         outside = [
             f"at the end outside the conditions of the calibration: {words}"
             for words in snapshot.outside_calibration
         ]
-        notes = [*(f"{axis.id}: {words}" for words in (*status.confounded, *outside)), *doubts]
+        notes = [f"{axis.id}: {words}" for words in (*status.confounded, *outside, *doubts)]
         return ReplayedAxis(snapshot, alarms, notes, self._courses.get(axis.id))
 
     def _recorded(self, axis_id: str, status: AxisStatus) -> list[RecordedAlarm]:

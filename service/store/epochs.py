@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Literal, NamedTuple
 
 from monitor_core.monitoring import AlarmRules
+from monitor_core.wording import sentence
 from service.store.alarm_transitions import CONFIGURATION, Note
 from service.store.database import Database
 
@@ -50,6 +51,10 @@ EPOCH_MIGRATION = """
     ) STRICT;
     CREATE INDEX epoch_event_by_epoch ON epoch_event (axis, number);
 """
+
+CANCELLED = sentence("cancelled", "it was cancelled")
+RECONFIGURED = sentence("axis reconfigured", "the configuration of the axis has changed")
+"""Why epochs never were in force, beside what a learning window finds"""
 
 EpochState = Literal["learning", "verifying", "current", "closed", "rolled_back", "cancelled"]
 EpochSource = Literal["configuration", "files", "window", "restored"]
@@ -172,8 +177,7 @@ class Epochs:
     ) -> Epoch:
         note = Note(at_us, CONFIGURATION)
         if learning := _learning(connection, axis.axis):
-            reason = "the configuration of the axis has changed"
-            _cancel(connection, learning, note, "cancelled", reason)
+            _cancel(connection, learning, note, "cancelled", RECONFIGURED)
         if before is not None:
             _end(connection, before, "closed", "replaced", note)
         plan = EpochPlan(axis.axis, "configuration", axis.content, axis.fingerprint, axis.nominal)

@@ -184,12 +184,9 @@ def _pages() -> APIRouter:
     pages = APIRouter(include_in_schema=False)
 
     @pages.get("/")
+    @pages.get("/docs")
     def index() -> Response:
         return _page("index.html")
-
-    @pages.get("/docs")
-    def docs() -> Response:
-        return _page("docs.html")
 
     @pages.get("/static/icon-{number}.svg")
     def numbered_icon(number: Annotated[str, PathParameter(pattern=r"^([1-9]|9\+)$")]) -> Response:
@@ -260,11 +257,11 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(BaselineError)
     async def no_baseline(_: Request, error: BaselineError) -> JSONResponse:
         statuses = {BaselineConflictError: 409, BaselineUnavailableError: 503}
-        return answer(statuses.get(type(error), 422), str(error))
+        return answer(statuses.get(type(error), 422), error.args[0])
 
     @app.exception_handler(NoLookError)
     async def no_look(_: Request, error: NoLookError) -> JSONResponse:
-        return answer(503, str(error))
+        return answer(503, error.args[0])
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:

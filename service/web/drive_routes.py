@@ -10,7 +10,7 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 
 from monitor_core.arrays import Floats
-from monitor_core.drive import DELAY, AxisModel, Drive, split_name
+from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, split_name
 from service.pipeline.snapshot import AxisSnapshot, MonitoredDrive
 from service.web import models
 from service.web.app_state import AppState
@@ -83,6 +83,10 @@ class Bode(models.Body):
     present: BodeCurve | None = Field(
         description="with the present estimates; null: a drive with them makes no sense"
     )
+    magnitude_sd_db: list[models.Number] = Field(
+        description="standard deviation of the present magnitude, by that of the estimates; empty: not known"
+    )
+    phase_sd_deg: list[models.Number] = Field(description="that of the present phase [degrees]")
     resonances: list[Resonance]
     without_estimate: list[str] = Field(
         description="monitored parameters without a valid estimate: the present model has their nominal values"
@@ -151,6 +155,8 @@ def drawn_names(drive: Drive, name: str) -> frozenset[str]:
 
 class _Response(NamedTuple):
     curve: BodeCurve
+    sd_db: list[float | None]
+    sd_deg: list[float | None]
     resonances: tuple[float, ...]
     """Natural frequencies [Hz], ascending"""
 
@@ -162,9 +168,13 @@ def _bode_body(axis: AxisSnapshot, watched: MonitoredDrive) -> Bode:
     nominal = [p.nominal for p in parameters]
     without = [p.name for p in parameters if not np.isfinite(p.estimate)]
     estimates = [p.nominal if p.name in without else p.estimate for p in parameters]
-    at_nominal = _response(watched, model.values(nominal), axis.interval_s, frequency_hz)
+    at_nominal = _response(watched, model.values(nominal), axis.interval_s, frequency_hz, {})
+    P = axis.status.covariance
+    # What has no estimate is nominal; a load changes the weight alone, which is not in the response.
+    free = {p.name: i for i, p in enumerate(parameters) if P and p.name not in (*without, LOAD)}
+    covariance = {name: [P[i][k] for k in free.values()] for name, i in free.items()}
     try:
-        present = _response(watched, model.values(estimates), axis.interval_s, frequency_hz)
+        present = _response(watched, model.values(estimates), axis.interval_s, frequency_hz, covariance)
     except (ValueError, ZeroDivisionError):  # an estimate that its parameter cannot have
         present = None
     pairs = zip_longest(at_nominal.resonances, () if present is None else present.resonances)
@@ -174,22 +184,38 @@ def _bode_body(axis: AxisSnapshot, watched: MonitoredDrive) -> Bode:
         frequency_hz=frequency_hz.round(6).tolist(),
         nominal=at_nominal.curve,
         present=None if present is None else present.curve,
+        magnitude_sd_db=present.sd_db if present is not None and free else [],
+        phase_sd_deg=present.sd_deg if present is not None and free else [],
         resonances=[Resonance(nominal_hz=was, present_hz=now) for was, now in pairs],
         without_estimate=without,
     )
 
 
 def _response(
-    watched: MonitoredDrive, values: Mapping[str, float], interval_s: float, frequency_hz: Floats
+    watched: MonitoredDrive,
+    values: Mapping[str, float],
+    interval_s: float,
+    frequency_hz: Floats,
+    covariance: Mapping[str, list[float]],
 ) -> _Response:
+    """``covariance``: its rows, by the names of the estimates."""
     from monitor_core.identification import drive_response  # which few daemons are ever asked for
     from monitor_core.modeling import modes
 
     drive = watched.model.drive
     delay_s = values[DELAY] if DELAY in watched.model.monitored else watched.settings.delay_s
-    found = drive_response(drive, values, interval_s, frequency_hz, delay_s=delay_s)
+    P = np.array(list(covariance.values())) if covariance else None
+    found = drive_response(
+        drive, values, interval_s, frequency_hz, names=tuple(covariance), covariance=P, delay_s=delay_s
+    )
     A, _, _ = AxisModel(drive, values, ()).matrices()
     curve = BodeCurve(
         magnitude_db=found.db.round(4).tolist(), phase_deg=np.degrees(found.phase).round(3).tolist()
     )
-    return _Response(curve, tuple(sorted(mode.frequency_hz for mode in modes(np.linalg.eigvals(A)))))
+    sd_db, sd_deg = (
+        [models.finite(x) for x in column.round(4).tolist()]
+        for column in (found.sd_db, np.degrees(found.sd_phase))
+    )
+    return _Response(
+        curve, sd_db, sd_deg, tuple(sorted(mode.frequency_hz for mode in modes(np.linalg.eigvals(A))))
+    )

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 from fastapi import APIRouter, Depends, Path
 from pydantic import Field, model_validator
 
-from service.pipeline.baselines import Baselines, BaselineUnavailableError, UnknownEpochError
+from service.pipeline.baselines import Baselines, BaselineUnavailableError, UnknownEpochError, reason_of
 from service.pipeline.snapshot import AxisSnapshot
 from service.store.alarm_transitions import Note
 from service.store.epochs import Epoch as RecordedEpoch
@@ -14,7 +14,17 @@ from service.store.epochs import EpochEventName, EpochSource, EpochState
 from service.texts import iso
 from service.web.access import Scope, needs
 from service.web.app_state import AppState
-from service.web.models import AlarmNote, Body, GivenText, Number, TextOrNull, Time
+from service.web.models import (
+    SENTENCES,
+    AlarmNote,
+    Body,
+    GivenText,
+    Number,
+    Sentence,
+    TextOrNull,
+    Time,
+    sentence_bodies,
+)
 from service.web.problem_details import UnknownResourceError, described
 
 _NOT_FOUND = described(404, "The axis or the epoch does not exist")
@@ -75,6 +85,7 @@ class Epoch(Body):
     comment: TextOrNull
     work_order: TextOrNull
     reason: TextOrNull = Field(description="why it never was in force; null: it is, was, or will be")
+    sentences: list[Sentence] = Field(description=SENTENCES)
     done_s: Number = Field(description="operating time of the window that is under way [s]; null: none is")
     length_s: Number = Field(description="operating time that it needs [s]; null: none is under way")
     values: list[NominalValue] = Field(
@@ -198,6 +209,7 @@ def _epoch(epoch: RecordedEpoch, events: list[RecordedEvent], axis: AxisSnapshot
         ended=None if epoch.ended_us is None else iso(epoch.ended_us),
         done_s=None if length_s is None else (done_s or 0.0),
         length_s=length_s,
+        sentences=sentence_bodies(map(reason_of, (epoch.reason, *(v.kept for v in epoch.nominal)))),
         values=[NominalValue(**v._asdict()) for v in epoch.nominal],
         events=[
             EpochEvent(at=iso(e.at_us), event=e.event, who=e.who, comment=e.comment, work_order=e.work_order)

@@ -20,8 +20,8 @@ from service.web.problem_details import described
 
 EVERY_S = 0.5
 """Time between two looks for changes"""
-MOST_AXES_PER_S = 100
-"""Of each stream: where there are more, all of them are sent less often."""
+MOST_AXES = 50
+"""In an event after the first: where more have changed, they come in turn: a page has never much to do at once."""
 KEEP_ALIVE_S = 10.0
 MOST_STREAMS = 32
 MOST_TRANSITIONS = 100
@@ -67,23 +67,31 @@ class Stream:
     def __init__(self, state: AppState, texts: AxisTexts, axis: str | None, last_id: int | None) -> None:
         self._state, self._texts, self._axis, self._last_id = state, texts, axis, last_id
         self._sent: dict[str, AxisSnapshot] = {}
+        """Those that were sent last come last."""
+        self._waiting = False
         self._snapshot: Snapshot | None = None
         self._revision = -1
         self.behind = True
         """Whether there may be more transitions already"""
 
-    def axes(self) -> tuple[str, int] | None:
-        """The axes that have changed, as the data of an event, and their number; None: none has."""
+    def axes(self) -> str | None:
+        """The axes that have changed, as the data of an event; None: none has."""
         state, snapshot = self._state, self._state.snapshot()
-        if snapshot is self._snapshot:
+        if snapshot is self._snapshot and not self._waiting:
             return None
         self._snapshot = snapshot
         wanted = [a for a in snapshot.axes if self._axis in (None, a.id)]
         changed = [a for a in wanted if self._sent.get(a.id) != a]
         if not changed:
             return None
-        self._sent |= {a.id: a for a in changed}
-        return self._texts.event(snapshot, changed, state.now_us()), len(changed)
+        turn = {axis_id: number for number, axis_id in enumerate(self._sent)}
+        most = MOST_AXES if turn else len(changed)
+        self._waiting = len(changed) > most
+        changed = sorted(changed, key=lambda a: turn.get(a.id, -1))[:most]
+        for axis in changed:
+            self._sent.pop(axis.id, None)
+            self._sent[axis.id] = axis
+        return self._texts.event(snapshot, changed, state.now_us())
 
     def alarms(self) -> list[ServerSentEvent]:
         """The transitions since the last time, at most some."""
@@ -157,6 +165,8 @@ def router(state: AppState) -> APIRouter:
     ) -> AsyncIterator[ServerSentEvent]:
         """Events `axes`: the axes that have changed, at most twice a second; `alarm`: each transition of an alarm.
 
+        The first `axes` has all axes, the others at most fifty each; where more have changed, they come in turn.
+
         Data of `axes` is as in GET /api/v1/axes; that of `alarm` is {"alarm": Alarm, as it is when this is sent,
         "transition": AlarmTransition}; its id is the number of the transition. Without Last-Event-ID only new
         transitions come. A comment comes where there is nothing else for ten seconds.
@@ -167,8 +177,8 @@ def router(state: AppState) -> APIRouter:
         while not state.stopping():
             found = await run_in_threadpool(stream.alarms)
             if loop.time() >= axes_at and (axes := await run_in_threadpool(stream.axes)) is not None:
-                found.append(ServerSentEvent(event="axes", raw_data=axes[0]))
-                axes_at = loop.time() + max(EVERY_S, axes[1] / MOST_AXES_PER_S)
+                found.append(ServerSentEvent(event="axes", raw_data=axes))
+                axes_at = loop.time() + EVERY_S
             if not found and loop.time() >= alive_at:
                 found.append(ServerSentEvent(comment="still there"))
             for event in found:

@@ -93,6 +93,11 @@ def _sentence(text: wording.Sentence) -> dict[str, object]:
     return {"words": text, "kind": text.kind, "values": values}
 
 
+def sentence_bodies(texts: Iterable[str | None]) -> list[Sentence]:
+    """Those of them that are sentences of a kind, each once."""
+    return [Sentence.model_validate(found) for found in sentences(texts)]
+
+
 SENTENCES = "the texts above that are sentences of a kind: with it, so that another language can say them"
 
 # --- Axes: estimates, model, state -----------------------------------------------------------------------------------

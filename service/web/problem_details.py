@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
-from service.web.models import Problem, Sentence, sentences
+from service.web.models import Problem, sentence_bodies
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -25,7 +25,7 @@ def answer(
 ) -> JSONResponse:
     """The answer to a request that has failed."""
     title = HTTPStatus(status).phrase
-    own = [Sentence.model_validate(found) for found in sentences((detail,))]
+    own = sentence_bodies((detail,))
     problem = Problem(title=title, status=status, detail=detail, sentences=own, known=list(known))
     return JSONResponse(problem.model_dump(), status_code=status, headers=headers, media_type=MEDIA_TYPE)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from pydantic import Field
 
 from service.config import Config
-from service.web.models import Body, Number
+from service.web.models import SENTENCES, Body, Number, Sentence
 
 
 class SignalRange(Body):
@@ -35,6 +35,7 @@ class SignalCheck(Body):
     )
     proposals: list[str] = Field(description="changes of the configuration that these values suggest")
     doubts: list[str] = Field(description="what these values leave open, and what would settle it")
+    sentences: list[Sentence] = Field(description=SENTENCES)
 
 
 class NoLookError(Exception):

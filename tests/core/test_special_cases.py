@@ -204,8 +204,9 @@ def test_numbers_of_a_parameter(own: tuple[Threshold, ...], seed: int) -> None:
     settings = replace(case.settings(alpha1=0.7, alpha2=0.9, lam=0.97), thresholds=own)
     monitor = AxisMonitor(case.model, settings)
     monitor.update(SampleBlock(*record(seed, case, 400)))
-    st = monitor.batch.state
-    for i, p in enumerate(monitor.status().parameters):
+    st, status = monitor.batch.state, monitor.status()
+    assert np.array(status.covariance) == pytest.approx(settings.lam0 * st.P[..., 0] / 1.97)
+    for i, p in enumerate(status.parameters):
         P_ii, size, threshold = (
             float(st.P[i, i, 0]),
             case.model.scale[i],

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.wording import listed, percent
+from monitor_core.wording import Sentence, listed, percent, sentence
 from service.can.frames import FrameKey
 from service.can.user_errors import RecordError
 from service.commands.commissioning.bus_recording import Heard, Show, record_buses
@@ -34,7 +34,7 @@ _LOSSY = 0.02
 """Of the samples, that are missing"""
 _NAMED = 5
 """Identifiers of frames that are listed."""
-_STILL = "let the robot work, or run a motion that `axiswatch excite` plans"
+_STILL = sentence("move it", "let the robot work, or run a motion that `axiswatch excite` plans")
 
 
 class AxisLook(NamedTuple):
@@ -84,11 +84,10 @@ def look_at(
         found = loaded.get(axis.id)
         facts = "" if found is None else _facts(axis, inputs, found)
         faults, corrections = proposals.get(axis.id, ((), ()))
-        problems = missing or (no_samples(lost.get(axis.id, "")),)
+        problems: tuple[str, ...] = missing or (no_samples(lost.get(axis.id, "")),)
         if found is not None:
             problems = missing or (*(tuple(unmoved(axis, found)) or faults), *lossy(found))
-            stamps = remarks(axis.id, axis.config.sample_interval_s, heard.stamps[axis.id])
-            facts = "; ".join([facts, *(words.removeprefix(f"{axis.id}: ") for words in stamps)])
+            facts = "; ".join([facts, *remarks(axis.config.sample_interval_s, heard.stamps[axis.id])])
         axes.append(AxisLook(axis.id, facts, found is not None, problems, corrections))
     return Look(tuple(_bus_problems(config, heard)), tuple(axes))
 
@@ -148,24 +147,31 @@ def _ids(keys: Sequence[FrameKey] | Mapping[FrameKey, int]) -> str:
 
 def missing_messages(
     axis: NamedAxis, inputs: AxisInput, traffic: Mapping[FrameKey, int], seconds: float
-) -> Iterator[str]:
+) -> Iterator[Sentence]:
     """Messages that never came; where no frame came at all the bus is named instead."""
     quantities: dict[tuple[FrameKey, str], list[str]] = {}
     for quantity in (*inputs.sampled, *(held.quantity for held in inputs.held)):
         quantities.setdefault((quantity.key, quantity.message), []).append(quantity.name)
     for (key, message), names in quantities.items():
         if not traffic.get(key):
-            yield (
-                f"no {listed(names)}: message {message} (0x{key.can_id:x}) never came on bus {axis.config.bus} in"
-                f" {seconds:.0f} s; is the axis on, and is this its message?"
+            yield sentence(
+                "message absent",
+                "no {names}: message {message} ({number}) never came on bus {bus} in {seconds} s; is the axis on, and"
+                " is this its message?",
+                names=listed(names),
+                message=message,
+                number=f"0x{key.can_id:x}",
+                bus=axis.config.bus,
+                seconds=f"{seconds:.0f}",
             )
 
 
-def no_samples(reason: str) -> str:
+def no_samples(reason: str) -> Sentence:
     """What to do about frames that came and make no samples."""
-    return (
-        f"its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the messages"
+    words = (
+        "its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the messages"
     )
+    return sentence("no samples", words, reason=reason)
 
 
 def _facts(axis: NamedAxis, inputs: AxisInput, found: Loaded) -> str:
@@ -182,33 +188,43 @@ def _range(values: Floats) -> str:
     return f"{values.min():.3g} to {values.max():.3g}"
 
 
-def unmoved(axis: NamedAxis, found: Loaded) -> Iterator[str]:
+def unmoved(axis: NamedAxis, found: Loaded) -> Iterator[Sentence]:
     """An axis that stands, or a signal that is stuck: which of them, by the other signal."""
     record, config = found.record, axis.config
     torque, motion = (f"{s.message}.{s.signal}" for s in (config.torque, config.motion))
     stands, constant = not moves(record.y, config.output), bool(np.ptp(record.u) == 0)
     if stands and not constant and np.ptp(record.y[record.measured]) == 0:
-        yield (
-            f"the {config.output} is {record.y[0]:.4g} all the time, while the torque changes: {motion} is stuck or"
-            f" another signal is the {config.output}; or the axis stands: {_STILL}"
+        yield sentence(
+            "motion constant",
+            "the {output} is {value} all the time, while the torque changes: {motion} is stuck or another signal is the"
+            " {output}; or the axis stands: {still}",
+            output=config.output,
+            value=f"{record.y[0]:.4g}",
+            motion=motion,
+            still=_STILL,
         )
     elif stands:
-        yield f"it does not move: {_STILL}"
+        yield sentence("axis stands", "it does not move: {still}", still=_STILL)
     elif constant:
-        yield (
-            f"the torque is {record.u[0]:.4g} all the time, while the axis moves: {torque} is stuck, or another signal"
-            " is the torque"
+        yield sentence(
+            "torque constant",
+            "the torque is {value} all the time, while the axis moves: {torque} is stuck, or another signal is the"
+            " torque",
+            value=f"{record.u[0]:.4g}",
+            torque=torque,
         )
 
 
-def lossy(found: Loaded) -> Iterator[str]:
+def lossy(found: Loaded) -> Iterator[Sentence]:
     """Frames that are lost on their way to this machine, or never sent."""
     lost = found.source.dropped.get("missing", 0)
     share = lost / (lost + found.source.samples)
     if share > _LOSSY:
-        yield (
-            f"{percent(share)} of its samples never came, which spoils an identification: are frames lost on the way,"
-            " or is what sends them too busy?"
+        yield sentence(
+            "lossy",
+            "{share} of its samples never came, which spoils an identification: are frames lost on the way, or is what"
+            " sends them too busy?",
+            share=percent(share),
         )
 
 

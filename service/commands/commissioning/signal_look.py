@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.wording import sentence
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.messages import MessageSet
@@ -23,6 +24,8 @@ from service.config import Config, NamedAxis
 from service.config.schema import SignalConfig
 from service.ingest.unit_names import UNITS
 from service.pipeline.recording import Extracts, Frames
+from service.web.models import sentence_bodies
+from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
 if TYPE_CHECKING:
@@ -33,7 +36,10 @@ LOOK_S = 10.0
 _WAIT_S = 10.0
 """For the frames, which the worker hands over between two blocks, and for another look that is under way"""
 _OLD_S = 5.0
-_NOTHING = "no frame has been taken from any bus yet: they are silent, or the daemon is still starting"
+_NOTHING = sentence(
+    "no frames yet",
+    "no frame has been taken from any bus yet: they are silent, or the daemon is still starting",
+)
 
 
 class SignalLook:
@@ -55,18 +61,20 @@ class SignalLook:
             NoLookError: no frames are kept, or the worker does not hand them over.
         """
         if self._extracts is None:
-            raise NoLookError("recordings_mb in [service] is 0: no frames are kept that could be looked at")
+            raise NoLookError(NO_FRAMES_KEPT)
         config = self._config()
         axis = next((axis for axis in config.axes if axis.id == axis_id), None)
         if axis is None:
-            raise NoLookError(f"the configuration has no axis {axis_id} any more")
+            words = "the configuration has no axis {axis} any more"
+            raise NoLookError(sentence("axis gone", words, axis=axis_id))
         if not self._lock.acquire(timeout=_WAIT_S):
-            raise NoLookError("other signals are being looked at; try again")
+            raise NoLookError(sentence("look busy", "other signals are being looked at; try again"))
         try:
             kept = self._extracts.latest(LOOK_S).result(_WAIT_S)
             return _checked(config, axis, kept, self._now_us())
         except NotGivenError:
-            raise NoLookError(f"the worker has not handed over frames within {_WAIT_S:.0f} s") from None
+            words = "the worker has not handed over frames within {wait_s} s"
+            raise NoLookError(sentence("frames late", words, wait_s=f"{_WAIT_S:.0f}")) from None
         except RecordError as error:
             raise NoLookError(str(error)) from None
         finally:
@@ -91,17 +99,18 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     for _ in ingest.feed_values(own):
         pass
     stamps = inputs.stamps
-    problems = [*missing]
+    problems: list[str] = [*missing]
     if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
-        problems.insert(0, f"nothing has come for {age_s:.0f} s: what follows is how it was before")
+        words = "nothing has come for {age_s} s: what follows is how it was before"
+        problems.insert(0, sentence("frames old", words, age_s=f"{age_s:.0f}"))
     with TemporaryDirectory(prefix="axiswatch-look-") as folder:
         path = Path(folder) / "look.log"
         loaded, lost = _loaded(config, axis, own, path)
         if loaded is None:
             return _without_samples(axis.id, problems or [no_samples(lost)])
         problems += [*unmoved(axis, loaded), *lossy(loaded)]
-        noted = remarks(axis.id, axis.config.sample_interval_s, stamps)
-        proposals, doubts = [words.removeprefix(f"{axis.id}: ") for words in noted], tuple[str, ...]()
+        proposals: list[str] = [*remarks(axis.config.sample_interval_s, stamps)]
+        doubts = tuple[str, ...]()
         if not missing and not any(unmoved(axis, loaded)):
             review = first_review(config, axis, str(path))
             # The name of a file that is gone tells nobody anything.
@@ -133,7 +142,7 @@ def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> tup
 def _without_samples(axis_id: str, problems: list[str]) -> SignalCheck:
     return SignalCheck(
         axis=axis_id, seconds=0.0, samples=0, rate_hz=None, scatter_s=None, missing=None, moves=None,
-        signals=[], problems=problems, proposals=[], doubts=[],
+        signals=[], problems=problems, proposals=[], doubts=[], sentences=sentence_bodies(problems),
     )  # fmt: skip
 
 
@@ -163,6 +172,7 @@ def _with_samples(
         problems=problems,
         proposals=proposals,
         doubts=list(doubts),
+        sentences=sentence_bodies([*problems, *proposals]),
     )
 
 

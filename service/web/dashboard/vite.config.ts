@@ -1,4 +1,4 @@
-// Builds two pages, / and /docs, into service/web/static. `npm run dev` serves them with a daemon behind them.
+// Builds the page, which is that of / and of /docs, into service/web/static. `npm run dev` serves them with a daemon behind them.
 import { defineConfig } from "vite";
 
 const daemon = process.env.AXISWATCH_DAEMON ?? "http://127.0.0.1:8080";
@@ -13,7 +13,7 @@ export default defineConfig({
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
     rolldownOptions: {
-      input: { page: "index.html", docs: "docs.html" },
+      input: { page: "index.html" },
       // Names stay the same from version to version: the daemon lets the browser ask each time.
       output: { entryFileNames: "[name].js", chunkFileNames: "[name].js", assetFileNames: "[name][extname]" },
     },

@@ -44,7 +44,7 @@ def recorded(stage: Stage, alarm: Alarm = FM_ALARM) -> int:
 def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
     assert shown("alarms", "list") == "no alarm\n"
     number = recorded(stage)
-    words = "    fm is 0.018 N m s/rad (31 %) above its nominal value\n"
+    words = "    fm is 0.018 N m s/rad (31 %, 24 to 37) above its nominal value\n"
     name, raised = f"{number}  demo.axis1 fm up", "medium priority, raised 2026-03-01 11:59:53 UTC"
     assert shown("alarms", "list") == f"{name}: unacknowledged, {raised}\n{words}"
     assert shown("alarms", "ack", number, "--comment", "I look") == f"{name}: acknowledged, {raised}\n{words}"

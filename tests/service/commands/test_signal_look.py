@@ -144,6 +144,7 @@ def test_old_frames_are_not_taken_for_the_present(
 ) -> None:
     found = looked_at(tmp_path, *healthy, now_us=NOW_US + 60_000_000)
     assert found.problems[0].startswith("nothing has come for 60 s")
+    assert (found.sentences[0].kind, found.sentences[0].values) == ("frames old", {"age_s": "60"})
 
 
 def test_a_refused_look_has_a_reason(

@@ -538,18 +538,18 @@ def test_nothing_is_said_before_it_is_known() -> None:
         found.timed(START_US + 5000 * n, START_US)
     assert found.stamps("receipt") == NOT_KNOWN
     assert found.stamps("counter") == Stamps("counter", None, None)
-    assert list(remarks("r.one", 0.005, NOT_KNOWN)) == []
+    assert list(remarks(0.005, NOT_KNOWN)) == []
     assert in_words(NOT_KNOWN) == ("nothing yet", "")
 
 
 def test_stamps_that_scatter_are_told_with_what_would_help(seed: int) -> None:
     stamps = meter(random.Random(seed), 400, 5000).stamps("receipt")
-    (words,) = remarks("r.one", 0.005, stamps)
-    assert words.startswith("r.one: stamps scatter by 0.")
+    (words,) = remarks(0.005, stamps)
+    assert words.startswith("stamps scatter by 0.")
     assert 'set clock = "cyclic" in [robot.axis.time], or counter_message' in words
-    assert list(remarks("r.one", 0.005, stamps._replace(clock="cyclic", interval_s=0.005))) == []
-    assert list(remarks("r.one", 0.005, stamps._replace(scatter_s=0.0002))) == []
-    (words,) = remarks("r.one", 0.005, stamps._replace(scatter_s=0.001, interval_s=0.00515))
+    assert list(remarks(0.005, stamps._replace(clock="cyclic", interval_s=0.005))) == []
+    assert list(remarks(0.005, stamps._replace(scatter_s=0.0002))) == []
+    (words,) = remarks(0.005, stamps._replace(scatter_s=0.001, interval_s=0.00515))
     assert "sample_interval_s" not in words
 
 
@@ -557,16 +557,16 @@ def test_stamps_that_scatter_are_told_with_what_would_help(seed: int) -> None:
 def test_an_interval_that_is_not_the_nominal_one_is_told_and_no_other(scatter_us: float, seed: int) -> None:
     rng = random.Random(seed)
     right = meter(rng, scatter_us, 5000).stamps("receipt")
-    assert all("sample_interval_s" not in words for words in remarks("r.one", 0.005, right))
+    assert all("sample_interval_s" not in words for words in remarks(0.005, right))
     wrong = meter(rng, scatter_us, 5500).stamps("receipt")
     assert wrong.interval_s == pytest.approx(0.0055, rel=0.03)
-    assert any("ms, not every 5 ms: correct sample_interval_s" in w for w in remarks("r.one", 0.005, wrong))
+    assert any("ms, not every 5 ms: correct sample_interval_s" in w for w in remarks(0.005, wrong))
 
 
 @pytest.mark.parametrize(("ppm", "count"), [(100, 0), (-200, 0), (750, 1), (-400, 1)])
 def test_a_clock_that_is_further_off_than_crystals_are_is_told(ppm: float, count: int) -> None:
     stamps = Stamps("cyclic", 1e-4, 0.005 * (1 + ppm * 1e-6))
-    assert len(list(remarks("r.one", 0.005, stamps))) == count
+    assert len(list(remarks(0.005, stamps))) == count
 
 
 def test_a_clock_that_cannot_be_fitted_gives_way_to_the_intervals(seed: int) -> None:

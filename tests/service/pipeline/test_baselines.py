@@ -15,8 +15,10 @@ from service.pipeline.baselines import (
     BaselineConflictError,
     BaselineError,
     UnknownEpochError,
+    reason_of,
 )
 from service.store.alarm_transitions import SERVICE, Note
+from service.web.models import sentences
 from tests.end_to_end.processes import wait_for
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.robots import START_US, changed
@@ -179,6 +181,8 @@ def test_a_window_that_is_refused_or_cancelled_leaves_the_epoch_in_force(
     refused, first = d.epochs()
     assert (refused.state, first.state) == ("cancelled", "current")
     assert refused.reason == "no parameter was observed for long enough: kT, 1/Ja, fm"
+    (found,) = sentences([reason_of(refused.reason)])
+    assert (found["words"], found["kind"]) == (refused.reason, "of parameters")
     with pytest.raises(BaselineConflictError, match="never was in force: no parameter was observed"):
         d.baselines.restore(AXIS, 2, 0.0, REPAIR)
 

@@ -26,10 +26,10 @@ def test_every_colour_is_defined_once_for_the_light_and_once_for_the_dark() -> N
     "path", [DASHBOARD / "page.css", TEMPLATES / "style.css"], ids=["dashboard", "reports"]
 )
 def test_both_style_sheets_take_them_from_there(path: Path) -> None:
-    """The dashboard sets its own only for what belongs to an alarm, and for its bars."""
+    """The dashboard sets its own only for what belongs to an alarm, and for its tiles."""
     text = path.read_text(encoding="utf-8")
     assert not re.search(r"#[0-9a-fA-F]{3,8}\b(?=[;,) ])", re.sub(r"rgb\([^)]*\)", "", text))
-    defined = {*re.findall(r"--([\w-]+):", TOKENS), *re.findall(r"--([\w-]+):", text), "bar"}
+    defined = {*re.findall(r"--([\w-]+):", TOKENS), *re.findall(r"--([\w-]+):", text), "bar", "zoom"}
     assert set(re.findall(r"var\(--([\w-]+)", text)) <= defined
     for name in ("size", "font", "size-h1", "size-h2", "size-small", "cell", "inset", "radius", "margin"):
         assert f"var(--{name})" in text, name

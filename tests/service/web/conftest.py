@@ -365,6 +365,7 @@ SIGNAL_CHECK = SignalCheck(
     problems=["the torque <b>is stuck</b>"],
     proposals=["the units look like degrees. -> angle.factor = 0.0174533"],
     doubts=[],
+    sentences=[],
 )  # fmt: skip
 
 

@@ -1,9 +1,10 @@
 """Alarms on the page: found from the overview, acknowledged, shelved, commented; out of service, repaired."""
 
+import time
 from dataclasses import replace
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring import AlarmEvent, AlarmRules
@@ -37,7 +38,7 @@ def test_it_shows_alarms_active_first_and_those_that_are_not_yet_recorded_withou
     ended = replace(fm_alarm, raised_us=fm_alarm.raised_us + 1, ended_us=stage.now_us, direction="down")
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     stage.record("demo.axis2", "N m s/rad", 0.06, ended)
-    sentence = "fm is 0.018 N m s/rad (31 %) above its nominal value"
+    sentence = "fm is 0.018 N m s/rad (31 %, 24 to 37) above its nominal value"
     for words in ("active", "demo.axis1", "fm", "up", "+0.0183 ± 0.0041", "+30.5 %", sentence):
         expect(alarm_row(page)).to_contain_text(words)
     expect(page.locator("#news")).to_have_text(f"New alarm: demo.axis1: {sentence}")
@@ -85,7 +86,7 @@ def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_
     expect(alarm_row(page)).to_contain_text("fm ▲ up at first kT")
     expect(alarm_row(page).get_by_role("cell").nth(4)).to_contain_text("−0.6 s +0.2 s")
     expect(page.locator("#news")).to_have_text(
-        "Alarm: demo.axis1: fm is 0.018 N m s/rad (31 %) above its nominal value"
+        "Alarm: demo.axis1: fm is 0.018 N m s/rad (31 %, 24 to 37) above its nominal value"
     )
     expect(alarm_row(page, 2)).to_have_count(0)
 
@@ -198,6 +199,29 @@ def test_what_is_refused_is_said_in_the_form_and_an_ended_alarm_gets_a_comment(
     form.get_by_label("Work order").fill("WO-18")
     form.get_by_role("button", name="Comment").click()
     expect(page.get_by_role("table", name="What has happened to it")).to_contain_text("work order WO-18")
+
+
+def test_a_form_is_sent_once_and_waits_for_a_daemon_that_is_late(
+    page: Page, stage: Stage, fm_alarm: Alarm
+) -> None:
+    """Later than polled answers may be: else a person reads that nobody answered, and does it again."""
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    sent: list[str] = []
+
+    def late(route: Route) -> None:
+        sent.append(route.request.url)
+        time.sleep(4.5)
+        route.continue_()
+
+    page.route("**/comment", late)
+    page.goto(f"/#/alarms/{number}")
+    page.get_by_role("button", name="Comment").click()
+    form = page.get_by_role("dialog", name="Comment: demo.axis1 fm ▲ up")
+    form.get_by_label("Work order").fill("WO-18")
+    form.get_by_role("button", name="Comment").dblclick()
+    expect(form).to_have_count(0)
+    expect(page.get_by_role("table", name="What has happened to it")).to_contain_text("work order WO-18")
+    assert len(sent) == 1
 
 
 def test_the_oldest_alarm_can_be_reached(page: Page, stage: Stage, fm_alarm: Alarm) -> None:

@@ -124,6 +124,19 @@ def test_the_responses_are_those_of_the_nominal_and_of_the_present_values(
     assert is_now[0] > 1.02 * was[0]  # a lighter arm
 
 
+def test_the_band_is_that_of_the_covariance_of_the_estimates(client: TestClient, stage: Stage) -> None:
+    """The torque constant scales the response; of a parameter without an estimate nothing is in the band."""
+    watch(stage, reference(), fm=math.nan)
+    assert client.get(f"{AXIS}/bode").json()["magnitude_sd_db"] == []
+    (axis,) = stage.snapshot.axes
+    P = ((1e-4, 0.0, 0.01), (0.0, 0.0, 0.0), (0.01, 0.0, 1e9))
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=replace(axis.status, covariance=P)),))
+    answer = client.get(f"{AXIS}/bode").json()
+    sd = 20 / math.log(10) * 0.01
+    assert answer["magnitude_sd_db"] == pytest.approx([sd] * len(answer["frequency_hz"]), abs=1e-4)
+    assert answer["phase_sd_deg"] == pytest.approx([0.0] * len(answer["frequency_hz"]), abs=1e-4)
+
+
 def parts(values: dict[str, float]) -> tuple[Any, Any, Any]:
     A, B, C = AxisModel(MODEL.drive, values, ()).matrices()
     return A, B[:, MODEL.drive.inputs.index(0)], C[0]

@@ -10,7 +10,8 @@ from monitor_core.monitoring import AlarmEvent
 from monitor_core.wording import sentence
 from service.pipeline.snapshot import BusSnapshot, Snapshot
 from service.store.alarm_transitions import Note
-from tests.service.web.conftest import Stage
+from service.web.models import sentence_bodies
+from tests.service.web.conftest import SIGNAL_CHECK, Stage, robot_setup
 from tests.service.web.page_parts import unfold
 
 pytestmark = pytest.mark.browser
@@ -69,6 +70,26 @@ def test_nothing_that_the_daemon_says_is_english_there(
     banner = page.get_by_role("list", name="nicht geprüft: demo.axis1")
     expect(banner).to_contain_text("Schätzung pausiert: temperature ist nicht bekannt")
     expect(banner).to_contain_text("außerhalb der Kalibrierung: load = 41,5, kalibriert von 20 bis 35")
+
+
+@pytest.fixture
+def standing(configured: Stage) -> Stage:
+    """A live check finds that the axes do not move."""
+    stands = sentence("axis stands", "it does not move: {still}", still=sentence("move it", "let it move"))
+    check = {"problems": [stands], "proposals": [], "sentences": sentence_bodies([stands])}
+    configured.setup = robot_setup(lambda _: SIGNAL_CHECK.model_copy(update=check))
+    return configured
+
+
+@pytest.mark.usefixtures("standing")
+def test_what_a_live_check_of_signals_finds_is_german(page: Page) -> None:
+    page.goto("/#/system/commissioning")
+    page.get_by_role("button", name="Deutsch").click()
+    page.get_by_role("button", name="Alle Achsen prüfen").click()
+    found = page.get_by_role("table", name="Signale jetzt")
+    expect(found.get_by_role("row")).to_have_count(3)
+    expect(found).to_contain_text("Problem Sie bewegt sich nicht: den Roboter arbeiten lassen, oder")
+    assert found.locator("[lang=en]").count() == 0
 
 
 def test_what_is_refused_is_said_in_german(stage: Stage, page: Page, fm_alarm: Alarm) -> None:

@@ -105,6 +105,20 @@ def test_a_fault_of_a_sensor_asks_for_the_sensor_and_a_payload_for_the_payload(
         expect(page.get_by_role("article")).to_contain_text(words)
 
 
+@pytest.mark.parametrize("is_known", [False, True])
+def test_friction_of_an_axis_whose_warmth_is_not_known_may_be_the_cold(
+    is_known: bool, stage: Stage, page: Page, fm_alarm: Alarm
+) -> None:
+    if not is_known:
+        axes = tuple(replace(axis, heat=None) for axis in stage.snapshot.axes)
+        stage.snapshot = replace(stage.snapshot, axes=axes)
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto(f"/#/alarms/{number}")
+    advice = page.get_by_role("article").get_by_text("A colder or warmer gearbox")
+    expect(page.get_by_role("article")).to_contain_text("fm (viscous friction of the motor)")
+    expect(advice).to_have_count(0 if is_known else 1)
+
+
 def test_of_several_alarms_a_tile_names_the_first_and_how_many_more(
     stage: Stage, page: Page, fm_alarm: Alarm
 ) -> None:

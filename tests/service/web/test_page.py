@@ -253,6 +253,23 @@ def named(stage: Stage, fm_alarm: Alarm) -> int:
     return number
 
 
+def test_of_a_robot_with_a_long_name_each_tile_names_its_axis(page: Page, stage: Stage) -> None:
+    robot = "Welding-cell-South_Handling-04_Station-7"
+    axes = [
+        replace(stage.snapshot.axes[0], id=f"{robot}.J{k}", robot=robot, name=f"J{k}") for k in range(1, 4)
+    ]
+    stage.snapshot = replace(stage.snapshot, axes=tuple(axes))
+    page.goto("/")
+    names = page.locator("a.tile.untested .name bdi:last-child")
+    expect(names).to_have_text([".J1", ".J2", ".J3"])
+    for name in names.all():
+        inside = "n => n.getBoundingClientRect().right <= n.closest('.head').getBoundingClientRect().right"
+        assert name.evaluate(f"n => n.scrollWidth <= n.clientWidth && ({inside})(n)")
+    page.set_viewport_size({"width": 560, "height": 800})  # narrow tiles: the numbers give way to the names
+    for name in page.locator(".row .parameter").all():
+        assert name.evaluate("n => n.scrollWidth <= n.clientWidth")
+
+
 @pytest.mark.parametrize("width", soaked([3840, 1280, 360], 360))
 def test_names_are_text_and_all_fits_the_screen(width: int, named: int, page: Page) -> None:
     name = NAMES["long"]

@@ -27,16 +27,21 @@ interface Props {
 export function ActionForm({ label, title, path, body, required = false, either = false, children, confirm, close, done }: Props) {
   const dialog = useRef<HTMLDialogElement>(null);
   const opener = useRef(document.activeElement);
+  const sending = useRef(false);
   const [problem, setProblem] = useState("");
   useEffect(() => dialog.current?.showModal(), []);
   const send = async (event: SubmitEvent): Promise<void> => {
     event.preventDefault();
     const given = new FormData(event.currentTarget as HTMLFormElement);
     if (either && !given.get("comment") && !given.get("order")) return setProblem(t.giveEither);
+    if (sending.current) return; // a double click
+    sending.current = true;
     try {
       await ask(path, { comment: given.get("comment"), work_order: given.get("order"), ...(await body?.(given)) });
     } catch (error) {
       return setProblem(failure(error));
+    } finally {
+      sending.current = false;
     }
     const place = opener.current?.parentElement;
     dialog.current?.close();

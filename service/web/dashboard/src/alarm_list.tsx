@@ -10,6 +10,7 @@ import { alarmLink, AlarmMark, arrow, axisLink, Time } from "./marks";
 import { isHidden } from "./need";
 import { causeName } from "./sentences";
 import { Z95 } from "./series";
+import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
 const QUERIES = {
@@ -89,33 +90,25 @@ export function AlarmTable({ alarms, refresh, axis = false }: { alarms: Alarm[];
   const { state, ...rest } = others;
   const columns = [state, ...(axis ? [ofAxis] : []), ...Object.values(rest), action];
   return (
-    <div class="panel">
-      <table class="alarms" role="table" aria-label={t.alarms}>
-        <thead role="rowgroup"><tr role="row">{columns.map((name) => <th key={name} role="columnheader" scope="col">{name}</th>)}</tr></thead>
-        <tbody role="rowgroup">{alarms.map((alarm) => <Row key={alarm.id ?? alarm.raised} {...{ alarm, refresh, axis }} />)}</tbody>
-      </table>
-    </div>
+    <Table label={t.alarms} kind="alarms" columns={columns} rows={alarms.map((alarm) => cellsOf(alarm, refresh, axis))} most={LIMIT}
+      keys={alarms.map((alarm) => alarm.id ?? alarm.raised)} tones={alarms.map((alarm) => `${alarm.active ? "active" : "ended"} prio-${alarm.priority}`)} />
   );
 }
 
-function Row({ alarm, refresh, axis }: { alarm: Alarm; refresh: () => Promise<void>; axis: boolean }) {
-  return (
-    <tr role="row" class={`${alarm.active ? "active" : "ended"} prio-${alarm.priority}`}>
-      <td role="cell" data-label={t.columns.state}><State alarm={alarm} /></td>
-      {axis && <td role="cell" data-label={t.columns.axis}><a href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a></td>}
-      <td role="cell" data-label={t.columns.parameter}>
-        <a href={alarmLink(alarm.id)}><b><bdi>{causeName(alarm.parameter)}</bdi></b> {arrow(alarm.direction)} {t.direction[alarm.direction]}</a>
-        <Names alarm={alarm} />
-        <small><AlarmWords alarm={alarm} /></small>
-      </td>
-      <td role="cell" data-label={t.columns.size}>{sizeText(alarm)}</td>
-      <td role="cell" data-label={t.columns.onset}><Time at={alarm.onset} /><OnsetRange alarm={alarm} /></td>
-      <td role="cell" data-label={t.columns.raised}><Time at={alarm.raised} /></td>
-      <td role="cell" data-label={t.columns.ended}>{alarm.ended === null ? "–" : <Time at={alarm.ended} />}</td>
-      <td role="cell" data-label={t.columns.action}><AlarmButtons alarm={alarm} done={refresh} /></td>
-    </tr>
-  );
-}
+const cellsOf = (alarm: Alarm, refresh: () => Promise<void>, axis: boolean): Cells => [
+  <State alarm={alarm} />,
+  ...(axis ? [<a href={axisLink(alarm.axis)}><bdi>{alarm.axis}</bdi></a>] : []),
+  <>
+    <a href={alarmLink(alarm.id)}><b><bdi>{causeName(alarm.parameter)}</bdi></b> {arrow(alarm.direction)} {t.direction[alarm.direction]}</a>
+    <Names alarm={alarm} />
+    <small><AlarmWords alarm={alarm} /></small>
+  </>,
+  sizeText(alarm),
+  <><Time at={alarm.onset} /><OnsetRange alarm={alarm} /></>,
+  <Time at={alarm.raised} />,
+  alarm.ended === null ? "–" : <Time at={alarm.ended} />,
+  <AlarmButtons alarm={alarm} done={refresh} />,
+];
 
 /** Whether it is active, what a person has done about it, its priority, and whether the journal has it. */
 export function State({ alarm }: { alarm: Alarm }) {

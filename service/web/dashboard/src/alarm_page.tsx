@@ -2,12 +2,13 @@
 import { useCallback, useEffect, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
-import { ask, type AlarmRecord } from "./ask";
+import { ask, type AlarmRecord, type Axis } from "./ask";
 import { moment, percent, stamp, zone } from "./format";
 import { useLive } from "./live";
 import { AlarmWords, Meaning, meaningOf, Reached } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time } from "./marks";
-import { causeName, whoName } from "./sentences";
+import { causeName, failure, whoName } from "./sentences";
+import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
 export function AlarmPage({ id }: { id: string }) {
@@ -19,7 +20,7 @@ export function AlarmPage({ id }: { id: string }) {
       set(await ask<AlarmRecord>(`/api/v1/alarms/${encodeURIComponent(id)}`));
       setProblem("");
     } catch (error) {
-      setProblem((error as Error).message);
+      setProblem(failure(error));
     }
   }, [id]);
   const beat = Math.floor((live.answered ?? 0) / 5000);
@@ -59,10 +60,12 @@ export function AlarmPage({ id }: { id: string }) {
           {alarm.causes.length > 0 && <Causes alarm={alarm} />}
           {alarm.inside_calibration !== null && <p>{alarm.inside_calibration ? t.inside : t.outside}</p>}
           <h2>{t.whatToDo}</h2>
-          <ol>{advice(alarm, meaningOf(meaning)).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
+          <ol>{advice(alarm, meaning, axis?.heat ?? null).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
           {(alarm.recording !== null || report) && <h2>{t.files}</h2>}
           <ul>
-            {alarm.recording !== null && <li><Frames name={alarm.recording} full /></li>}
+            {alarm.recording !== null && (
+              <li><Frames name={alarm.recording} full /><small>{t.replayed} <code>axiswatch replay {alarm.recording} --config CONFIG.toml --report replay.html</code></small></li>
+            )}
             {report && <li><a href={report}>{t.pages.report}</a></li>}
           </ul>
         </section>
@@ -94,9 +97,10 @@ function Causes({ alarm }: { alarm: AlarmRecord }) {
 
 const SENSOR = /^(torque|output) |^delay$/;
 const PAYLOAD = /^(load|inertia)$/;
+const FRICTION = /friction/i;
 
-/** What the state and the causes of an alarm ask for. */
-function advice(alarm: AlarmRecord, meaning: string): string[] {
+/** What the state and the causes of an alarm ask for; where the warmth of the axis is known, its friction is of that warmth. */
+function advice(alarm: AlarmRecord, meaning: string, heat: Axis["heat"]): string[] {
   const words: string[] = [];
   if (["unacknowledged", "returned", "latched"].includes(alarm.state)) words.push(t.advice.acknowledge);
   if (alarm.kind === "forecast") return [...words, t.advice.forecast, t.advice.order];
@@ -105,7 +109,8 @@ function advice(alarm: AlarmRecord, meaning: string): string[] {
   if (["model", "sign", "still"].includes(alarm.doubt)) return [...words, t.advice.sensor, t.advice.order];
   if (SENSOR.test(alarm.parameter)) words.push(t.advice.sensor);
   if (PAYLOAD.test(alarm.parameter)) words.push(t.advice.payload);
-  words.push(t.advice.inspect(meaning ? `${alarm.parameter} (${meaning})` : causeName(alarm.parameter)));
+  words.push(t.advice.inspect(meaning ? `${alarm.parameter} (${meaningOf(meaning)})` : causeName(alarm.parameter)));
+  if (FRICTION.test(meaning) && heat === null) words.push(t.advice.cold);
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
   if (alike.length > 0) words.push(t.advice.inspectAlike(alike.map(causeName).join(", ")));
   return [...words, t.advice.order];
@@ -113,21 +118,11 @@ function advice(alarm: AlarmRecord, meaning: string): string[] {
 
 function Transitions({ alarm }: { alarm: AlarmRecord }) {
   const { when, what, who, note } = t.transitions;
-  return (
-    <div class="panel">
-      <table class="stacked" role="table" aria-label={t.history}>
-        <thead role="rowgroup"><tr role="row">{[when, what, who, note].map((name) => <th key={name} role="columnheader" scope="col">{name}</th>)}</tr></thead>
-        <tbody role="rowgroup">
-          {alarm.transitions.map((step, number) => (
-            <tr key={number} role="row">
-              <td role="cell" data-label={when}><Time at={step.at} /></td>
-              <td role="cell" data-label={what}>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</td>
-              <td role="cell" data-label={who}><bdi>{whoName(step.who)}</bdi></td>
-              <td role="cell" data-label={step.comment || step.work_order ? note : undefined}><bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi></td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
-  );
+  const rows = alarm.transitions.map((step): Cells => [
+    <Time at={step.at} />,
+    <>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</>,
+    <bdi>{whoName(step.who)}</bdi>,
+    (step.comment || step.work_order) && <bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi>,
+  ]);
+  return <Table label={t.history} columns={[when, what, who, note]} rows={rows} />;
 }

@@ -9,6 +9,7 @@ export type AlarmRecord = Body<"AlarmRecord">;
 export type Service = Body<"Service">;
 
 const PATIENCE_MS = 4000;
+const PATIENCE_WRITING_MS = 30_000; // who is told too early that nobody answers does again what has been done
 const KEY = "axiswatch-token";
 
 /** The daemon has refused a request; why, as a text and, where it has a kind, as values. */
@@ -33,7 +34,7 @@ export function authorization(): Record<string, string> {
 }
 
 /** The body of an answer; with a body of its own, the request is a POST. */
-export async function ask<T>(path: string, body: unknown = null, patienceMs = PATIENCE_MS): Promise<T> {
+export async function ask<T>(path: string, body: unknown = null, patienceMs = body === null ? PATIENCE_MS : PATIENCE_WRITING_MS): Promise<T> {
   const headers = authorization();
   const request: RequestInit = { signal: AbortSignal.timeout(patienceMs), cache: "no-store", headers };
   if (body !== null) {

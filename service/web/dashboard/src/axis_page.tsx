@@ -84,21 +84,26 @@ function newest(axis: Axis | undefined): number {
 
 function Head({ axis, age }: { axis: Axis; age: number | null }) {
   const localised = (words: string): string => translated(words, axis.sentences) ?? words;
+  const gate = localised(axis.gated_by ?? "");
   const notes = [
-    ...t.notTestedSentences(axis),
+    ...t.notTestedSentences(axis, gate),
     ...(epochWords(axis) === "" ? [] : [epochWords(axis)]),
-    ...(axis.gated_by === null ? [] : [t.paused(localised(axis.gated_by))]),
+    ...(gate === "" ? [] : [t.paused(gate)]),
     ...axis.outside_calibration.map((words) => t.outsideCalibration(localised(words))),
   ];
+  // What is not tested for that reason is named above.
+  const isTold = (words: string): boolean => axis.sentences.some(({ words: own, kind, values }) => own === words && kind === "not observed"
+    && axis.parameters.some((p) => p.name === values["name"] && p.not_tested_reason === "not observed"));
+  const confounded = axis.confounded.filter((words) => !isTold(words));
   return (
     <div class="axis-head">
       <h1><bdi>{axis.id}</bdi></h1>
       <p class={isSilent(axis) ? "late" : "quiet"}>{age === null ? t.noSample : t.lastSample(span(age))}</p>
       <p class="quiet"><bdi>{axis.model.drive}</bdi>, {t.output[axis.model.output] ?? axis.model.output} · {t.bus} <bdi>{axis.bus}</bdi></p>
-      {(axis.confounded.length > 0 || notes.length > 0) && (
+      {(confounded.length > 0 || notes.length > 0) && (
         <ul class="banner warn" aria-label={`${t.notTested}: ${axis.id}`}>
           {notes.map((words) => <li key={words}><bdi>{words}</bdi></li>)}
-          {axis.confounded.map((words) => <li key={words}><Words by={axis.sentences}>{words}</Words></li>)}
+          {confounded.map((words) => <li key={words}><Words by={axis.sentences}>{words}</Words></li>)}
         </ul>
       )}
     </div>

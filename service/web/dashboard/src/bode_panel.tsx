@@ -5,7 +5,7 @@ import { number, percent, unit } from "./format";
 import { Opened } from "./opened";
 import { Plot, type Range } from "./plot";
 import { farthest, isMoved, signsOf } from "./resonances";
-import { rangeOf } from "./series";
+import { rangeOf, Z95 } from "./series";
 import { t } from "./texts";
 
 const EVERY_MS = 5000;
@@ -47,6 +47,10 @@ function BodePlots({ axis }: { axis: Axis }) {
   const change = farthest(bode);
   const plot = { time: f, range, kind: "frequency" as const, signs: signsOf(bode.resonances) };
   const curves = (of: "magnitude_db" | "phase_deg") => [bode.nominal[of], bode.present?.[of] ?? nothing];
+  const edges = (of: "magnitude_db" | "phase_deg", sd: (number | null)[]) => [-Z95, Z95].map((z) => f.map((_, i) => {
+    const [value, one] = [bode.present?.[of][i] ?? null, sd[i] ?? null];
+    return value === null || one === null ? null : value + z * one;
+  }));
   const magnitude = t.bode.magnitude(unit(bode.unit.replace(" per N m", "/(N m)")));
   return (
     <>
@@ -66,12 +70,12 @@ function BodePlots({ axis }: { axis: Axis }) {
         {bode.present !== null && moved.length === 0 && <li>{t.bode.still}</li>}
       </ul>
       <h3>{magnitude}</h3>
-      <Plot label={magnitude} height={190} {...plot} columns={curves("magnitude_db")} lines={[NOMINAL, PRESENT]} scale={rangeOf(curves("magnitude_db"))} />
+      <Plot label={magnitude} height={190} {...plot} columns={[...edges("magnitude_db", bode.magnitude_sd_db), ...curves("magnitude_db")]} {...drawn} scale={rangeOf(curves("magnitude_db"))} />
       <h3>{t.bode.phase}</h3>
-      <Plot label={t.bode.phase} height={140} {...plot} columns={curves("phase_deg")} lines={[NOMINAL, PRESENT]} scale={rangeOf(curves("phase_deg"))} />
+      <Plot label={t.bode.phase} height={140} {...plot} columns={[...edges("phase_deg", bode.phase_sd_deg), ...curves("phase_deg")]} {...drawn} scale={rangeOf(curves("phase_deg"))} />
     </>
   );
 }
 
-const NOMINAL = { colour: "quiet", dash: [6, 4] };
-const PRESENT = { colour: "text" };
+const EDGE = { colour: "none" };
+const drawn = { lines: [EDGE, EDGE, { colour: "quiet", dash: [6, 4] }, { colour: "text" }], band: [0, 1] as [number, number] };

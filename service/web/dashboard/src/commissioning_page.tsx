@@ -120,7 +120,7 @@ function Findings({ check }: { check: Check }) {
   return (
     <ul class="findings">
       {all.flatMap(([kind, words]) => words.map((sentence) => (
-        <li key={sentence}><b class={kind === c.problem ? "pill warn" : "pill"}>{kind}</b> <Words>{sentence}</Words></li>
+        <li key={sentence}><b class={kind === c.problem ? "pill warn" : "pill"}>{kind}</b> <Words by={check.sentences}>{sentence}</Words></li>
       )))}
     </ul>
   );

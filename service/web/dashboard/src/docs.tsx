@@ -1,10 +1,12 @@
 // Renders openapi.json: operations with their parameters and the fields of their answers.
-import { render, type ComponentChildren } from "preact";
+import type { ComponentChildren } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { ask, TokenNeeded } from "./ask";
-import "./page.css";
+import { failure } from "./sentences";
 import { SignIn } from "./sign_in";
 import { t } from "./texts";
+
+const PATIENCE_MS = 30_000; // at the first time the daemon makes it, which takes seconds on a small machine
 
 interface Schema {
   $ref?: string;
@@ -107,24 +109,27 @@ function BodyPart({ name, schema }: { name: string; schema: Schema }) {
   );
 }
 
-function Docs() {
+export function Docs() {
   const [api, set] = useState<OpenApi | null>(null);
   const [problem, setProblem] = useState<unknown>(null);
-  useEffect(() => void ask<OpenApi>("/openapi.json").then(set, setProblem), []);
+  useEffect(() => {
+    document.title = "axiswatch API";
+    void ask<OpenApi>("/openapi.json", null, PATIENCE_MS).then(set, setProblem);
+  }, []);
   return (
-    <>
+    <div class="docs">
       <header>
         <div class="bar-top">
           <a class="brand" href="/"><img src="/static/icon.svg" alt="" width="24" height="24" /> axiswatch</a>
           <nav aria-label={t.pages.overview}><a href="/">{t.pages.overview}</a> <a href="/openapi.json">OpenAPI</a></nav>
         </div>
-        {problem instanceof TokenNeeded && <SignIn why={problem.message} />}
+        {problem instanceof TokenNeeded && <SignIn why={failure(problem)} />}
       </header>
       <main>
         <h1>{api ? `${api.info.title} API ${api.info.version}` : "axiswatch API"}</h1>
-        {api ? <Everything api={api} /> : <p class="quiet">{problem ? String((problem as Error).message) : t.schemaLoading}</p>}
+        {api ? <Everything api={api} /> : <p class="quiet">{problem ? failure(problem) : t.schemaLoading}</p>}
       </main>
-    </>
+    </div>
   );
 }
 
@@ -145,6 +150,3 @@ function Everything({ api }: { api: OpenApi }) {
     </>
   );
 }
-
-const place = document.getElementById("app");
-if (place) render(<Docs />, place);

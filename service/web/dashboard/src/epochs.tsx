@@ -5,6 +5,7 @@ import { ask, type Axis, type Body } from "./ask";
 import { moment } from "./format";
 import { numberWithUnit, Time } from "./marks";
 import { whoName, Words } from "./sentences";
+import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
 export type Epoch = Body<"Epoch">;
@@ -46,6 +47,17 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
   const [wanted, want] = useState<Wanted | null>(null);
   const now = axis.epoch;
   const { number, state, source, since, who, values } = t.epochs.columns;
+  const cellsOf = (epoch: Epoch): Cells => [
+    String(epoch.number),
+    <>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words by={epoch.sentences}>{epoch.reason}</Words></small>}</>,
+    t.epochs.source[epoch.source],
+    <>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</>,
+    <bdi>{[whoName(epoch.who), epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi>,
+    <>{epoch.values.map((v) => <Value key={v.name} v={v} by={epoch.sentences} />)}</>,
+    ["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
+      <button type="button" onClick={() => want({ action: "restore", number: epoch.number })}>{t.epochs.restore}</button>
+    ),
+  ];
   return (
     <section aria-label={t.epochs.title}>
       <h2>{t.epochs.title}</h2>
@@ -55,34 +67,16 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
           : <button type="button" onClick={() => want({ action: "baseline" })}>{t.epochs.baseline}</button>}
         {" "}<bdi>{epochWords(axis)}</bdi>
       </p>
-      <div class="panel">
-        <table class="stacked" role="table" aria-label={t.epochs.title}>
-          <thead role="rowgroup"><tr role="row">{[number, state, source, since, who, values, t.columns.action].map((name) => <th key={name} role="columnheader" scope="col">{name}</th>)}</tr></thead>
-          <tbody role="rowgroup">
-            {epochs.map((epoch) => (
-              <tr key={epoch.number} role="row">
-                <td role="cell" data-label={number}>{epoch.number}</td>
-                <td role="cell" data-label={state}>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words>{epoch.reason}</Words></small>}</td>
-                <td role="cell" data-label={source}>{t.epochs.source[epoch.source]}</td>
-                <td role="cell" data-label={since}>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</td>
-                <td role="cell" data-label={who}><bdi>{[whoName(epoch.who), epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi></td>
-                <td role="cell" data-label={values}>{epoch.values.map((v) => <Value key={v.name} v={v} />)}</td>
-                <td role="cell">{["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
-                  <button type="button" onClick={() => want({ action: "restore", number: epoch.number })}>{t.epochs.restore}</button>
-                )}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table label={t.epochs.title} columns={[number, state, source, since, who, values, t.columns.action]} rows={epochs.map(cellsOf)}
+        keys={epochs.map((epoch) => epoch.number)} />
       {wanted && <EpochForm {...{ axis, wanted, refresh }} close={() => want(null)} />}
     </section>
   );
 }
 
-function Value({ v }: { v: Epoch["values"][number] }) {
+function Value({ v, by }: { v: Epoch["values"][number]; by: Epoch["sentences"] }) {
   const before = v.former === null ? "" : ` (${t.epochs.before} ${numberWithUnit(v.former, v.unit)})`;
-  return <div><bdi>{v.name}</bdi> = {numberWithUnit(v.value, v.unit)}{before}{v.kept !== null && <small><Words>{v.kept}</Words></small>}</div>;
+  return <div><bdi>{v.name}</bdi> = {numberWithUnit(v.value, v.unit)}{before}{v.kept !== null && <small><Words by={by}>{v.kept}</Words></small>}</div>;
 }
 
 /** The text of a chosen file; null: none was chosen. */

@@ -1,5 +1,5 @@
 // Numbers, units and times as people read them, in the language of the page.
-import { language } from "./texts";
+import { language } from "./language";
 
 const SUPERSCRIPTS: Record<string, string> = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 const raise = (text: string | number): string => [...String(text)].map((c) => SUPERSCRIPTS[c] ?? c).join("");

@@ -1,6 +1,6 @@
 // What several pages draw: the mark of a state by its shape, the bar of a parameter, times.
 import type { Alarm, Parameter } from "./ask";
-import { moment, number, percent, stamp, unit, withMargin } from "./format";
+import { local, moment, number, percent, stamp, unit, withMargin } from "./format";
 import { isHidden, type Item, type Need } from "./need";
 import { Z95 } from "./series";
 import { causeName } from "./sentences";
@@ -50,6 +50,12 @@ export function deviationText(p: Parameter): string {
   return d === null ? "–" : `${withMargin(d, null, true)} ${unit(p.unit)}`;
 }
 
+/** The same in little room: where nominal is zero, two digits beside the estimate with its unit. */
+export function shareText(p: Parameter): string {
+  const d = deviationOf(p);
+  return p.nominal || d === null ? deviationText(p) : `${d > 0 ? "+" : ""}${local(String(Number(d.toPrecision(2))))}`;
+}
+
 /** "tracking", "not tested", "alarm". */
 export const stateOf = (p: Parameter): string =>
   p.tested || p.status === "alarm" ? (t.status[p.status] ?? p.status)
@@ -57,7 +63,7 @@ export const stateOf = (p: Parameter): string =>
 
 /** The estimate with its 95 % interval; before the first sample there is none. */
 export const estimateText = (p: Parameter): string =>
-  p.status === "waiting" ? "–" : `${withMargin(p.estimate, Z95 * (p.standard_deviation ?? 0))} ${unit(p.unit)}`.trim();
+  p.status === "waiting" || p.estimate === null ? "–" : `${withMargin(p.estimate, Z95 * (p.standard_deviation ?? 0))} ${unit(p.unit)}`.trim();
 
 /** How a parameter is to be drawn. */
 export const kindOf = (p: Parameter): string => (p.status === "alarm" ? "out" : p.tested ? "" : "untested");

@@ -6,7 +6,7 @@ import { AlarmWords, Meaning } from "./alarm_words";
 import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
-import { alarmLink, AlarmMark, axisLink, Bar, barText, deviationText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
+import { alarmLink, AlarmMark, axisLink, Bar, barText, shareText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
 import { isHidden, itemsOf, matches, NEEDS, ordered, urgency, type Item, type Need } from "./need";
 import { t } from "./texts";
 import { GAP, layoutOf } from "./tile_layout";
@@ -132,7 +132,7 @@ function Tiles({ items }: { items: Item[] }) {
   };
   return (
     <ul ref={place} class={layout.wide ? "tiles wide" : "tiles"} aria-label={t.axes} onKeyDown={move}
-      style={{ "gap": `${GAP}px`, "grid-template-columns": `repeat(${layout.columns}, minmax(0, 1fr))`, "--bar": `${layout.bar}px` }}>
+      style={{ "gap": `${GAP}px`, "grid-template-columns": `repeat(${layout.columns}, minmax(0, 1fr))`, "--bar": `${layout.bar}px`, "--zoom": layout.zoom }}>
       {items.map((item) => (
         <Tile key={item.axis.id} item={drawn.get(item.axis.id) ?? item} known={drawn.has(item.axis.id)}
           wide={layout.wide} age={layout.wide ? ageText(ageOf(item.axis, live)) : ""} />
@@ -173,8 +173,7 @@ function drawnTile(item: Item, known: boolean, wide: boolean, age: string) {
       <a class={`tile ${need} prio-${alarms[0]?.priority ?? "none"}`} href={axisLink(axis.id)} aria-label={label} title={axis.id}>
         <span class="head">
           {alarms[0] ? <AlarmMark alarm={alarms[0]} /> : <NeedMark need={need} />}
-          {wide ? <bdi class="whole name">{axis.id}</bdi>
-            : <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>}
+          <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>
           {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[axis.epoch.state] : words}</span>}
         </span>
         {wide && <Age {...{ item, age }} />}
@@ -198,7 +197,7 @@ function WideRow({ p }: { p: Item["axis"]["parameters"][number] }) {
     <span class={`row ${kindOf(p)}`}>
       <bdi class="parameter">{p.name}</bdi>
       <span class="value">{estimateText(p)}</span>
-      <span class="share">{p.status === "waiting" ? "–" : deviationText(p)}</span>
+      <span class="share">{p.status === "waiting" ? "–" : shareText(p)}</span>
       <Bar p={p} />
       <span class="state">{stateOf(p)}</span>
     </span>

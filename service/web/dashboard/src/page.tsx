@@ -1,4 +1,4 @@
-// The dashboard: its header, and the page that the address names (#/, #/axes/ID, #/alarms, #/alarms/N, #/system).
+// The dashboard: its header, and the page that the address names (#/, #/axes/ID, #/alarms, #/alarms/N, #/system); or /docs.
 import { render } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { AlarmList } from "./alarm_list";
@@ -8,7 +8,9 @@ import { SoundSwitch } from "./alarm_sound";
 import { hasToken, type Alarm, type Body } from "./ask";
 import { AxisPage } from "./axis_page";
 import { CommissioningPage } from "./commissioning_page";
+import { Docs } from "./docs";
 import { span, zone } from "./format";
+import { language } from "./language";
 import { silence, start, useLive, type Live } from "./live";
 import { isHidden, keyOf } from "./need";
 import { Overview } from "./overview";
@@ -16,7 +18,7 @@ import "./page.css";
 import { translated, Words } from "./sentences";
 import { SignIn } from "./sign_in";
 import { SystemPage } from "./system_page";
-import { choose, language, t } from "./texts";
+import { choose, t } from "./texts";
 
 function useAddress(): string[] {
   const read = (): string[] => location.hash.replace(/^#\/?/, "").split("/").map((part) => {
@@ -192,6 +194,7 @@ function useTitle(live: Live, gone: number | null): void {
   }, [title, icon]);
 }
 
-start();
+const ofApi = location.pathname === "/docs";
+if (!ofApi) start();
 const place = document.getElementById("app");
-if (place) render(<App />, place);
+if (place) render(ofApi ? <Docs /> : <App />, place);

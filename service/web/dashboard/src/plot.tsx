@@ -6,7 +6,7 @@ import "uplot/dist/uPlot.min.css";
 import { local, ticks as tickTexts } from "./format";
 import type { Sign } from "./resonances";
 import type { Mark } from "./series";
-import { language } from "./texts";
+import { language } from "./language";
 
 export type Range = [number, number];
 

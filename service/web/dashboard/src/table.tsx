@@ -10,15 +10,35 @@ const MOST_ROWS = 50;
 
 export type Cells = preact.ComponentChildren[];
 
-/** Of many rows the first ones; the others behind a click, as they take a browser a while. */
-export function Table({ label, columns, rows }: { label: string; columns: string[]; rows: Cells[] }) {
+interface TableProps {
+  label: string;
+  columns: string[];
+  rows: Cells[];
+  /** What tells the rows apart where they move; else their number. */
+  keys?: (string | number)[];
+  /** A class of the table, and of each row. */
+  kind?: string;
+  tones?: string[];
+  /** So many rows at first, the others behind a click: they take a browser a while. */
+  most?: number;
+}
+
+/** On a phone each row is a card, with the names of the columns in it. Roles: displayed so, a table is none to a screen reader. */
+export function Table({ label, columns, rows, keys = [], kind = "", tones = [], most = MOST_ROWS }: TableProps) {
   const [all, setAll] = useState(false);
-  const shown = all ? rows : rows.slice(0, MOST_ROWS);
+  const shown = all ? rows : rows.slice(0, most);
+  const isEmpty = (cell: Cells[number]): boolean => cell === "" || cell === null || cell === false;
   return (
     <div class="panel" role="region" aria-label={label} tabIndex={0}>
-      <table role="table" aria-label={label}>
-        <thead><tr>{columns.map((name) => <th key={name} scope="col">{name}</th>)}</tr></thead>
-        <tbody>{shown.map((cells, i) => <tr key={i}>{cells.map((cell, k) => <td key={k}>{cell}</td>)}</tr>)}</tbody>
+      <table class={`stacked ${kind}`} role="table" aria-label={label}>
+        <thead role="rowgroup"><tr role="row">{columns.map((name) => <th key={name} role="columnheader" scope="col">{name}</th>)}</tr></thead>
+        <tbody role="rowgroup">
+          {shown.map((cells, i) => (
+            <tr key={keys[i] ?? i} role="row" class={tones[i]}>
+              {cells.map((cell, k) => <td key={k} role="cell" data-label={isEmpty(cell) ? undefined : columns[k]}>{cell}</td>)}
+            </tr>
+          ))}
+        </tbody>
       </table>
       {shown.length < rows.length && (
         <p class="rest"><button type="button" class="plain" onClick={() => setAll(true)}>{t.more(rows.length - shown.length)}</button></p>

@@ -6,6 +6,7 @@ import { chainOf, monitoredIn, placeless, type Component, type DriveModel } from
 import { EventParser } from "../src/events";
 import * as format from "../src/format";
 import { liveBuffer } from "../src/live_buffer";
+import { shareText } from "../src/marks";
 import { itemsOf, matches, ordered } from "../src/need";
 import { farthest, signsOf } from "../src/resonances";
 import { causeName, failure, translated } from "../src/sentences";
@@ -70,11 +71,11 @@ describe("an alarm in a sentence", () => {
   test("is German in German", () => {
     choose("de");
     const unit = "N\u202fm\u202fs/rad";
-    expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %) über dem Nennwert`);
+    expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert`);
     expect(alarmSentence(changed({ stage: "changed" }))).toContain("auf den ersten Blick fm");
     expect(alarmSentence(changed({ size: null, direction: "down" }))).toContain("fm liegt unter dem Nennwert, um wie viel");
-    expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc"] }] })))
-      .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %) über dem Nennwert; gleich sähe aus: fc`);
+    expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc", "torque scale"] }] })))
+      .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert; gleich sähe aus: fc oder Maßstab des Moments`);
     expect(alarmSentence(changed({ parameter: "delay", size: 0.0005, nominal: 0 }))).toContain("kommt 0,5 ms zu spät");
     expect(alarmSentence(changed({ parameter: "delay", size: null, nominal: 0 }))).toContain("kommt zu spät, um wie viel");
     expect(alarmSentence(changed({ doubt: "still", inside_calibration: false }))).toMatch(/keine Bewegung.*; außerhalb/);
@@ -82,7 +83,7 @@ describe("an alarm in a sentence", () => {
       name: "fm", limit: 0.09, unit: "N m s/rad", above: true, state: "ahead", low: "2026-03-13T00:00:00Z", high: "2026-03-21T00:00:00Z", words: "",
     };
     expect(alarmSentence(changed({ reaches: [reach], updated: "2026-03-01T00:00:00Z" })))
-      .toBe(`fm erreicht 0,09 ${unit} in 12 bis 20 Tagen; jetzt: fm liegt 0,018 ${unit} (30 %) über dem Nennwert`);
+      .toBe(`fm erreicht 0,09 ${unit} in 12 bis 20 Tagen; jetzt: fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert`);
     expect(meaningOf("reciprocal of: inertia of the arm")).toBe("Kehrwert von: Trägheit des Arms");
     expect(meaningOf("friction of my drive")).toBe("friction of my drive");
     choose("en");
@@ -132,11 +133,11 @@ describe("what is not tested", () => {
     choose("en");
   });
 
-  test("is that of the daemon in English", () => expect(t.notTestedSentences(axis)).toEqual(["as the daemon says it"]));
+  test("is that of the daemon in English", () => expect(t.notTestedSentences(axis, "payload")).toEqual(["as the daemon says it"]));
 
   test("is a sentence for each reason in German", () => {
     choose("de");
-    const [unseen, gated, ...more] = t.notTestedSentences(axis);
+    const [unseen, gated, ...more] = t.notTestedSentences(axis, "payload");
     expect(unseen).toMatch(/^p0, p2 werden nicht geprüft: die Bewegung enthält fast keine Information darüber. Nötig: Bewegung/);
     expect(gated).toMatch(/^p3 wird nicht geprüft: die Betriebsbedingungen schließen die Messwerte aus \(payload\). Nötig/);
     expect(more).toEqual([]);
@@ -246,11 +247,26 @@ describe("tiles", () => {
     expect(wide).toBe(false);
     expect(Math.ceil(300 / columns) * (27 + 3 * (3 + bar) + GAP)).toBeLessThanOrEqual(850 + GAP);
   });
+  test("of a few are larger on a wall, where all still fit", () => {
+    const { columns, wide, zoom } = layoutOf(6, 3, 2400, 1200);
+    expect([wide, zoom]).toEqual([true, 2]);
+    expect(zoom * Math.ceil(6 / columns) * (74 + 36 * 3)).toBeLessThan(1200);
+    expect(layoutOf(60, 3, 2400, 1200).zoom).toBe(1);
+    expect(layoutOf(6, 3, 1248, 600).zoom).toBe(1);
+  });
   test("of a few show numbers, on a phone, too", () => {
     expect(layoutOf(6, 3, 1888, 850).wide).toBe(true);
     expect(layoutOf(6, 3, 340, 400)).toMatchObject({ columns: 1, wide: true });
   });
   test("that do not fit have names that can be read", () => expect(layoutOf(2000, 3, 1888, 850).columns).toBe(14));
+});
+
+describe("a deviation in little room", () => {
+  const of = (nominal: number | null, estimate: number | null): string => shareText(parameter({ nominal, estimate, unit: "N m" }) as unknown as Axis["parameters"][number]);
+  test("is a share, or a short number where nominal is zero", () => {
+    expect([of(2, 1), of(0, 0.012345), of(0, -3.14159e-9), of(0, 0), of(0, null), of(null, 1)])
+      .toEqual(["−50.0\u00a0%", "+0.012", "−3.1e-9", "0", "–", "–"]);
+  });
 });
 
 describe("the range of time", () => {
@@ -459,7 +475,8 @@ describe("what has changed in a Bode plot", () => {
     const resonances = [{ nominal_hz: 10, present_hz: 10.05 }, { nominal_hz: 20, present_hz: 22 }, { nominal_hz: 30, present_hz: null }];
     expect(signsOf(resonances)).toEqual([{ at: 10, mark: "○" }, { at: 20, mark: "○" }, { at: 22, mark: "▲" }, { at: 30, mark: "○" }]);
     const curve = (magnitude_db: Numbers) => ({ magnitude_db, phase_deg: magnitude_db });
-    const bode = { axis: "a", unit: "rad per N m", frequency_hz: [1, 2, 3, 4], nominal: curve([0, 0, 0, null]), without_estimate: [], resonances };
+    const bode = { axis: "a", unit: "rad per N m", frequency_hz: [1, 2, 3, 4], nominal: curve([0, 0, 0, null]),
+      without_estimate: [], magnitude_sd_db: [], phase_sd_deg: [], resonances };
     expect(farthest({ ...bode, present: curve([1, -3, 2, 9]) })).toEqual({ hz: 2, db: -3 });
     expect(farthest({ ...bode, present: curve([0.05, 0, 0, null]) })).toBeNull();
     expect(farthest({ ...bode, present: null })).toBeNull();

@@ -1,13 +1,13 @@
 // German. Sentences of the daemon are here by their kinds; what is not, as the text of an error of the system, is English.
 import type { Alarm, Body, Parameter } from "../ask";
 import { moment, unit as unitOf } from "../format";
-import { translated } from "../sentences";
+import { Z95 } from "../series";
 import type { Texts } from "./en";
 
 const comma = (digits: string): string => digits.replace(".", ",");
 
 /** Two digits, all of a whole number. */
-const digits = (x: number): string => (Number.isFinite(x) ? comma(x >= 10 ? x.toFixed(0) : String(Number(x.toPrecision(2)))) : "?");
+const digits = (x: number): string => (Number.isFinite(x) ? comma(Math.abs(x) >= 10 ? x.toFixed(0) : String(Number(x.toPrecision(2)))) : "?");
 
 const ms = (s: number): string => `${digits(1000 * Math.abs(s))} ms`;
 
@@ -76,10 +76,19 @@ function fact(alarm: Alarm, unit: string): string {
   }
   const side = size < 0 ? "unter" : "über";
   if (!Number.isFinite(size)) return `${alarm.parameter} liegt ${side} dem Nennwert, um wie viel, ist nicht bekannt`;
-  const part = nominal ? ` (${digits(Math.abs((100 * size) / nominal))} %)` : "";
+  const scale = nominal ? 100 / Math.abs(nominal) : 1;
+  const known = [...(nominal ? [`${digits(scale * Math.abs(size))} %`] : []), ...interval(scale * Math.abs(size), scale * (alarm.size_sd ?? NaN))];
+  const part = known.length > 0 ? ` (${known.join(", ")})` : "";
   return `${alarm.parameter} liegt ${[digits(Math.abs(size)), unit].filter(Boolean).join(" ")}${part} ${side} dem Nennwert`;
 }
 
+/** Worin die Größe mit 95 % Wahrscheinlichkeit liegt; leer: kaum bekannt, oder nicht von ihr zu unterscheiden. */
+function interval(size: number, sd: number): string[] {
+  const [low, high] = [digits(size - Z95 * sd), digits(size + Z95 * sd)];
+  return sd < VAGUE * size && low !== high ? [`${low} bis ${high}`] : [];
+}
+
+const VAGUE = 5;
 const SURE = 0.95;
 const LIKELY = 0.9;
 
@@ -141,15 +150,15 @@ function course(p: Body<"LongTermHistory">, unit: string): string {
 function sentence(alarm: Alarm, unit: string): string | null {
   const outside = alarm.inside_calibration === false ? "; außerhalb der Bedingungen der Kalibrierung ausgelöst" : "";
   if (alarm.stage === "changed") {
-    return `etwas hat sich geändert, auf den ersten Blick ${alarm.parameter}; Ursache und Größe sind noch nicht bekannt${outside}`;
+    return `etwas hat sich geändert, auf den ersten Blick ${nameOf(alarm.parameter)}; Ursache und Größe sind noch nicht bekannt${outside}`;
   }
   const words = fact(alarm, unit);
   if (alarm.reaches.length > 0) {
     return [...alarm.reaches.map((r) => reach(r, unitOf(r.unit), alarm.updated)), `jetzt: ${words}`].join("; ");
   }
   const doubts: Record<string, string> = {
-    several: `mehr als ein Parameter hat sich geändert, oder keiner; am nächsten liegt ${alarm.parameter}: ${words}`,
-    model: `das Modell gilt nicht mehr, wie bei einem Sensorfehler; am nächsten liegt ${alarm.parameter}: ${words}`,
+    several: `mehr als ein Parameter hat sich geändert, oder keiner; am nächsten liegt ${nameOf(alarm.parameter)}: ${words}`,
+    model: `das Modell gilt nicht mehr, wie bei einem Sensorfehler; am nächsten liegt ${nameOf(alarm.parameter)}: ${words}`,
     sign: "die Bewegung folgt dem Moment nicht, als hätte eines von beiden das Vorzeichen gewechselt oder hinge",
     still: "auf das Moment folgt keine Bewegung: Sensor oder Achse hängt, oder der Antrieb ist aus",
   };
@@ -157,10 +166,10 @@ function sentence(alarm: Alarm, unit: string): string | null {
   const [first] = alarm.causes;
   const likely = alarm.causes.slice(0, 3);
   const which = first === undefined || (first.probability ?? 0) >= SURE ? ""
-    : `${likely.map((cause) => cause.parameter).join(" oder ")}, ${likely.map((cause) => (100 * (cause.probability ?? 0)).toFixed(0)).join(":")}; `;
+    : `${likely.map((cause) => nameOf(cause.parameter)).join(" oder ")}, ${likely.map((cause) => (100 * (cause.probability ?? 0)).toFixed(0)).join(":")}; `;
   const drifts = alarm.kind === "drift" ? `, und driftet nach ${alarm.direction === "up" ? "oben" : "unten"}` : "";
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
-  const same = alike.length > 0 ? `; gleich sähe aus: ${alike.map((name) => (name === "load" ? "eine andere Nutzlast" : name)).join(" oder ")}` : "";
+  const same = alike.length > 0 ? `; gleich sähe aus: ${alike.map((name) => (name === "load" ? "eine andere Nutzlast" : nameOf(name))).join(" oder ")}` : "";
   return `${which}${words}${drifts}${same}${outside}`;
 }
 
@@ -170,6 +179,8 @@ const CAUSES: Record<string, string> = {
   "output stuck": "Bewegung hängt", "output scale": "Maßstab der Bewegung", "output offset": "Versatz der Bewegung",
   "output noise": "Rauschen der Bewegung", delay: "Verzögerung des Moments", load: "Last", inertia: "Trägheit der Last",
 };
+
+const nameOf = (cause: string): string => CAUSES[cause] ?? cause;
 
 const BUS_UP = "einschalten mit `ip link set {channel} up`";
 const NO_TLS = "was gesendet wird, kann unterwegs gelesen und verändert werden (kein TLS)";
@@ -252,6 +263,39 @@ const SENTENCES: Record<string, string> = {
   "token needed": "Es wird ein Token gebraucht, wie ihn `axiswatch token new` macht: Authorization: Bearer TOKEN",
   "token not known": "Dieser Token ist nicht bekannt oder wurde widerrufen",
   scope: "Das braucht einen Token mit dem Umfang {scope}; der von {name} hat weniger",
+  "no frames yet": "Noch von keinem Bus kam ein Frame: sie schweigen, oder der Dienst startet noch",
+  "frames old": "Seit {age_s} ist nichts gekommen: was folgt, ist von davor",
+  "message absent": "Kein {names}: die Nachricht {message} ({number}) kam in {seconds} s nicht auf dem Bus {bus}; ist die Achse an, und ist das ihre Nachricht?",
+  "no samples": "Ihre Frames ergeben keine Messwerte: {reason}; siehe sample_interval_s, pairing_tolerance_s und die Nachrichten",
+  "motion constant": "Die Bewegung ist stets {value}, während das Moment sich ändert: {motion} hängt, oder die Bewegung ist ein anderes Signal; oder die Achse steht: {still}",
+  "axis stands": "Sie bewegt sich nicht: {still}",
+  "move it": "den Roboter arbeiten lassen, oder eine Bewegung fahren, die `axiswatch excite` plant",
+  "torque constant": "Das Moment ist stets {value}, während die Achse sich bewegt: {torque} hängt, oder das Moment ist ein anderes Signal",
+  lossy: "{share} der Messwerte kamen nicht, was eine Identifikation verdirbt: gehen Frames verloren, oder ist der Sender überlastet?",
+  "stamps scatter": "Die Zeitstempel streuen um {scatter}: tastet die Steuerung mit eigener Uhr ab, clock = \"cyclic\" in [robot.axis.time] setzen, oder counter_message und counter_signal, wenn sie einen Zähler sendet",
+  "interval differs": "Alle {found} ms kommt ein Messwert, nicht alle {interval} ms: sample_interval_s berichtigen",
+  "axis gone": "Die Konfiguration hat keine Achse {axis} mehr",
+  "look busy": "Gerade werden andere Signale geprüft; noch einmal versuchen",
+  "frames late": "Es kamen innerhalb von {wait_s} keine Frames aus der Überwachung",
+
+  "window too short": "{axis}: {length_s} Lernfenster sind zu wenig: das Gedächtnis der Schätzwerte braucht mindestens {least_s} Betrieb",
+  "window runs": "Ein Lernfenster von {axis} läuft: sein Ende abwarten, oder es abbrechen",
+  "no window": "Es läuft kein Lernfenster von {axis}",
+  "in force already": "Epoche {number} von {axis} ist gültig",
+  "never in force": "Epoche {number} von {axis} war nie gültig: {why}",
+  "alarms first": "{axis}: Alarme sind noch nicht gespeichert; danach noch einmal versuchen",
+  "worker silent": "Die Überwachung antwortet nicht: der Dienst startet oder endet; noch einmal versuchen",
+  cancelled: "wurde abgebrochen",
+  "axis reconfigured": "die Konfiguration der Achse wurde geändert",
+  "window unobserved": "kein Parameter war lange genug zu beobachten",
+  "window unexplained": "das Modell erklärte in den meisten Teilen des Fensters die Messwerte nicht",
+  "window unsteady": "die Schätzwerte blieben nicht gleich",
+  "window moved": "ein Parameter ist zu weit vom früheren Nennwert entfernt",
+  "kept unobserved": "im Fenster nicht lange genug zu beobachten",
+  "kept uncertain": "im Fenster zu unsicher",
+  "kept by definition": "der Nennwert ist keine Eigenschaft von Getriebe oder Motor",
+  "of parameters": "{why}: {names}",
+
   "not possible": "Nicht möglich („{event}“): der Alarm ist jetzt „{state}“",
 };
 
@@ -360,12 +404,12 @@ export const de: Texts = {
     "not observed": "nicht beobachtet", invalid: "ungültig", alarm: "Alarm",
   },
   notTested: "nicht geprüft",
-  notTestedSentences: ({ parameters, gated_by, sentences }) => {
+  notTestedSentences: ({ parameters }, gate) => {
     const reasons = [...new Set(parameters.map((p) => p.not_tested_reason))].filter((reason) => reason !== null);
     return reasons.map((reason) => {
       const names = parameters.filter((p) => p.not_tested_reason === reason).map((p) => p.name);
       const [why, needed] = NOT_TESTED[reason];
-      const condition = reason === "operating conditions" && gated_by !== null ? ` (${translated(gated_by, sentences) ?? gated_by})` : "";
+      const condition = reason === "operating conditions" && gate ? ` (${gate})` : "";
       return `${names.join(", ")} ${names.length === 1 ? "wird" : "werden"} nicht geprüft: ${why}${condition}. Nötig: ${needed}`;
     });
   },
@@ -431,6 +475,7 @@ export const de: Texts = {
   whatToDo: "Was zu tun ist",
   history: "Verlauf",
   files: "Dateien",
+  replayed: "der Bericht dazu:",
   kind: { "": "nicht bekannt", step: "plötzlich", drift: "allmählich", forecast: "Vorhersage" },
   kindLabel: "Verlauf der Änderung",
   nominal: "Nennwert",
@@ -454,6 +499,7 @@ export const de: Texts = {
     sensor: "Zuerst Sensor, Kabel und Einstellungen der Steuerung prüfen, dann die Mechanik.",
     inspect: (what) => `Die Achse auf diese Ursache prüfen: ${what}.`,
     inspectAlike: (names) => `Die Daten können dies nicht unterscheiden, also auch prüfen: ${names}.`,
+    cold: "Ein kälteres oder wärmeres Getriebe oder anderes Fett sähe gleich aus: mit seiner Temperatur vergleichen, und mit anderen Achsen.",
     payload: "Was der Roboter trägt, mit der in der Steuerung eingestellten Nutzlast vergleichen.",
     forecast: "Die Wartung vor dem Erreichen der Grenze einplanen.",
     order: "Auftragsnummer eintragen; Rohdaten und Bericht mitgeben.",
@@ -535,7 +581,7 @@ export const de: Texts = {
     magnitude: (unit) => `Betrag [dB, von ${unit}]`,
     phase: "Phase [°]",
     nominal: "Nennmodell, seine Resonanzen",
-    present: "heutiges Modell, verschobene Resonanzen",
+    present: "heutiges Modell mit 95-%-Band, verschobene Resonanzen",
     none: "Mit den heutigen Schätzwerten ergibt der Antrieb keinen Sinn: es gibt kein heutiges Modell.",
     without: (names) => `Kein gültiger Schätzwert von ${names}: das heutige Modell hat den Nennwert.`,
     change: (db, hz) => `Größte Änderung des Betrags: ${db} bei ${hz}`,
