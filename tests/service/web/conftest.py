@@ -165,6 +165,7 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         interval_s=0.005,
         nominal=NOMINAL,
         status=facts,
+        causes=tuple(p.name for p in PARAMETERS),
         open_alarms=(FM_ALARM,),
         dropped=dropped,
         clock={"clock_reanchored": 3},
