@@ -170,7 +170,14 @@ def test_what_is_kept_of_a_snapshot_follows_axes_and_numbers(stage: Stage) -> No
     metrics = Metrics(lambda: stage.snapshot, lambda: stage.now_us, lambda: stage.links)
     axis = stage.snapshot.axes[0]
     other = replace(axis, causes=(*axis.causes, "load"))  # of an epoch with another detector
-    for axes in ((axis,), (other,), (replace(axis, id="100 %s"), axis), (replace(axis, id="a"),), (), (axis,)):
+    for axes in (
+        (axis,),
+        (other,),
+        (replace(axis, id="100 %s"), axis),
+        (replace(axis, id="a"),),
+        (),
+        (axis,),
+    ):
         for variance in (1.0, 1.0, 2.0):
             status = replace(axis.status, innovation_variance=variance)
             stage.snapshot = replace(stage.snapshot, axes=tuple(replace(a, status=status) for a in axes))
