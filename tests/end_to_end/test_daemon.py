@@ -291,8 +291,8 @@ def killed(
 
     Each daemon waits for an alarm and a checkpoint, and the robot is a record: a simulated one leaves out what it
     cannot send in time, and on a busy machine its gaps keep all from being estimated.  Or only the first one waits:
-    then the others are killed at any moment, and one more each time while it starts.  Meanwhile an operator acknowledges
-    alarms and comments on them, and an engineer begins epochs of both axes.
+    then the others are killed at any moment, and one more each time while it starts.  Meanwhile an operator
+    acknowledges alarms and comments on them, and an engineer begins epochs of both axes.
     """
     config, chance = demo_config(folder, service=FAST_CHECKPOINTS), random.Random(seed)
     shown, kept, operator = dict[int, dict[str, Any]](), list[tuple[int, int]](), Operator()
