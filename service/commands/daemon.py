@@ -154,6 +154,9 @@ def run_daemon(
             extracts=extracts,
             history=history,
             links=links.snapshots,
+            acknowledge=lambda number, note: baselines.between_blocks(
+                lambda: worker.acknowledge(number, note)
+            ),
             baselines=baselines,
             stopping=stop.is_set,
             live=core.live,

@@ -1,6 +1,7 @@
 """REST under /api/v1/alarms: the alarm journal, and what persons do about alarms."""
 
 import re
+from contextlib import suppress
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query
@@ -149,7 +150,7 @@ def router(state: AppState) -> APIRouter:
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
         """One alarm of the journal, with all that has happened to it."""
-        found = state.journal.get(alarm_id)
+        found = state.journal.get(alarm_id) or _unrecorded(state, alarm_id)
         if found is None:
             raise _unknown(state, alarm_id)
         return _record(state, found)
@@ -178,10 +179,15 @@ def _actions(state: AppState) -> APIRouter:
         alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
     ) -> models.AlarmRecord:
         note = Note(state.now_us(), who, body.comment, body.work_order)
-        try:
-            return _record(state, state.journal.act(alarm_id, event, note, until_us))
-        except UnknownAlarmError:
-            raise _unknown(state, alarm_id) from None
+        for _ in range(2):  # it may be recorded just now
+            with suppress(UnknownAlarmError):
+                return _record(state, state.journal.act(alarm_id, event, note, until_us))
+            if event is AlarmEvent.ACKNOWLEDGE and (found := state.acknowledge(alarm_id, note)):
+                return _record(state, found)
+            if _unrecorded(state, alarm_id):
+                words = f"alarm {alarm_id} is not yet recorded; until then it can only be acknowledged"
+                raise HTTPException(503, words)
+        raise _unknown(state, alarm_id)
 
     @api.post("/acknowledge", summary="Acknowledge an alarm", responses=_CONFLICT)
     def acknowledge(alarm_id: AlarmId, body: models.AlarmNote, who: Caller) -> models.AlarmRecord:
@@ -212,6 +218,10 @@ def _actions(state: AppState) -> APIRouter:
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
     recording = None if state.recordings is None else state.recordings.holding(found.since_us)
     return views.alarm_record(found, state.journal.transitions(found.id), state.now_us(), recording)
+
+
+def _unrecorded(state: AppState, alarm_id: int) -> RecordedAlarm | None:
+    return next((a for a in state.snapshot().alarms.unrecorded if a.id == alarm_id), None)
 
 
 def _unknown(state: AppState, alarm_id: int) -> UnknownResourceError:

@@ -264,7 +264,7 @@ class _Names:
         self.axes: list[_Labels] = [(axis.id,) for axis in axes]
         self.parameters: list[_Labels] = [(a.id, p.name) for a in axes for p in a.status.parameters]
         self.sides: list[_Labels] = [(*names, d) for names in self.parameters for d in DIRECTIONS]
-        self.causes: list[_Labels] = [(axis.id, cause) for axis in axes for cause in axis.causes]
+        self.causes = [(axis.id, cause) for axis in axes for cause in axis.causes]
         self.alarms: list[_Labels] = [(*names, d) for names in self.causes for d in DIRECTIONS]
         self.detectors: list[_Labels] = [(a.id, d.name) for a in axes for d in a.status.detectors]
         self.fates: list[_Labels] = [(a.id, fate) for a in axes for fate in a.status.counters]
