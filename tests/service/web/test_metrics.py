@@ -85,7 +85,7 @@ def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(
         return Entry("demo.axis1", "1", 1.0, replace(fm_alarm, parameter=parameter, past=()), rules)
 
     stage.journal.record([entry("fm", AlarmRules("high")), entry("kT", AlarmRules("low", suppressed=True))])
-    waiting = as_recorded(entry("1/Ja", AlarmRules("high")))
+    waiting = as_recorded(entry("1/Ja", AlarmRules("high")), recorded=False)
     journal = stage.journal
     alarms = AlarmsSnapshot(tuple(journal.standing()), (waiting,), 3, tuple(journal.state_counts()))
     stage.snapshot = replace(stage.snapshot, alarms=alarms)
