@@ -97,6 +97,8 @@ def _identify(
     if standstill is not None:
         records = standstill.records
         validation = standstill.held(validation)
+        if not problem.min_speed:  # as the monitor is then used; the speed scale is that of the motion, too
+            problem = replace(problem, min_speed=standstill.speed)
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
     try:

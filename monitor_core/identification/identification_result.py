@@ -182,7 +182,8 @@ class IdentificationResult:
     @property
     def slow_left_out(self) -> float:
         """Speed below which the motion is left out, as it sticks and slips, rad/s at the sensor; 0: none is."""
-        return self.estimate.problem.min_speed
+        speed = self.estimate.problem.min_speed
+        return 0.0 if self.standstill is not None and speed == self.standstill.speed else speed
 
     @property
     def masses(self) -> int | None:

@@ -33,10 +33,11 @@ def records(draw: st.DrawFn, least: int = 2) -> Record:
     )
 
 
-def picks(seed: int) -> Record:
+def picks(seed: int, stiction: float = 0.0) -> Record:
     """To and fro between two places, with rests in which the torque stays as friction holds it.
 
-    One mass of 2e-3 kg m^2 with a viscous friction of 5e-3 N m s/rad and a Coulomb friction of 0.5 N m.
+    One mass of 2e-3 kg m^2 with a viscous friction of 5e-3 N m s/rad and a Coulomb friction of 0.5 N m, to which slow
+    motion adds ``stiction`` [N m], with a Stribeck speed of 3 rad/s.
     """
     rng = np.random.default_rng(seed)
     way, pieces = 40.0, list[Floats]()
@@ -49,7 +50,11 @@ def picks(seed: int) -> Record:
     speed: Floats = np.gradient(angle, H)
     moving = abs(speed) > 1e-6
     last = np.maximum.accumulate(np.where(moving, np.arange(len(t)), 0))
-    u = 2e-3 * np.gradient(speed, H) + 5e-3 * speed + 0.5 * np.sign(speed[last])
+    u = (
+        2e-3 * np.gradient(speed, H)
+        + 5e-3 * speed
+        + (0.5 + stiction * np.exp(-((speed / 3.0) ** 2))) * np.sign(speed[last])
+    )
     return Record(
         t,
         np.asarray(u + 0.01 * rng.standard_normal(len(t)), np.float64),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import IdentificationOptions, Problem, Quality, identify
+from monitor_core.identification.records.rigid_body import speed_scales
 from monitor_core.identification.records.standstill import find_standstill
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import H, healthy, picks
@@ -14,8 +15,10 @@ NAMES = ("J1", "f", "fc", "tau0")
 TRUE = {"J1": 2e-3, "f": 5e-3, "fc": 0.5}
 
 
-def test_the_estimates_are_those_of_the_motion(seed: int) -> None:
-    record = picks(seed)
+@pytest.mark.parametrize("stiction", [0.0, 0.15])
+def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> None:
+    """With a friction that is larger in the slow motion of each start and stop, too, which the monitor leaves out."""
+    record = picks(seed, stiction)
     start = {
         **values(1),
         "J1": 3e-3,
@@ -28,9 +31,12 @@ def test_the_estimates_are_those_of_the_motion(seed: int) -> None:
         "gs": 0.0,
     }
     problem = Problem(chain(1, "angle"), start, NAMES, speed_scale=0.5)
-    found = identify(problem, [record], options=IdentificationOptions("values"))
+    options = IdentificationOptions("values", speed_scales=speed_scales([record]))
+    found = identify(problem, [record], options=options)
     print(found.estimate.values, found.verdict)
     assert found.standstill is not None
+    assert found.estimate.problem.min_speed == found.standstill.speed
+    assert found.slow_left_out == 0.0  # the axis stands; it does not creep
     assert found.verdict.quality is Quality.GOOD
     for name, value in TRUE.items():
         assert found.estimate.values[name] == pytest.approx(value, rel=0.1), name
