@@ -1,7 +1,6 @@
 """REST under /api/v1/alarms: the alarm journal, and what persons do about alarms."""
 
 import re
-from contextlib import suppress
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query
@@ -150,7 +149,7 @@ def router(state: AppState) -> APIRouter:
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
         """One alarm of the journal, with all that has happened to it."""
-        found = state.journal.get(alarm_id) or _unrecorded(state, alarm_id)
+        found = _unrecorded(state, alarm_id) or state.journal.get(alarm_id)
         if found is None:
             raise _unknown(state, alarm_id)
         return _record(state, found)
@@ -179,15 +178,16 @@ def _actions(state: AppState) -> APIRouter:
         alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
     ) -> models.AlarmRecord:
         note = Note(state.now_us(), who, body.comment, body.work_order)
-        for _ in range(2):  # it may be recorded just now
-            with suppress(UnknownAlarmError):
-                return _record(state, state.journal.act(alarm_id, event, note, until_us))
-            if event is AlarmEvent.ACKNOWLEDGE and (found := state.acknowledge(alarm_id, note)):
-                return _record(state, found)
-            if _unrecorded(state, alarm_id):
+        if _unrecorded(state, alarm_id):
+            if event is not AlarmEvent.ACKNOWLEDGE:
                 words = f"alarm {alarm_id} is not yet recorded; until then it can only be acknowledged"
                 raise HTTPException(503, words)
-        raise _unknown(state, alarm_id)
+            if found := state.acknowledge(alarm_id, note):  # else it has been recorded just now
+                return _record(state, found)
+        try:
+            return _record(state, state.journal.act(alarm_id, event, note, until_us))
+        except UnknownAlarmError:
+            raise _unknown(state, alarm_id) from None
 
     @api.post("/acknowledge", summary="Acknowledge an alarm", responses=_CONFLICT)
     def acknowledge(alarm_id: AlarmId, body: models.AlarmNote, who: Caller) -> models.AlarmRecord:
@@ -217,7 +217,8 @@ def _actions(state: AppState) -> APIRouter:
 
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
     recording = None if state.recordings is None else state.recordings.holding(found.since_us)
-    return views.alarm_record(found, state.journal.transitions(found.id), state.now_us(), recording)
+    transitions = state.journal.transitions(found.id) if found.recorded else ()
+    return views.alarm_record(found, transitions, state.now_us(), recording)
 
 
 def _unrecorded(state: AppState, alarm_id: int) -> RecordedAlarm | None:

@@ -251,6 +251,9 @@ def test_an_alarm_that_the_disk_refuses_can_be_acknowledged_and_nothing_else(
     for path, body in refused.items():
         assert "not yet recorded" in post(client, f"{waiting.id}/{path}", body, status=503)["detail"]
     post(client, f"{waiting.id + 1}/acknowledge", status=404)
+    stage.journal.close()  # a file that can be neither read nor written
+    assert post(client, f"{waiting.id}/acknowledge")["state"] == "acknowledged"
+    post(client, f"{number}/acknowledge", status=503)
 
 
 def test_statistics_are_of_the_last_seven_days_unless_told_otherwise(
