@@ -90,7 +90,8 @@ def _episode_words(e: Alarm, nominal: float, unit: str) -> str:
 
 def _alike(parameter: str, causes: tuple[Cause, ...]) -> str:
     alike = next((cause.alike for cause in causes if cause.parameter == parameter), ())
-    return f"; {' or '.join(alike)} would look the same" if alike else ""
+    others = ["another payload" if name == LOAD else name for name in alike]
+    return f"; {' or '.join(others)} would look the same" if alike else ""
 
 
 def _which(causes: tuple[Cause, ...]) -> str:

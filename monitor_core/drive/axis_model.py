@@ -99,6 +99,11 @@ class AxisModel:
         """The monitored parameters, reciprocals written as such, under the names of ``monitored``."""
         return tuple(self.drive.parameter(name) for name in self.monitored)
 
+    def carried_weight(self) -> tuple[str, ...]:
+        """The parameters of the weight that the axis bears, where none of them is monitored; empty: it bears none."""
+        weight = tuple(name for name in self.drive.weights() if self.nominal[name] != 0)
+        return weight if {split_name(name)[0] for name in self.monitored}.isdisjoint(weight) else ()
+
     @cached_property
     def theta0(self) -> Floats:
         """Nominal theta (p,)."""

@@ -6,7 +6,7 @@ x' = A(theta) x + B(theta) u,      y = C(theta) x
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.kernel.tables import OF_MOTION, ONE, TORQUE, WEIGHT
+from monitor_core.kernel.tables import COSINE, OF_MOTION, ONE, SINE, TORQUE, WEIGHT
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
 Output = Literal["speed", "angle", "mean speed"]
@@ -209,10 +209,17 @@ class Drive:
         """Parameters that are factors of a constant input and of nothing else, such as a torque offset."""
         return tuple(p.name for p in self.parameters if self._is_constant_torque(p.name))
 
+    def weights(self) -> tuple[str, ...]:
+        """Parameters that are factors of the weight, which turns with the pose, and of nothing else."""
+        return tuple(p.name for p in self.parameters if self._drives_only(p.name, (COSINE, SINE, WEIGHT)))
+
     def _is_constant_torque(self, name: str) -> bool:
+        return self._drives_only(name, (ONE,))
+
+    def _drives_only(self, name: str, kinds: Sequence[int]) -> bool:
         powers = {(t.matrix, t.col): dict(t.powers)[name] for t in self.terms if name in dict(t.powers)}
         return bool(powers) and all(
-            matrix == "B" and self.inputs[col] == ONE and power == 1
+            matrix == "B" and self.inputs[col] in kinds and power == 1
             for (matrix, col), power in powers.items()
         )
 

@@ -27,8 +27,8 @@ from service.reports.formats import Provenance
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
-    from service.commands.axis_commissioning import Order
-    from service.commands.signal_proposals import Review
+    from service.commands.commissioning.axis_commissioning import Order
+    from service.commands.commissioning.signal_proposals import Review
 
 CONFIG = "axiswatch.toml"
 Output = Annotated[
@@ -76,7 +76,7 @@ def commission(
     be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
     again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
     """
-    from service.commands.live_recording import record_live, recorded
+    from service.commands.commissioning.live_recording import record_live, recorded
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
@@ -127,7 +127,7 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
 
 def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
     """What was found about the signals of each axis, with the corrections to which the user agrees."""
-    from service.commands.signal_proposals import exchanged, review
+    from service.commands.commissioning.signal_proposals import exchanged, review
 
     text, folder = orders[0].text, orders[0].folder
     records = {order.axis_id: order.records for order in orders}
@@ -191,7 +191,7 @@ def _command(
 
 def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
     """Check that there is something to commission from: records, or a time to record."""
-    from service.commands.live_recording import check_minutes, recorded
+    from service.commands.commissioning.live_recording import check_minutes, recorded
 
     if records and minutes is not None:
         raise typer.BadParameter(
@@ -217,7 +217,7 @@ def _orders(
     shorten: bool,
 ) -> tuple[list[Order], list[Outcome]]:
     """What is to be done for each axis with the records that have it; and the outcomes of axes that none has."""
-    from service.commands.axis_commissioning import Order
+    from service.commands.commissioning.axis_commissioning import Order
     from service.ingest.axis_records import silent_in, wanted
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}
@@ -240,7 +240,7 @@ def _orders(
 
 def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
     """What became of each axis, several at once, with their progress."""
-    from service.commands.axis_processes import outcomes
+    from service.commands.commissioning.axis_processes import outcomes
 
     found: dict[str, Outcome] = {}
     with axes_bars([order.axis_id for order in orders]) as bars:

@@ -15,12 +15,12 @@ import structlog
 from monitor_core.wording import sentence
 from service.can.bus import blf_channels
 from service.can.frame_recorder import FrameRecorder
+from service.commands.commissioning.signal_look import SignalLook
 from service.commands.exit_codes import DaemonFailedError
 from service.commands.plant_links import PlantLinks
 from service.commands.protection import access_of, certificate_of
 from service.commands.service_manager import ServiceManager, status_line
 from service.commands.signal_handling import stopped_by_signals
-from service.commands.signal_look import SignalLook
 from service.config import Config
 from service.config.schema_links import LinksConfig
 from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities

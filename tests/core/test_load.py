@@ -9,7 +9,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.injection import changed_values, equivalent_load
-from monitor_core.detection.multimodel.candidates import default_hypotheses
+from monitor_core.detection.multimodel.candidates import default_hypotheses, quantity_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.naming import CauseIdentified, Share
 from monitor_core.drive import LOAD, AxisModel, Conditions, Follow, Operating, Term
@@ -29,13 +29,16 @@ SETTINGS = Settings(INTERVAL_S, lam=1 - INTERVAL_S / 2.0, lam0=LAM0, K=tuple(K.t
 SAMPLES = 20_000
 
 
-def moving(seed: int, load: float, samples: int = SAMPLES, torque_constant: float = 1.0) -> SampleBlock:
-    """An axis whose weight turns with the pose; from the middle on with another load or motor."""
+def moving(
+    seed: int, load: float, samples: int = SAMPLES, torque_constant: float = 1.0, inertia: float = 1.0
+) -> SampleBlock:
+    """An axis whose weight turns with the pose; from the middle on with another load (and inertia of it) or motor."""
     rng = np.random.default_rng(seed)
     t = np.arange(samples) * INTERVAL_S
     weight = 1.5 * np.cos(np.sin(0.9 * t) + 0.7 * np.sin(0.23 * t))
     u = rng.standard_normal(samples) - weight
-    models = [MODEL, replace(MODEL, nominal={**VALUES, LOAD: load, "kT": torque_constant})]
+    changed = {**VALUES, LOAD: load, "kT": torque_constant, "Ja": inertia * VALUES["Ja"]}
+    models = [MODEL, replace(MODEL, nominal=changed)]
     x, y = np.zeros(5), np.empty(samples)
     steps = [_step(model) for model in models]
     C = MODEL.matrices()[2][0]
@@ -54,9 +57,9 @@ def _step(model: AxisModel) -> tuple[Floats, Floats]:
     return Ad, Bd
 
 
-def first_named(block: SampleBlock) -> Share:
+def first_named(block: SampleBlock, model: AxisModel = MODEL) -> Share:
     """What the multi-model detector names first."""
-    events = HypothesisBank(MODEL, SETTINGS, h=20.0).run(*block[:6])
+    events = HypothesisBank(model, SETTINGS, h=20.0).run(*block[:6])
     return next(event.shares[0] for event in events if isinstance(event, CauseIdentified))
 
 
@@ -88,6 +91,32 @@ def test_another_torque_constant_is_no_load(seed: int) -> None:
     changes = AxisMonitor(MODEL, SETTINGS).update(block)
     assert {change.alarm.parameter for change in changes} == {"kT"}
     assert first_named(block).cause == "kT"
+
+
+@pytest.mark.parametrize("inertia", [1.0, 1.2, 1.3])
+def test_another_load_is_named_where_it_is_not_monitored(inertia: float, seed: int) -> None:
+    """With or without what the payload adds to the inertia; another torque constant is still no load."""
+    model = replace(MODEL, monitored=("kT", "fm"))
+    block = moving(seed, 1.3, inertia=inertia)
+    share = first_named(block, model)
+    assert share.cause == LOAD
+    assert np.exp(share.size) == pytest.approx(1.3, abs=0.1)
+    assert quantity_of(model, SETTINGS, LOAD).change(share.size, share.size_sd)[0] == pytest.approx(
+        0.3, abs=0.1
+    )
+    assert first_named(moving(seed, 1.0, torque_constant=0.8), model).cause == "kT"
+
+
+def test_the_tests_say_that_another_load_looks_like_the_torque_constant(seed: int) -> None:
+    """Where it is not monitored; no other parameter is like it."""
+    block = moving(seed, 1.4)
+    for monitored, alike in ((("kT", "fm"), (LOAD,)), (("kT", "fm", LOAD), ())):
+        changes = AxisMonitor(replace(MODEL, monitored=monitored), SETTINGS).update(block)
+        causes = [cause for change in changes for cause in change.alarm.causes]
+        assert causes
+        assert {c.alike for c in causes if c.parameter == "kT"} <= {alike}
+        assert {c.alike for c in causes if c.parameter != "kT"} <= {()}
+        assert alike in {c.alike for c in causes}
 
 
 def test_the_predictor_is_moved_by_the_weight_of_each_sample(seed: int) -> None:

@@ -15,7 +15,8 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from service.can.frame_recorder import FrameRecorder
-from service.commands import axis_processes, commission, live_recording
+from service.commands import commission
+from service.commands.commissioning import axis_processes, live_recording
 from service.config import Config, load
 from service.simulation.robot import Fault
 from service.store.journal import Journal

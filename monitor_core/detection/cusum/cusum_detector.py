@@ -36,7 +36,13 @@ from monitor_core.detection.alarm import (
     Onset,
     direction_of,
 )
-from monitor_core.detection.cusum.cusum_evidence import INVALID, Crossing, CusumEvent, Evidence
+from monitor_core.detection.cusum.cusum_evidence import (
+    INVALID,
+    TORQUE_CONSTANT,
+    Crossing,
+    CusumEvent,
+    Evidence,
+)
 from monitor_core.detection.isolation import Causes, single_faults, sizes
 from monitor_core.detection.onset import SURE, change_of, scatters
 
@@ -55,8 +61,6 @@ SURELY_BACK = log(100)
 
 NOTHING = 1.0
 """Twice the logarithm of the likelihood ratio of the likeliest cause, below which an alarm without a name ends."""
-
-TORQUE_CONSTANT = "kT"
 
 
 class CusumDetector:
@@ -267,7 +271,11 @@ def _stated(size: float, sd: float) -> dict[str, Any]:
 def _reported(e: Evidence, causes: Causes) -> tuple[Cause, ...]:
     """The causes that are likely enough to be reported, the likeliest first."""
     order = np.argsort(-causes.probability, kind="stable")
-    found = [Cause(e.parameters[k], float(causes.probability[k])) for k in order]
+    names = [e.parameters[k] for k in order]
+    found = [
+        Cause(name, float(causes.probability[k]), e.alike.get(name, ()))
+        for name, k in zip(names, order, strict=True)
+    ]
     return tuple(cause for cause in found if cause.probability >= MIN_PROBABILITY)
 
 

@@ -4,7 +4,8 @@ The kernel notes the estimates three memory lengths after a crossing, and every 
 ``EvidenceBuilder`` makes evidence, and readings of the long-term trend, of the columns that it has noted.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from monitor_core.detection.alarm import Direction
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.drive.structure import LOAD
 from monitor_core.kernel.evidence import KEPT, EvidenceColumns
 from monitor_core.kernel.state import UNSEEN
 from monitor_core.settings import Settings
@@ -20,6 +22,8 @@ from monitor_core.trend.entries import Reading
 
 INVALID = 100.0
 """Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
+
+TORQUE_CONSTANT = "kT"
 
 HELD = 0.1
 """Of the way from the nominal value to a bound: an estimate that is held scatters by so much."""
@@ -59,6 +63,8 @@ class Evidence:
     """Earlier deviations"""
     stretches: int
     """Of the past, in three memory lengths"""
+    alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Causes that are not monitored and look like a change of a parameter, by its name"""
 
     def since(self, t_us: int) -> tuple[Floats, Floats]:
         """The deviations (p,) that explain all samples since then with equal weight, and their covariance (p, p).
@@ -104,6 +110,7 @@ class EvidenceBuilder:
         alpha1 = settings.tests(len(self._names))[0]
         self._tolerance = float(alpha1.max() * np.sqrt(settings.divisor))
         self._allowed = np.diag((settings.size_errors(len(self._names)) * model.scale) ** 2)
+        self._alike = {TORQUE_CONSTANT: (LOAD,)} if model.carried_weight() else {}
         K = settings.gain(len(model.drive.states))
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
@@ -144,6 +151,7 @@ class EvidenceBuilder:
             held=tuple(map(int, self._held(theta, theta - d))),
             past=past,
             stretches=max(1, self._naming // s.span),
+            alike=self._alike,
         )
 
     def _column(self, noted: EvidenceColumns, c: int) -> tuple[float, Floats, Floats, Floats]:

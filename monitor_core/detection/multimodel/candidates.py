@@ -4,7 +4,7 @@ Also their units outside of a bank (``quantity_of``), and which of them can be d
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.drive.structure import DELAY, LOAD, split_name
 from monitor_core.drive.structure import INERTIA as INERTIA_UNIT
 from monitor_core.kernel.hypotheses import BankTrace, Block, run_hypotheses
 from monitor_core.kernel.tables import TORQUE
@@ -34,6 +34,8 @@ _LAST = 0.01
 """How likely it is beforehand, beside the others, that a signal is another one altogether, a scale that never changes
 is, or that there is nothing but noise."""
 _BISECTIONS = 24
+_OF_LOAD = 0.5
+"""A payload adds to the inertia, too, by a smaller part than to the weight: the rotor is as heavy as before."""
 
 TORQUE_SCALE, OUTPUT_SCALE = "torque scale", "output scale"
 TORQUE_SIGN, OUTPUT_SIGN = "torque sign", "output sign"
@@ -42,7 +44,8 @@ TORQUE_STUCK, TORQUE_LOST = "torque stuck", "torque lost"
 OUTPUT_STUCK, OUTPUT_NOISE = "output stuck", "output noise"
 INERTIA = "inertia"
 """The inertia on the side of the arm, over the nominal one, where no inertia is monitored: with another payload an axis
-that bears no weight differs in nothing else, and without this cause that would be called a fault of another one."""
+that bears no weight differs in nothing else, and without this cause that would be called a fault of another one.
+An axis that bears a weight has LOAD for that, where the weight is not monitored."""
 SENSOR_FAULTS = (
     *(TORQUE_SCALE, OUTPUT_SCALE, TORQUE_SIGN, OUTPUT_SIGN, TORQUE_OFFSET, OUTPUT_OFFSET),
     *(TORQUE_STUCK, TORQUE_LOST, OUTPUT_STUCK, OUTPUT_NOISE, DELAY),
@@ -52,8 +55,7 @@ SENSOR_FAULTS = (
 def candidates(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
     """All candidate changes of an axis."""
     lost, noises = (tuple(math.log(ratio) for ratio in ratios) for ratios in (_LOST, _NOISES))
-    sizes = {name: _both(SIZES) for name in model.monitored if name != DELAY} | {
-        INERTIA: _both(SIZES) if arm_inertia(model) else (),
+    sizes = {name: _both(SIZES) for name in (*model.monitored, *_payload(model)) if name != DELAY} | {
         TORQUE_SCALE: _both(SIZES),
         OUTPUT_SCALE: _both(SIZES),
         TORQUE_SIGN: (math.nan,),
@@ -81,6 +83,11 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
     inertia = arm_inertia(model)
     if cause == INERTIA and inertia is not None:
         return Hypothesis(cause, size, factors={inertia: math.exp(size)})
+    if cause == LOAD and (weight := model.carried_weight()):
+        factors = dict.fromkeys(weight, math.exp(size))
+        if inertia is not None:
+            factors[inertia] = math.exp(_OF_LOAD * size)
+        return Hypothesis(cause, size, factors=factors)
     if cause in (TORQUE_STUCK, TORQUE_LOST):
         return _lost_torque(model, settings, cause, size)
     if cause == TORQUE_OFFSET:
@@ -110,6 +117,14 @@ def arm_inertia(model: AxisModel) -> str | None:
     ]
     monitored = {split_name(name)[0] for name in model.monitored}
     return inertias[-1] if inertias and monitored.isdisjoint(inertias) else None
+
+
+def _payload(model: AxisModel) -> Iterator[str]:
+    """Causes by which another payload shows, where nothing that is monitored does."""
+    if arm_inertia(model):
+        yield INERTIA
+    if model.carried_weight():
+        yield LOAD
 
 
 def _scale(model: AxisModel, name: str) -> float:
@@ -210,8 +225,7 @@ class Quantity(NamedTuple):
 
 def causes_of(model: AxisModel) -> tuple[str, ...]:
     """All causes that a bank may name: the monitored parameters, another payload, and the faults of sensors."""
-    inertia = (INERTIA,) if arm_inertia(model) else ()
-    return tuple(dict.fromkeys((*model.monitored, *inertia, *SENSOR_FAULTS)))
+    return tuple(dict.fromkeys((*model.monitored, *_payload(model), *SENSOR_FAULTS)))
 
 
 def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
@@ -229,7 +243,7 @@ def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
         factor = model.nominal[split_name(cause)[0]] > 0
         step = math.nan if factor else _scale(model, cause)
         return Quantity(float(model.theta0[i]), model.parameters[i].unit, step)
-    if cause in (INERTIA, TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
+    if cause in (INERTIA, LOAD, TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
         return Quantity(1.0, "1", math.nan)
     if cause == TORQUE_OFFSET:
         return Quantity(0.0, "N m", torque_unit(model, settings))

@@ -187,15 +187,18 @@ class MultiModelDetector:
         if share.cause == HEALTHY:  # an open alarm is about to end
             return
         size, size_sd = self._size(share)
-        facts: dict[str, Any] = {"causes": _reported(event), "size": size, "size_sd": size_sd}
+        facts: dict[str, Any] = {"size": size, "size_sd": size_sd}
         unnamed = next((a for a in open_alarms if a.since_us == event.since_us), None)
         same = _named_alarm(open_alarms, share.cause)
         name = event.time_us, share.cause, direction_of(share.size)
         if same is not None and (unnamed is None or same.key != unnamed.key):
             if unnamed is not None:
                 yield unnamed.ended(event.time_us)
+            # More or less of it, if it is that cause: which one it is has been decided before.
             yield same.named(*name, **facts)
-        elif unnamed is not None:
+            return
+        facts["causes"] = _reported(event)
+        if unnamed is not None:
             onset = event.onset if unnamed.reopened_us is None else unnamed.onset
             yield unnamed.named(*name, **(facts | onset._asdict()))
         else:

@@ -14,6 +14,10 @@ _KEPT = 8 / 9
 """Of the evidence for a change between two sizes of its cause (candidates.SIZES), these may keep no more.  So the
 evidence for a last resort counts for so much: else the scale of the output is named where kT has changed by a size
 between two, since the friction that it leaves as it is makes up for the error of the size."""
+_MOST = 60.0
+"""Evidence counts up to that, and beyond it only in proportion to the largest.  A cause that explains nearly as much as
+another, within the 1/9 that a size between two loses and errors of the model may well make up for, is then not ruled
+out by however long a record: 1/9 of this is the evidence from which on a cause is sure (SURE_ENOUGH)."""
 _BEYOND = 1.5
 """Sizes are extrapolated so many times at most."""
 
@@ -104,6 +108,7 @@ class CausePosterior:
         The prior of a size is its weight; all sizes together have the same prior as those of another cause.
         """
         counted = self._counts * evidence
+        counted *= min(1.0, _MOST / max(counted.max(), 1.0))
         posterior = np.exp(counted - counted.max()) * self._prior
         return np.asarray(np.bincount(self._of, posterior, len(self._causes)) / posterior.sum())
 

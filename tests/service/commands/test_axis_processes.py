@@ -11,7 +11,7 @@ import pytest
 
 PROGRAM = """
 import multiprocessing, os, sys, time
-from service.commands.axis_processes import end_with_parent
+from service.commands.commissioning.axis_processes import end_with_parent
 
 def work(found):
     end_with_parent()
@@ -54,7 +54,7 @@ def test_they_end_with_the_command_that_is_killed(tmp_path: Path) -> None:
 INTERRUPTED = """
 import sys, time
 from types import SimpleNamespace
-from service.commands import axis_processes
+from service.commands.commissioning import axis_processes
 
 def endless(order, review, step):
     step("identify", "", 0.0)

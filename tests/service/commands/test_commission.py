@@ -12,10 +12,11 @@ from typer.testing import CliRunner
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
-from service.commands import axis_processes, commission, output_files
+from service.commands import commission, output_files
+from service.commands.commissioning import axis_processes
+from service.commands.commissioning.signal_proposals import review
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.main import app
-from service.commands.signal_proposals import review
 from service.config import load
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch

@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from service.commands import commission, live_recording
-from service.commands.checked_axis import moves
+from service.commands import commission
+from service.commands.commissioning import live_recording
+from service.commands.commissioning.checked_axis import moves
+from service.commands.commissioning.live_look import Look, look_at
+from service.commands.commissioning.live_recording import recorded
 from service.commands.exit_codes import MISTAKE, NO_BUS
-from service.commands.live_look import Look, look_at
-from service.commands.live_recording import recorded
 from service.config import load
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch, refused

@@ -11,10 +11,15 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import Effect, Obstacle, Rejection, TurningWeight, Watched
-from service.commands.axis_commissioning import not_identified, unmonitored_words
-from service.commands.commissioning_remedies import memories_of, memory_change, min_speed_change, retry
-from service.commands.link_load import LinkLoad
-from service.commands.signal_proposals import configured
+from service.commands.commissioning.axis_commissioning import not_identified, unmonitored_words
+from service.commands.commissioning.commissioning_remedies import (
+    memories_of,
+    memory_change,
+    min_speed_change,
+    retry,
+)
+from service.commands.commissioning.link_load import LinkLoad
+from service.commands.commissioning.signal_proposals import configured
 from service.config.commissioned import Correction, corrected
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance

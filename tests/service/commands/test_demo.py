@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from service.commands import axis_processes, commission
-from service.commands.axis_commissioning import Order
-from service.commands.signal_proposals import Review
+from service.commands import commission
+from service.commands.commissioning import axis_processes
+from service.commands.commissioning.axis_commissioning import Order
+from service.commands.commissioning.signal_proposals import Review
 from service.config import Config, load
 from service.config.commissioned import Correction
 from service.config.drive_sources import shipped

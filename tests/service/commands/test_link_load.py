@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from service.commands import axis_commissioning, commission
-from service.commands.link_load import link_load
+from service.commands import commission
+from service.commands.commissioning import axis_commissioning
+from service.commands.commissioning.link_load import link_load
 from service.config import NamedAxis, load
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit

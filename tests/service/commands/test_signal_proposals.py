@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from service.commands import axis_commissioning
-from service.commands.axis_commissioning import Order, commission_axis
-from service.commands.signal_proposals import exchanged, review
+from service.commands.commissioning import axis_commissioning
+from service.commands.commissioning.axis_commissioning import Order, commission_axis
+from service.commands.commissioning.signal_proposals import exchanged, review
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
 from tests.service.commands.test_commission import AXIS, FEW, VALUES, H, table

@@ -14,7 +14,8 @@ import tomlkit
 
 from monitor_core.arrays import Floats
 from monitor_core.modeling import SimulatedAxis
-from service.commands import axis_commissioning, identification_task
+from service.commands import identification_task
+from service.commands.commissioning import axis_commissioning
 from service.commands.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
 from service.config.commissioned import Found, commissioned

@@ -127,6 +127,15 @@ def test_what_does_not_last_ends_and_a_cause_that_stands_takes_what_is_more_of_i
     assert book.unreported == ()
 
 
+def test_more_of_a_cause_does_not_decide_which_one_it_is() -> None:
+    """What is seen later is seen from the axis with that cause: it tells nothing of what else that may have been."""
+    kT, load = share("kT", 0.2, 0.6), share("fm", 0.2, 0.4)
+    book, _ = feed(changed(10, "kT"), named(12, 10, kT, load), changed(40, "kT"))
+    (more,) = book.take(named(45, 40, share("kT", 0.3, 0.9), share("1/Ja", 0.2, 0.1)))
+    assert more.causes == (Cause("kT", 0.6), Cause("fm", 0.4))
+    assert more.size == pytest.approx(np.expm1(0.3))
+
+
 def test_another_cause_than_the_one_that_stands_at_first_sight_is_an_alarm_of_its_own() -> None:
     book, _ = feed(
         changed(10, "kT"), named(12, 10, share("kT")), changed(40, "kT"), named(45, 40, share("fm"))

@@ -48,4 +48,4 @@ def test_shares_sizes_and_what_is_alike() -> None:
 def test_overwhelming_evidence_is_no_overflow() -> None:
     first, *others = CausePosterior(HYPOTHESES).shares(np.array([0.0, 5e3, 0.0, 1e4, 0.0, 5e3]))
     assert (first.cause, first.probability) == ("delay", 1.0)
-    assert [share.probability for share in others] == [0.0, 0.0]
+    assert max(share.probability for share in others) < 1e-20

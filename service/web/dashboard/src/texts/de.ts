@@ -160,7 +160,7 @@ function sentence(alarm: Alarm, unit: string): string | null {
     : `${likely.map((cause) => cause.parameter).join(" oder ")}, ${likely.map((cause) => (100 * (cause.probability ?? 0)).toFixed(0)).join(":")}; `;
   const drifts = alarm.kind === "drift" ? `, und driftet nach ${alarm.direction === "up" ? "oben" : "unten"}` : "";
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
-  const same = alike.length > 0 ? `; gleich sähe aus: ${alike.join(" oder ")}` : "";
+  const same = alike.length > 0 ? `; gleich sähe aus: ${alike.map((name) => (name === "load" ? "eine andere Nutzlast" : name)).join(" oder ")}` : "";
   return `${which}${words}${drifts}${same}${outside}`;
 }
 

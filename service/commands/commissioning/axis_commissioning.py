@@ -25,7 +25,7 @@ from monitor_core.wording import listed
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.commands.calibrate import as_identified, calibrate_axis
-from service.commands.commissioning_remedies import (
+from service.commands.commissioning.commissioning_remedies import (
     Retry,
     memories_of,
     memory_change,
@@ -35,11 +35,11 @@ from service.commands.commissioning_remedies import (
     retry,
     watched_in,
 )
+from service.commands.commissioning.link_load import link_load
+from service.commands.commissioning.signal_proposals import Review, configured
 from service.commands.identification_task import Request, drawing_of, prepare
-from service.commands.link_load import link_load
 from service.commands.output_files import replace_text
 from service.commands.planned_motion import MotionRequest, planned, torque_columns
-from service.commands.signal_proposals import Review, configured
 from service.config import AxisConfig, ConfigErrors
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from monitor_core.identification import TurningWeight, is_about_nominal, turning_weight
-from service.commands.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest
+from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest
 from service.config.commissioned import Correction
 from service.ingest.unit_names import unit_in
 

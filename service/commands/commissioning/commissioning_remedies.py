@@ -12,8 +12,8 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import COSINE, SINE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Record, TurningWeight
-from service.commands.checked_axis import fastest
-from service.commands.link_load import LinkLoad
+from service.commands.commissioning.checked_axis import fastest
+from service.commands.commissioning.link_load import LinkLoad
 from service.commands.planned_motion import MotionRequest
 from service.config import AxisConfig, NamedAxis
 from service.config.commissioned import Correction, corrected, monitoring, with_drive

@@ -74,8 +74,8 @@ class SignalLook:
 
 
 def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> SignalCheck:
-    from service.commands.live_look import lossy, missing_messages, no_samples, unmoved
-    from service.commands.signal_proposals import first_review
+    from service.commands.commissioning.live_look import lossy, missing_messages, no_samples, unmoved
+    from service.commands.commissioning.signal_proposals import first_review
     from service.config.conditions import needed
     from service.ingest.bus_samples import Ingest
     from service.ingest.timestamp_jitter import remarks
@@ -145,7 +145,7 @@ def _with_samples(
     proposals: list[str],
     doubts: Sequence[str],
 ) -> SignalCheck:
-    from service.commands.checked_axis import moves
+    from service.commands.commissioning.checked_axis import moves
 
     record, lost, output = loaded.record, loaded.source.dropped.get("missing", 0), axis.config.output
     return SignalCheck(

@@ -13,11 +13,11 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.identification import Record, rigid_fit, speed_scales, suspicions, wrap_of
 from service.can.messages import find_counter
-from service.commands.checked_axis import Checked, moves
+from service.commands.commissioning.checked_axis import Checked, moves
+from service.commands.commissioning.signal_faults import faults, unchecked, unknown_units
+from service.commands.commissioning.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.commands.identification_task import SAME_INTERVAL, TIME_UNITS
 from service.commands.output_files import replace_text
-from service.commands.signal_faults import faults, unchecked, unknown_units
-from service.commands.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.config import Config, NamedAxis, load
 from service.config.commissioned import Correction, corrected
 from service.ingest.axis_records import wanted

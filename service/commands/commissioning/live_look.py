@@ -16,9 +16,9 @@ from monitor_core.arrays import Floats
 from monitor_core.wording import listed, percent
 from service.can.frames import FrameKey
 from service.can.user_errors import RecordError
-from service.commands.bus_recording import Heard, Show, record_buses
-from service.commands.checked_axis import moves
-from service.commands.signal_proposals import exchanged, review
+from service.commands.commissioning.bus_recording import Heard, Show, record_buses
+from service.commands.commissioning.checked_axis import moves
+from service.commands.commissioning.signal_proposals import exchanged, review
 from service.config import Config, NamedAxis
 from service.config.bus_messages import messages_of
 from service.config.commissioned import corrected
