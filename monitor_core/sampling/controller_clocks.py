@@ -52,6 +52,9 @@ RECENT = 64
 COUNTED = 0.4
 """Part of a cycle by which the last frame of a bunch may be before the line, where counting says that it is of it."""
 
+HELD_UP = 10
+"""Counts beyond the last one, within which a frame that comes soon after another one is one of a backlog."""
+
 _MOST = int(PART * WINDOW) + 1
 _LONGEST_COUNTER = 62
 """Bits: a longer counter never wraps."""
@@ -118,7 +121,8 @@ def counter_clock(interval_s: float, bits: int, offset: float = 0.0) -> Clock:
     The crystals of the controller and of this machine differ.  So the line is shifted, by at most 150 ppm of the
     elapsed time, towards the smallest recent delay.  Frames that are off the line by more than half a second (or ten
     intervals) are rejected as untimed; after a second (or ten intervals) of nothing else the line restarts: a clock was
-    set, or the controller was restarted.  A host that was stalled and receives late is back on the line before that.
+    set, or the controller was restarted.  Where a host, a gateway or a sender was held up, frames come in a burst that
+    counts on: of these the first one alone is untimed.
 
     Args:
         interval_s: the time of one count [s].
@@ -201,12 +205,22 @@ def count_time(clock: Any, received_us: int, count: float) -> tuple[int, int]:
     n = clock.n + expected - half + (raw - clock.raw - expected + half) % clock.modulus
     line_us = nominal(clock, n)
     delay_us = received_us - line_us
+    counts = n - clock.given_n
     if abs(delay_us - clock.shift_us) > clock.tolerance_us:
+        due_us = (n - clock.n) * clock.interval_us
+        if (
+            0 < counts <= HELD_UP
+            and delay_us > clock.shift_us
+            and received_us - clock.received_us < due_us / 2
+        ):
+            clock.off_since_us = received_us  # a backlog, which soon is at the line again
+            clock.received_us, clock.raw, clock.n = received_us, raw, n
+            clock.given_n = n
+            return line_us + clock.shift_us, GIVEN
         if is_given_up(clock, received_us):
             return _anchor_count(clock, received_us, raw), GIVEN
         clock.received_us, clock.raw, clock.n = received_us, raw, n
         return 0, UNTIMED
-    counts = n - clock.given_n
     if counts <= 0:
         return 0, OUT_OF_ORDER if counts else REPEATED
     clock.is_off = False

@@ -6,6 +6,10 @@ and tabulators between its parts.  Every other one is odd and left to the caller
 
 from __future__ import annotations
 
+import re
+from base64 import b64decode
+from collections.abc import Callable, Mapping
+from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +30,21 @@ _HEX[np.frombuffer(b"0123456789", np.uint8)] = np.arange(10)
 _HEX[np.frombuffer(b"abcdef", np.uint8)] = _HEX[np.frombuffer(b"ABCDEF", np.uint8)] = np.arange(10, 16)
 _DIRECTIONS = np.frombuffer(b"RTrt", np.uint8)
 
+CSV_HEAD, SAVVYCAN_HEAD = (
+    b"timestamp,arbitration_id,extended,remote,error,dlc,data",
+    b"Time Stamp,ID,Extended,",
+)
+"""First line of the .csv that python-can writes, and SavvyCAN"""
+_SHOWN = re.compile(
+    rb"^ *\((\d[\d :.-]*)\) +(\S+) +(?:[RT]X +[-A-Z] [-A-Z] +)?([0-9A-F]{3}|[0-9A-F]{8}) +\[(\d+)\]"
+    rb" *(?:(remote request)|((?:[0-9A-F]{2} ?)*)) *(?:'.*'|ERRORFRAME)?\r?$",
+    re.MULTILINE,
+)
+_CSV = re.compile(rb"^(\d+\.?\d*),0x([\da-f]+),([01]),([01]),([01]),(\d+),([\w+/=]*)\r?$", re.MULTILINE)
+_SAVVYCAN = re.compile(
+    rb"^(\d+),([\dA-F]{8}),(true|false),(?:[RT]x,)?(\d+),(\d+),((?:[\dA-F]{2},?)*),*\r?$",
+    re.MULTILINE | re.IGNORECASE,
+)
 Text = NDArray[np.uint8]
 
 
@@ -53,6 +72,69 @@ class _Marks(NamedTuple):
     id_end: Ints
     data: Ints
     end: Ints
+
+
+def rewritten(text: bytes, head: bytes) -> bytes:
+    """Lines of a file with this first line as candump logs them; those that are not understood stay as they are.
+
+    candump shows frames in another form than it logs them, ``(1760000000.123456)  can0  123   [2]  00 11``; a table
+    of python-can or of SavvyCAN has a frame in each row.
+    """
+    for start, (form, line_of) in _FORMS.items():
+        if head.startswith(start):
+            return form.sub(line_of, text)
+    return _SHOWN.sub(_of_shown, text) if b"[" in text else text
+
+
+def _line(time_s: float, channel: bytes, frame_id: bytes, data: bytes, fd: bool = False) -> bytes:
+    return b"(%.6f) %b %b#%b%b" % (time_s, channel, frame_id, b"#0" if fd or len(data) > 16 else b"", data)
+
+
+def _of_shown(line: re.Match[bytes]) -> bytes:
+    stamp, channel, frame_id, length, remote, shown = line.groups()
+    data = b"R" if remote else shown.replace(b" ", b"")
+    if not remote and len(data) != 2 * int(length):
+        return line[0]
+    try:
+        time_s = (
+            float(stamp)
+            if b" " not in stamp
+            else datetime.fromisoformat(f"{stamp.decode()}+00:00").timestamp()
+        )
+    except ValueError:
+        return line[0]
+    return _line(time_s, channel, frame_id, data, len(length) > 1)
+
+
+def _of_csv(line: re.Match[bytes]) -> bytes:
+    stamp, number, extended, remote, error, length, coded = line.groups()
+    try:
+        frame_id, data = int(number, 16), b64decode(coded, validate=True).hex().encode()
+    except ValueError:
+        return line[0]
+    if remote == b"0" and len(data) != 2 * int(length):
+        return line[0]
+    is_long, marks = extended == b"1" or error == b"1", ERROR if error == b"1" else 0
+    return _line(
+        float(stamp),
+        b"0",
+        b"%0*X" % (8 if is_long else 3, frame_id | marks),
+        b"R" if remote == b"1" else data,
+    )
+
+
+def _of_savvycan(line: re.Match[bytes]) -> bytes:
+    stamp, frame_id, extended, channel, length, shown = line.groups()
+    data = shown.replace(b",", b"")
+    if len(data) != 2 * int(length):
+        return line[0]
+    return _line(int(stamp) / 1e6, channel, frame_id if extended.lower() == b"true" else frame_id[-3:], data)
+
+
+_FORMS: Mapping[bytes, tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], bytes]]] = {
+    CSV_HEAD: (_CSV, _of_csv),
+    SAVVYCAN_HEAD: (_SAVVYCAN, _of_savvycan),
+}
 
 
 def parse_lines(text: bytes) -> Parsed:

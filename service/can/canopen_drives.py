@@ -38,6 +38,8 @@ _NAMES: Final[dict[str, str]] = {
     "0x6077": "torque actual value",
     "0x6078": "current actual value",
 }
+_SIGNED: Final = {f"0x{int(name, 16) + 0x800 * n:04X}" for name in _NAMES for n in range(8)}
+"""By CiA 402, in each of up to eight devices of a drive; some files leave their types out, or have wrong ones."""
 _PDO, _MAPPING, _SYNC, _PERIOD = 0x1800, 0x1A00, 0x1005, 0x1006
 _MOST_PDOS, _BITS = 512, 64
 _DISABLED, _EXTENDED, _ID = 1 << 31, 1 << 29, (1 << 29) - 1
@@ -185,7 +187,8 @@ def _mapped(known: ObjectDictionary, number: int, as_delivered: bool) -> tuple[l
         index, subindex, length = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
         name = object_name(index, subindex)
         if index >= _FIRST_OBJECT and 0 < length <= _BITS and all(bits.name != name for bits in found):
-            found.append(Bits(name, at, length, _kind(_variable(known, index, subindex), length)))
+            kind = _kind(_variable(known, index, subindex), length)
+            found.append(Bits(name, at, length, "signed" if name in _SIGNED and kind == "unsigned" else kind))
         at += length
     if at > _BITS:
         return found, f"its objects have {at} bits, and a frame has {_BITS}: map fewer, {_TOOL}"

@@ -68,6 +68,10 @@ class Frame(NamedTuple):
         return FrameKey(self.can_id, self.extended)
 
 
+_SET_BACK_US = 500_000
+"""By less the frames of a log may be in another order than their times."""
+
+
 class FrameBlock:
     """Frames in the order of their receipt, as records (N,) without an object for each.
 
@@ -138,6 +142,15 @@ class FrameBlock:
     def select(self, frames: slice | Ints | Bools) -> FrameBlock:
         """The block of these frames only: a slice, indices or a mask (N,)."""
         return FrameBlock(self.records[frames])
+
+    def in_order(self) -> FrameBlock:
+        """The block in the order of time, and without the jumps of a clock that was set back."""
+        back_us = np.maximum(-np.diff(self.t_us, prepend=self.t_us[:1]), 0)
+        if not back_us.any():
+            return self
+        records = self.records.copy()
+        records["t_us"] += np.cumsum(np.where(back_us > _SET_BACK_US, back_us, 0))
+        return FrameBlock(records[np.argsort(records["t_us"], kind="stable")])
 
     def counts(self) -> dict[FrameKey, int]:
         """How many frames there are of each key."""

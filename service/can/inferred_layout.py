@@ -25,7 +25,8 @@ FEWEST_FRAMES = 50
 """Of an id, to look at its bytes."""
 _WIDTHS = (1, 2, 4)
 """Bytes of the usual numbers"""
-_FEW_VALUES = 8
+_FEW_VALUES, _SOME = 8, 256
+"""Of a state; and numbers among which more show that it is none"""
 _COUNTS = 0.9
 """Of the frames, in which a counter goes up by one; the others were lost."""
 _FEW_SKIPS, _MOST_OF_THEM = 3, 0.5
@@ -44,7 +45,8 @@ _RISES, _FALLS, _SELDOM = 4.0, 16.0, 0.1
 """Standard deviations, of the frames in which a bit changes; by which factor they fall to another number; and the share
 in which the highest bits change, above which a number may begin at each half byte"""
 _MANTISSA = 23
-_MOST_PAGES = 32
+_MOST_PAGES, _OFTEN = 32, 0.1
+"""Of a multiplexer: values, and the share of the frames with another one than before"""
 _MUCH_SHORTER = 0.7
 _PLAUSIBLE = (1e-9, 1e12)
 """Largest magnitude of a floating-point number of a machine"""
@@ -96,19 +98,25 @@ def find_multiplexer(data: NDArray[np.uint8], fields: Sequence[Field]) -> int | 
 
     Divided by its values, the frames (N, W) have a much shorter description than all together, in ``fields``.
     """
-    undivided = _total(fields, len(data))
-    best: tuple[float, int] | None = None
+    least, best = _MUCH_SHORTER * _total(fields, len(data)), None
     for byte in range(data.shape[1]):
         pages, counts = np.unique(data[:, byte], return_counts=True)
-        if not 2 <= pages.size <= _MOST_PAGES or counts.min() < FEWEST_FRAMES:
+        # Where it seldom changes, most differences are those within a page anyway.
+        if (
+            not 2 <= pages.size <= _MOST_PAGES
+            or counts.min() < FEWEST_FRAMES
+            or np.mean(np.diff(data[:, byte]) != 0) < _OFTEN
+        ):
             continue
         share = counts / data.shape[0]
-        parts = [data[data[:, byte] == page] for page in pages]
-        own = [_total(infer_layout(part), len(part)) for part in parts]
-        bits = float(share @ own - share @ np.log2(share))
-        if bits < _MUCH_SHORTER * undivided and (best is None or bits < best[0]):
-            best = bits, byte
-    return None if best is None else best[1]
+        bits = -float(share @ np.log2(share))
+        for page, part in zip(pages, share, strict=True):
+            if bits < least:  # else it is no better already
+                own = data[data[:, byte] == page]
+                bits += part * _total(infer_layout(own), len(own))
+        if bits < least:
+            least, best = bits, byte
+    return best
 
 
 def _total(fields: Sequence[Field], frames: int) -> float:
@@ -184,9 +192,10 @@ def counts_frames(numbers: Floats, size: float) -> bool:
     one from 0 to 14.
     """
     steps = np.diff(numbers) % size
+    if not steps.size or float(np.mean(steps == 1)) <= _COUNTS:
+        return False
     skips = np.unique(numbers[:-1][steps != 1], return_counts=True)[1]
-    restarts = skips.sum() >= _FEW_SKIPS and skips.max() > _MOST_OF_THEM * skips.sum()
-    return steps.size > 0 and float(np.mean(steps == 1)) > _COUNTS and not restarts
+    return not (skips.sum() >= _FEW_SKIPS and skips.max() > _MOST_OF_THEM * skips.sum())
 
 
 def _readings(data: NDArray[np.uint8], start: int, end: int, order: ByteOrder) -> Iterator[Field]:
@@ -281,11 +290,12 @@ def _is_signed(raw: NDArray[np.uint64], length: int) -> bool:
 
 
 def _kind(raw: NDArray[np.uint64], bits: float, length: int) -> FieldKind:
-    values = np.unique(raw)
-    if values.size == 1:
+    few = np.unique(raw[:: max(1, raw.size // _SOME)]).size <= _FEW_VALUES
+    values = np.unique(raw).size if few else raw.size
+    if values == 1:
         return "constant"
     if counts_frames(raw.astype(np.float64), 2.0**length):
         return "counter"
-    if values.size <= _FEW_VALUES:
+    if values <= _FEW_VALUES:
         return "state"
     return "random" if bits > _NOISE * length else "signal"

@@ -1,4 +1,4 @@
-"""CAN logs (.log .asc .blf .trc .mf4, each also compressed as .gz): reading them as frames."""
+"""CAN logs (.log .asc .blf .trc .mf4 .csv, each also compressed as .gz): reading them as frames."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from itertools import islice
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, cast
 
@@ -17,7 +18,7 @@ import numpy as np
 from can.io.blf import BLFParseError
 
 from monitor_core.arrays import Ints
-from service.can.candump import Parsed, parse_lines
+from service.can.candump import CSV_HEAD, SAVVYCAN_HEAD, Parsed, parse_lines, rewritten
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, concatenate_frames
 from service.can.left_out import too_many
 from service.can.log_bytes import GZIP, GZIP_START, BlfObjects, CompleteReads, LogBytes
@@ -26,7 +27,9 @@ from service.can.mf4_frames import Mf4Frames
 from service.can.receivers import frame_of
 from service.can.user_errors import RecordError
 
-LOG_SUFFIXES = (".log", ".asc", ".blf", ".trc", ".mf4")
+_CSV = ".csv"
+"""Of python-can or SavvyCAN; others are tables"""
+LOG_SUFFIXES = (".log", ".asc", ".blf", ".trc", ".mf4", _CSV)
 LOG_REASONS = ("error_frame", "remote_frame", "not_a_frame", "unreadable")
 """Why an entry of a log gave no frame.  not_a_frame: an event, or a line that no reader knows; unreadable: damaged."""
 
@@ -57,7 +60,16 @@ logging.getLogger("can.io.trc").setLevel(logging.CRITICAL)
 def log_suffix(path: Path) -> str:
     """Which kind of CAN log a file is, by its name: ".blf" for "a.BLF.gz"; empty: none."""
     suffix = Path(path.name.lower().removesuffix(GZIP)).suffix
-    return suffix if suffix in LOG_SUFFIXES else ""
+    return suffix if suffix in LOG_SUFFIXES and (suffix != _CSV or _has_frames(path)) else ""
+
+
+def _has_frames(path: Path) -> bool:
+    """Whether the first line of a .csv file is that of a log."""
+    try:
+        with closing(LogBytes(path)) as file:
+            return file.stream.readline(LONGEST_LINE).startswith((CSV_HEAD, SAVVYCAN_HEAD))
+    except OSError:
+        return False
 
 
 class LogBlock(NamedTuple):
@@ -102,7 +114,7 @@ class CanLog:
         suffix = log_suffix(self.path)
         with closing(self._bytes):
             try:
-                if suffix == ".log":
+                if suffix in (".log", _CSV):
                     yield from self._pieces()
                 elif suffix == ".mf4":
                     yield from self._measurement()
@@ -153,11 +165,15 @@ class CanLog:
     # --- candump logs: many lines at once ---------------------------------------------------------------------------
 
     def _pieces(self) -> Iterator[LogBlock]:
-        rest, first = b"", 0
-        while piece := self._bytes.stream.read(_PIECE):
+        head = self._bytes.stream.readline(LONGEST_LINE)
+        begin, first, rest = head, 0, b""
+        if head.startswith((CSV_HEAD, SAVVYCAN_HEAD)):
+            begin, first = b"", 1
+        read = partial(self._bytes.stream.read, _PIECE)
+        for piece in chain([begin + read()], iter(read, b"")):
             text, end, rest = (rest + piece).rpartition(b"\n")
             if end:
-                yield from self._piece(text + end, first)
+                yield from self._piece(rewritten(text + end, head), first)
                 first += text.count(b"\n") + 1
             if len(rest) > LONGEST_LINE:
                 yield from self._piece(rest + b"\n", first)
@@ -165,7 +181,7 @@ class CanLog:
         if rest and self._bytes.cut:  # its bytes may look like a shorter frame
             self._leave_out_line(first + 1, line_text(rest), torn=True)
         elif rest:
-            yield from self._piece(rest + b"\n", first, torn=True)
+            yield from self._piece(rewritten(rest + b"\n", head), first, torn=True)
 
     def _piece(self, text: bytes, first: int, torn: bool = False) -> Iterator[LogBlock]:
         """The frames of whole lines, of which the first one has that number, from 0."""

@@ -18,7 +18,7 @@ from service.config import Config, ConfigErrors, NamedAxis, Problem, load
 if TYPE_CHECKING:
     from service.config.schema import BusConfig
 
-LOG_KINDS = ".log .asc .blf .trc .mf4, also .gz"
+LOG_KINDS = ".log .asc .blf .trc .mf4 .csv, also .gz"
 """Of CAN logs, in the help"""
 ConfigPath = Annotated[
     Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")

@@ -48,6 +48,10 @@ _IN_STEP = 0.5
 """Of the torque that must be explained beyond that by a torque elsewhere, to take one that is out of step."""
 _ABOUT, _ROUGHER = 0.1, 3.0
 """Torques that fit as well but for this part, and are smoother by this factor, are wanted ones."""
+_JERKS, _RATHER = 0.9, 6.0
+"""A torque without a name is rougher than the motion by this factor, in this share of the rows: as its slopes are."""
+_ALIKE, _LATER = 0.05, 0.9
+"""Columns have the same numbers where they differ by less of their spread; and rows by which one is later"""
 _MOVES = 1e-9
 _ABSURD = 1e30
 """No quantity of a robot is as large, whatever its unit."""
@@ -235,7 +239,8 @@ def axes_by_values(
         *by_role.get("torque", []),
         *(n for n in by_role.get("current", []) if named[n].number not in known),
     ]
-    angles, unnamed = by_role.get("angle", []), by_role.get("", [])
+    asked = _asked(values, by_role.get("", []))
+    angles, unnamed = by_role.get("angle", []), [n for n in by_role.get("", []) if n not in asked]
     # An axis that sends both: the angle gives the better estimates.
     numbers = {named[name].number for name in angles}
     motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
@@ -251,8 +256,16 @@ def axes_by_values(
         }
         torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
     step = _step(speeds, named)
+    rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
+    found_pairs = (
+        _pair(values, u, y, output, named, t)
+        for u in torques
+        for y in motions
+        for output in _outputs(named[y].role, bool(speeds))
+        if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
+    )
     pairs = sorted(
-        (_pair(values, u, y, named, t) for u in torques for y in motions if u != y),
+        found_pairs,
         key=lambda pair: _weight(pair, named, step),
         reverse=True,
     )
@@ -270,11 +283,17 @@ def axes_by_values(
     return found
 
 
+def _outputs(role: str, beside_speeds: bool) -> Sequence[Literal["angle", "speed"]]:
+    """What a motion may be: one that no name tells, and beside which no slope of an angle was found, is either."""
+    return ("speed",) if role == "speed" else ("angle",) if role or beside_speeds else ("angle", "speed")
+
+
 def _weight(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
     """Pairs with the same number come first, then those that explain each other; of equals the first in the table."""
     alike = named[pair.torque].number == named[pair.motion].number
     beside = _IN_STEP * _in_step(pair, named, step)
-    return alike, round(pair.explained + beside - _TURNED * pair.turned, 1)
+    digits = 1 if named[pair.torque].role or named[pair.motion].role else 2
+    return alike, round(pair.explained + beside - _TURNED * pair.turned, digits)
 
 
 # --- Columns without names: their places, and what is measured --------------------------------------------------------
@@ -318,11 +337,41 @@ def _measured(
     return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
 
 
-def _roughness(v: Floats) -> float:
-    """Of a column (N,): the usual change of its slope from row to row, as part of the range of 98 % of it."""
+def _asked(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
+    """Columns whose numbers another one has later: what a controller asks for, which is measured when it is done."""
+    centres = {name: float(np.nanmean(values[name])) for name in names}
+    spreads = {name: float(np.nanstd(values[name])) for name in names}
+    return {
+        a
+        for a in names
+        for b in names
+        if a != b
+        and abs(centres[b] - centres[a]) < _ALIKE * spreads[a]
+        and abs(spreads[b] - spreads[a]) < _ALIKE * spreads[a]
+        and _delay(values[a], values[b]) > _LATER
+    }
+
+
+def _delay(first: Floats, second: Floats) -> float:
+    """By how many rows the second column (N,) has the numbers of the first one later; 0: they are not the same."""
+    slope = np.gradient(first)
+    rows = np.column_stack([first, slope, np.ones_like(first)])
+    good = np.isfinite(rows).all(axis=1) & np.isfinite(second)
+    rows, right = rows[good], second[good]
+    if len(right) < _FEW or not changes(rows[:, 1]):
+        return 0.0
+    found = np.linalg.lstsq(rows, right, rcond=None)[0]
+    factor, lead, _ = found.tolist()
+    left = right - rows @ found
+    same = abs(factor - 1) < _ALIKE and float(np.std(left)) < _ALIKE * float(np.std(right))
+    return -lead / factor if same else 0.0
+
+
+def _roughness(v: Floats, share: float = 0.5) -> float:
+    """Of a column (N,): the change of its slope that this share of the rows has at most, as part of its usual range."""
     finite = v[np.isfinite(v)]
     low, high = np.quantile(finite, _MOST)
-    return float(np.median(abs(np.diff(finite, 2))) / (high - low)) if high > low else 0.0
+    return float(np.quantile(abs(np.diff(finite, 2)), share) / (high - low)) if high > low else 0.0
 
 
 def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:
@@ -348,14 +397,18 @@ def _likeness(a: Floats, b: Floats) -> float:
 
 
 def _pair(
-    values: Mapping[str, Floats], torque: str, motion: str, named: Mapping[str, Named], t: Floats | None
+    values: Mapping[str, Floats],
+    torque: str,
+    motion: str,
+    output: Literal["angle", "speed"],
+    named: Mapping[str, Named],
+    t: Floats | None,
 ) -> AxisRoles:
-    output: Literal["angle", "speed"] = "speed" if named[motion].role == "speed" else "angle"
     u, y = values[torque], values[motion]
     good = np.isfinite(u) & np.isfinite(y)
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
     good &= np.isfinite(times)
-    good[1:] &= np.diff(times) > 0
+    good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
     explained, turned = 0.0, False
     period = wrap_of(y[good]) if output == "angle" else None
     if np.count_nonzero(good) > 1:
@@ -363,7 +416,8 @@ def _pair(
         record = Record(times[good], u[good], motion_of, output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
-        turned = has_wrong_sign(record)
+        # Most pairs of columns without names have nothing to do with each other.
+        turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
         axis_name(number),

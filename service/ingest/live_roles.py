@@ -36,8 +36,8 @@ _SCATTER_S, _CATCH_UP_S = 0.1, 1.0
 """Of times of receipt: what is left after the time in which late frames have come"""
 _BUNCHED = 0.05
 """Of the frames, that come within half an interval after another one"""
-_ALIKE = 1.3
-"""Intervals of signals that are compared differ by less than this factor."""
+_ALIKE, _APART = 1.3, 5.0
+"""Intervals of signals that are compared differ by less than this factor; by the other where none is found"""
 _BITS = 8  # a number of fewer bits is a state
 _CYCLE = 0.02
 """Relative: a measured interval this close to the cycle in the description is that."""
@@ -88,7 +88,8 @@ class BusRoles(NamedTuple):
 
 
 def roles_on_bus(known: MessageSet, frames: FrameBlock) -> BusRoles:
-    """The axes that a bus with these messages carries, by all its frames in the order of time."""
+    """The axes that a bus with these messages carries, by all its frames in the order of their receipt."""
+    frames = frames.in_order()
     decoder, messages = _decoder(known)
     keys = frames.counts()
     came = tuple(m.name for key, m in messages.items() if key in keys)
@@ -134,16 +135,19 @@ def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, S
         name: named for name, pair in signals.items() if (named := _named(*pair, by_name.get(name), owners))
     }
     taken, numbers = set[str](), set[str]()
-    for group in _groups({n: s for n, s in series.items() if n in candidates and changes(s.values)}):
-        for pair in _pairs(group, candidates, by_name):
-            taken |= {pair.torque, pair.motion}
-            numbers.add(pair.name)
-            torque = by_name.get(pair.torque) or _guess(*signals[pair.torque], "torque")
-            motion = by_name.get(pair.motion) or _guess(*signals[pair.motion], pair.output)
-            motion = _looked(motion, group[pair.motion])
-            torque = torque._replace(turned=pair.turned)
-            axis = BusAxis(pair.name, torque, motion, None, None, explained=pair.explained)
-            yield _timed(axis, signals[pair.torque][0], series)
+    moving = {n: s for n, s in series.items() if n in candidates and changes(s.values)}
+    pairs = [
+        (group, pair) for group in _groups(moving, _ALIKE) for pair in _pairs(group, candidates, by_name)
+    ] or [(group, pair) for group in _groups(moving, _APART) for pair in _pairs(group, candidates, by_name)]
+    for group, pair in pairs:
+        taken |= {pair.torque, pair.motion}
+        numbers.add(pair.name)
+        torque = by_name.get(pair.torque) or _guess(*signals[pair.torque], "torque")
+        motion = by_name.get(pair.motion) or _guess(*signals[pair.motion], pair.output)
+        motion = _looked(motion, group[pair.motion])
+        torque = torque._replace(turned=pair.turned)
+        axis = BusAxis(pair.name, torque, motion, None, None, explained=pair.explained)
+        yield _timed(axis, signals[pair.torque][0], series)
     for axis in axes_in(known.messages):
         own = {f"{role.message}.{role.signal}" for role in (axis.torque, axis.motion)}
         if own <= series.keys() and not own & taken and axis.name not in numbers:
@@ -164,13 +168,14 @@ def _named(
     return Named("", number) if unnamed else None
 
 
-def _groups(series: Mapping[str, Series]) -> Iterator[dict[str, Series]]:
-    """Signals of about the same interval, all at the times of the first of them."""
+def _groups(series: Mapping[str, Series], most: float) -> Iterator[dict[str, Series]]:
+    """Signals whose intervals differ by less than this factor, all at the times of the first of the slowest."""
     long = {name: s for name, s in series.items() if s.t.size >= _FEWEST and s.interval_s > 0}
     while long:
         shortest_s = min(s.interval_s for s in long.values())
-        group = {name: s for name, s in long.items() if s.interval_s < _ALIKE * shortest_s}
-        first = next(iter(group.values()))
+        group = {name: s for name, s in long.items() if s.interval_s < most * shortest_s}
+        slow_s = max(s.interval_s for s in group.values()) / _ALIKE
+        first = next(s for s in group.values() if s.interval_s > slow_s)
         yield {name: Series(first.even_s, _nearest(s, first.t)) for name, s in group.items()}
         long = {name: s for name, s in long.items() if name not in group}
 
@@ -220,7 +225,10 @@ def _timed(axis: BusAxis, message: Message, series: Mapping[str, Series]) -> Bus
     cycle_s = (message.cycle_time or 0) / 1000
     interval_s = cycle_s if abs(measured_s - cycle_s) < _CYCLE * cycle_s else _rounded(measured_s)
     bunched = any(s.is_bunched for s in own)
-    return axis._replace(interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched)
+    apart = max(s.interval_s for s in own) > _ALIKE * min(s.interval_s for s in own)
+    return axis._replace(
+        interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched, apart=apart
+    )
 
 
 def _rounded(interval_s: float) -> float:

@@ -63,15 +63,15 @@ def is_table(path: Path) -> bool:
     Raises:
         RecordError: an unknown suffix.
     """
-    if path.suffix.lower() in TABLE_SUFFIXES:
-        return True
-    if not log_suffix(path):
-        kinds = " ".join((*TABLE_SUFFIXES, *LOG_SUFFIXES))
+    if log_suffix(path):
+        return False
+    if path.suffix.lower() not in TABLE_SUFFIXES:
+        kinds = " ".join(dict.fromkeys((*TABLE_SUFFIXES, *LOG_SUFFIXES)))
         hint = "; let a table of text end with .csv, and export a spreadsheet as one"
         raise RecordError(
             f"{path}: no such kind of record; there is {kinds}, and logs with {GZIP} behind that{hint}"
         )
-    return False
+    return True
 
 
 def samples_of(

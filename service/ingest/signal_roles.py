@@ -66,6 +66,8 @@ class BusAxis(NamedTuple):
     """The interval is measured"""
     bunched: bool = False
     """Its frames are received in bunches"""
+    apart: bool = False
+    """Its torque and its motion come at different rates"""
     explained: float | None = None
     """Part of the torque that the motion explains as a rigid mass; None: no values were compared"""
 
@@ -115,8 +117,7 @@ def _own_word(name: str) -> str:
 
 def may_be_measured(message: Message, signal: Signal) -> bool:
     """Whether a signal may be torque or motion: it is no counter, state, limit, or what a controller asks for."""
-    # The name of an unknown message is its identifier: the ff in x18ff3101 is no word.
-    words = {*words_in(signal.name), *words_in(re.sub(r"^x[\da-f]+$", "", message.name))}
+    words = {*words_in(signal.name), *words_in(_known(message.name))}
     return not (
         counts(signal)
         or words & _NOT_MEASURED
@@ -167,9 +168,14 @@ def _wrap(signal: Signal) -> float | None:
     return next(turns, None)
 
 
+def _known(message: str) -> str:
+    """The name of a message; empty: it is unknown, and called by its identifier, which tells nothing."""
+    return "" if re.fullmatch(r"x[\da-f]+", message) else message
+
+
 def number_in(message: str, signal: str) -> str:
     """Of the axis, by the names; empty: there is none.  The number of a PDO is that of a message of every drive."""
-    for name in (re.sub(r"pdo_?\d+", "", text, flags=re.IGNORECASE) for text in (signal, message)):
+    for name in (re.sub(r"pdo_?\d+", "", text, flags=re.IGNORECASE) for text in (signal, _known(message))):
         found = re.findall(r"(?:axis|joint|motor|drive|achse|node|[aj])_?(\d+)", name, re.IGNORECASE)
         found = found or re.findall(r"\d+", name)
         if found:
@@ -222,4 +228,8 @@ def summary(axes: Sequence[BusAxis]) -> Iterator[str]:
             words += f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
         elif axis.measured:
             words += " by its name; it did not move"
+        if axis.apart:
+            words += (
+                "; torque and motion come at different rates, but a sample needs both: send them at one rate"
+            )
         yield words

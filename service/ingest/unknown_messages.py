@@ -14,8 +14,11 @@ from service.can.messages import Bits, Kind, MessageSet, message_of
 from service.ingest.live_roles import roles_on_bus
 from service.ingest.signal_roles import BusAxis
 
-_FEWEST_VALUES, _CHANGES = 100, 0.2
+_FEWEST_VALUES, _CHANGES = 16, 0.2
 """Of an axis that moves: different numbers, and the share of the frames with another one than before"""
+
+
+_LETTERS = "abcdefgh"
 
 
 class UnknownMessage(NamedTuple):
@@ -49,6 +52,7 @@ class Discovered(NamedTuple):
 
 def discover_axes(frames: FrameBlock) -> Discovered:
     """Look at all frames of a bus, in the order of their receipt."""
+    frames = frames.in_order()
     ids, places, counts = np.unique(frames.ids, return_inverse=True, return_counts=True)
     order = np.argsort(places, kind="stable")
     own = np.split(order, np.cumsum(counts)[:-1])
@@ -86,19 +90,15 @@ def _rate(frames: FrameBlock) -> float:
 
 
 def _bits(field: Field) -> Bits:
-    """The name is a letter for the first bit: a digit would be taken for the number of an axis."""
+    """The name has letters for the first bit: a digit would be taken for the number of an axis, an i for a current."""
     what = "counter" if field.kind == "counter" else "value"
     kind: Kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
     low = 0 if field.part is None else field.part.low_bit
     before = 8 * field.width - low - field.length if field.byte_order == "big" else low
     start_bit = 8 * field.first_byte + (7 - before if field.byte_order == "big" else before)
-    letters = _letters(field.first_byte) + (_letters(before) if before else "")
+    high, last = divmod(field.first_byte, 8)
+    letters = (f"x{_LETTERS[high]}" if high else "") + _LETTERS[last] + (_LETTERS[before] if before else "")
     return Bits(f"{what}_{letters}", start_bit, field.length, kind, field.byte_order)
-
-
-def _letters(number: int) -> str:
-    first, last = divmod(number, 26)
-    return (chr(ord("a") + first - 1) if first else "") + chr(ord("a") + last)
 
 
 def used_messages(found: Discovered) -> Sequence[UnknownMessage]:

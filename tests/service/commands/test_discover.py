@@ -2,17 +2,21 @@
 
 import gzip
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock, concatenate_frames
 from service.can.messages import message_of
 from service.commands.exit_codes import MISTAKE
 from service.config import Config, load
+from service.ingest.signal_roles import summary
 from service.ingest.unknown_messages import discover_axes
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch, refused, shown
@@ -108,6 +112,107 @@ def test_torque_and_angle_in_messages_of_their_own(tmp_path: Path, seed: int) ->
     found = discover_axes(frames).axes
     ids = [(axis.torque.message, axis.motion.message, axis.motion.signal) for axis in found]
     assert ids == [("x101", "x201", "value_a"), ("x102", "x202", "value_a"), ("x103", "x203", "value_a")]
+
+
+RATE = 250
+"""Frames a second of each identifier below"""
+
+
+def moving_axes(seed: int, count: int) -> list[tuple[Floats, Floats, Floats]]:
+    """Angle [rad], speed [rad/s] and torque [N m] of axes that start and stop together, 16 s."""
+    rng, moves, found = np.random.default_rng(seed), 20, list[tuple[Floats, Floats, Floats]]()
+    pulse = np.diff(np.sin(np.pi * np.arange(101) / 100) ** 2)  # speeds up and down again
+    for _ in range(count):
+        speeds = rng.choice([-1, 1], moves) * rng.uniform(5, 20, moves)
+        acceleration = np.repeat(speeds, 200) * np.tile(np.concatenate([pulse, np.zeros(100)]), moves) * RATE
+        speed = np.cumsum(acceleration) / RATE
+        noise = 0.02 * rng.standard_normal(speed.size)
+        torque = 0.01 * acceleration + 0.02 * speed + 0.2 * np.tanh(speed) + noise
+        found.append((np.cumsum(speed) / RATE, speed, torque))
+    return found
+
+
+def counted(values: Floats, scale: float, width: int) -> list[bytes]:
+    return [int(v).to_bytes(width, "little", signed=True) for v in np.rint(values * scale)]
+
+
+def received(
+    sent: Mapping[int, Sequence[bytes]], each: Mapping[int, int] = MappingProxyType({})
+) -> FrameBlock:
+    """The frames of these identifiers, one after another in each cycle; ``each``: only in every n-th cycle."""
+    frames = [
+        Frame(1_000_000 + 4000 * k + 50 * place, can_id, False, data)
+        for place, (can_id, column) in enumerate(sent.items())
+        for k, data in enumerate(column)
+        if k % each.get(can_id, 1) == 0
+    ]
+    return FrameBlock.from_frames(sorted(frames, key=lambda frame: frame.t_us))
+
+
+def found_in(frames: FrameBlock) -> dict[str, tuple[str, str]]:
+    axes = discover_axes(frames).axes
+    return {axis.torque.message: (axis.motion.message, axis.motion.quantity) for axis in axes}
+
+
+def test_what_a_controller_asks_for_is_no_motion_and_identifiers_number_no_axes(seed: int) -> None:
+    """Each angle that is asked for comes four cycles before the measured one; torques and angles of one axis have
+    unlike digits."""
+    sent = dict[int, list[bytes]]()
+    for axis, (angle, _, torque) in enumerate(moving_axes(seed, 3)):
+        sent[0x91 + axis] = counted(angle[4:], 4000, 4)
+        sent[0xA1 + axis] = counted(torque[:-4], 1000, 2)
+        sent[0xB3 - axis] = counted(angle[:-4], 4000, 4)
+    assert found_in(received(sent)) == {
+        "xa1": ("xb3", "angle"),
+        "xa2": ("xb2", "angle"),
+        "xa3": ("xb1", "angle"),
+    }
+
+
+def test_a_speed_alone_and_a_torque_of_few_bits(seed: int) -> None:
+    sent = dict[int, list[bytes]]()
+    for axis, (_, speed, torque) in enumerate(moving_axes(seed, 3)):
+        sent[0x210 + axis] = counted(speed, 100, 2)
+        sent[0x32 - axis] = counted(torque, 20, 1)
+    assert found_in(received(sent)) == {
+        "x32": ("x210", "speed"),
+        "x31": ("x211", "speed"),
+        "x30": ("x212", "speed"),
+    }
+
+
+def test_all_axes_in_one_long_frame(seed: int) -> None:
+    """Of CAN FD: a number that begins with the ninth byte is called neither i, which is a current, nor t or w."""
+    axes = moving_axes(seed, 6)
+    columns = [
+        column for angle, _, torque in axes for column in (counted(torque, 1000, 2), counted(angle, 1e4, 4))
+    ]
+    found = discover_axes(received({0x20: [b"".join(row) for row in zip(*columns, strict=True)]})).axes
+    places = ["a", "g", "xbe", "xcc", "xda", "xdg"]
+    assert [axis.torque.signal for axis in found] == [f"value_{place}" for place in places]
+    assert [axis.motion.signal for axis in found] == [
+        f"value_{p}" for p in ("c", "xba", "xbg", "xce", "xdc", "xea")
+    ]
+
+
+def test_angles_at_half_the_rate_of_the_torques(seed: int) -> None:
+    sent, each = dict[int, list[bytes]](), dict[int, int]()
+    for axis, (angle, _, torque) in enumerate(moving_axes(seed, 3)):
+        sent[0x52 - axis], sent[0x210 + axis] = counted(torque, 1000, 2), counted(angle, 1e4, 4)
+        each[0x210 + axis] = 2
+    frames = received(sent, each)
+    assert found_in(frames) == {"x52": ("x210", "angle"), "x51": ("x211", "angle"), "x50": ("x212", "angle")}
+    axes = discover_axes(frames).axes
+    assert {axis.interval_s for axis in axes} == {0.008}
+    assert all("come at different rates" in line for line in summary(axes))
+
+
+def test_a_clock_that_was_set_back(seed: int) -> None:
+    """By five seconds, in the middle of the record."""
+    ((angle, _, torque),) = moving_axes(seed, 1)
+    frames = received({0x50: counted(torque, 1000, 2), 0x210: counted(angle, 1e4, 4)})
+    frames.records["t_us"][frames.size // 2 :] -= 5_000_000
+    assert found_in(frames) == {"x50": ("x210", "angle")}
 
 
 def test_the_configuration_can_be_used_with_the_record(

@@ -17,6 +17,7 @@ from service.can.frames import Frame
 from service.can.log_files import CanLog
 from service.can.receivers import frame_of
 from service.can.user_errors import RecordError
+from service.ingest.records import is_table
 
 Entry = tuple[str, Frame]
 
@@ -128,3 +129,57 @@ def test_lines_as_programs_write_them_need_no_second_look(tmp_path: Path) -> Non
         Frame(1629633295_088892, 0x18FF0100, True, bytes.fromhex("0011AABB")),
         Frame(5_000001, 0x7FF, False, b"\x0f" * 64),
     ]
+
+
+SHOWN = """\
+ (1436509052.249713)  vcan0  044   [8]  2A 36 6A 9B 00 00 00 01
+ (1436509052.449847)  vcan0  RX - -  0F6   [2]  DB F3   '..'
+ (2015-07-10 06:17:32.649713)  vcan0  1F334455   [4]  2A 36 6A 9B
+ (1436509052.749713)  vcan0  TX B -  123   [0]  remote request
+ (1436509052.749713)  vcan0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME
+ (1436509052.759713)  vcan0  124  [12]  00 04 00 00 00 00 00 00 01 02 03 04
+ (1436509052.769713)  vcan0  125   [0]
+ (1436509052.869713)  vcan0  125   [3]  01 02"""
+SAVVYCAN = """\
+Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8
+166064000,0000021A,false,Rx,0,8,FE,36,12,FE,69,05,07,AD,
+166064010,1000021A,true,Tx,1,2,FE,36,
+166064030,0000021A,false,Rx,0,0,,,,,,,,
+166064040,0000021A,false,Rx,0,2,FE"""
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_lines_as_candump_shows_them(tmp_path: Path, ending: str) -> None:
+    """Three bytes are said to be in the last one, which has two of them, as where its writer was killed."""
+    (tmp_path / "a.log").write_bytes(SHOWN.replace("\n", ending).encode())
+    log = CanLog(tmp_path / "a.log")
+    (block,) = log.blocks()
+    assert [
+        (f.t_us - 1_436_509_052_000_000, f.can_id, f.extended, f.data.hex()) for f in block.frames.frames()
+    ] == [
+        (249_713, 0x44, False, "2a366a9b00000001"),
+        (449_847, 0xF6, False, "dbf3"),
+        (649_713, 0x1F334455, True, "2a366a9b"),
+        (759_713, 0x124, False, "000400000000000001020304"),
+        (769_713, 0x125, False, ""),
+    ]
+    assert block.names == ("vcan0",)
+    assert (log.dropped["error_frame"], log.dropped["remote_frame"], log.dropped["unreadable"]) == (1, 1, 1)
+    assert log.left_out[0].startswith("line 8: not understood: '(1436509052.869713)  vcan0  125")
+
+
+def test_a_table_of_savvycan_is_a_log(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(SAVVYCAN, encoding="utf-8")
+    assert not is_table(path)
+    log = CanLog(path)
+    (block,) = log.blocks()
+    assert list(block.frames.frames()) == [
+        Frame(166_064_000, 0x21A, False, bytes.fromhex("FE3612FE690507AD")),
+        Frame(166_064_010, 0x1000021A, True, b"\xfe6"),
+        Frame(166_064_030, 0x21A, False, b""),
+    ]
+    assert [block.names[channel] for channel in block.channels] == ["0", "1", "0"]
+    assert log.left_out == ["line 5: not understood: '166064040,0000021A,false,Rx,0,2,FE'"]
+    path.write_text("t,torque\n0,1\n", encoding="utf-8")
+    assert is_table(path)

@@ -294,6 +294,22 @@ def test_a_broken_file(tmp_path: Path, text: str, words: str) -> None:
         read_drive(file, 3)
 
 
+def test_standard_objects_have_a_sign_whatever_the_file_says(tmp_path: Path) -> None:
+    """The torque has no entry, the position is said to be unsigned, the velocity is that of a second device."""
+    pdos = [Pdo(("60770010", "60640020"), "$NODEID+0x180"), Pdo(("686C0020", "60410010"), "$NODEID+0x280")]
+    text = eds(pdos).replace("[6077]", "[2077]")
+    position = text.index("[6064]")
+    text = text[:position] + text[position:].replace("DataType=0x0004", "DataType=0x0007", 1)
+    (tmp_path / "drive.eds").write_text(text, encoding="utf-8")
+    signals = [
+        signal for message in read_drive(tmp_path / "drive.eds", 3).messages for signal in message.signals
+    ]
+    assert {signal.name: signal.is_signed for signal in signals} == {
+        **dict.fromkeys(("0x6077", "0x6064", "0x686C"), True),
+        "0x6041": False,
+    }
+
+
 def test_the_shipped_file_is_the_one_that_is_tested() -> None:
     assert (ROOT / "config" / "drive.eds").read_text(encoding="utf-8") == eds()
 

@@ -136,7 +136,7 @@ def late(controller: Controller, stall_s: float) -> list[tuple[int, int, int]]:
     return [(sent_us, end_us + 20 * k, raw) for k, (sent_us, raw) in enumerate(sent)]
 
 
-@pytest.mark.parametrize(("stall_s", "lost"), [(0.4, 0), (3.0, 500)])
+@pytest.mark.parametrize(("stall_s", "lost"), [(0.4, 0), (3.0, 1)])
 def test_a_host_that_was_held_up_is_on_the_old_line_afterwards(stall_s: float, lost: int) -> None:
     clock, controller = SampleClock(0.005, 16), Controller()
     frames = [receive(controller, 0) for _ in range(100)]
@@ -144,7 +144,7 @@ def test_a_host_that_was_held_up_is_on_the_old_line_afterwards(stall_s: float, l
     read = [(clock.read(received_us, raw), sent_us) for sent_us, received_us, raw in frames]
     times = [(time_us, sent_us) for time_us, sent_us in read if isinstance(time_us, int)]
     assert all(time_us == sent_us for time_us, sent_us in times)
-    assert len(frames) - len(times) == pytest.approx(lost, abs=3)
+    assert len(frames) - len(times) == lost
     assert {t for t, _ in read if not isinstance(t, int)} <= {"untimed"}
     assert clock.reanchored == 0
 
