@@ -172,14 +172,17 @@ def _warming(
     if not followers or moving_s(records) < LEAST_MOTION_S:
         return None, found, records, options.scheduled
     report("warm-up", 0, 1)
-    warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)
-    if warm_up is None:
-        return None, found, records, options.scheduled
     try:
+        warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)
+        if warm_up is None:
+            return None, found, records, options.scheduled
         again, heated, scheduled = following(
             found, warm_up, records, lambda problem, own: _fit(problem, own, report)
         )
-    except ValueError:
+    except (
+        ValueError,
+        np.linalg.LinAlgError,
+    ):  # a fit that explains nothing, or all, has no errors to learn from
         return None, found, records, options.scheduled
     if not (again.converged and again.cost < found.cost):
         return None, found, records, options.scheduled

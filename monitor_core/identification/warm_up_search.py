@@ -53,7 +53,11 @@ def speeds_of(record: Record) -> tuple[Floats, Floats]:
 def windows_of(
     found: Estimate, records: Sequence[Record], unit: ThermalModel
 ) -> tuple[list[str], list[Windows]]:
-    """Names of what psi is of, and the windows of each record; power by the friction of ``unit``."""
+    """Names of what psi is of, and the windows of each record; power by the friction of ``unit``.
+
+    Raises:
+        ValueError: the errors of a record are zero or not finite, or a parameter is.
+    """
     problem = found.problem
     predictor = Predictor(problem, records, problem.disturbance)
     xi = fit_starts(predictor)
@@ -67,6 +71,8 @@ def windows_of(
         edges = np.searchsorted(which, np.arange(count + 1))
         # Records that the drive explains less well count less.
         level = math.sqrt(float(np.mean(errors.eps**2)))
+        if not (0 < level < math.inf and np.isfinite(rates).all() and rates.all()):
+            raise ValueError(f"{record.name or 'record'}: no errors to compare")
         psi, eps = errors.psi[:, :p] / (rates * level), errors.eps / level
         speed, h = speeds_of(record)
         energy = np.bincount(which, unit.power(speed) * h, count)

@@ -34,6 +34,8 @@ class Correlation(NamedTuple):
 def whiteness(eps: Sequence[Floats]) -> Correlation:
     """Autocorrelation of the errors of records at lags 1 .. L; Ljung and Box's test.  Missing ones are zero."""
     N, r, lags = _count(eps), _correlation(eps, eps), np.arange(1.0, _LAGS + 1)
+    if r[_LAGS] == 0:  # a signal that repeats itself is explained in every digit
+        return Correlation(lags, 0 * r[_LAGS + 1 :], 0.0, 1.0)
     r = r[_LAGS + 1 :] / r[_LAGS]
     Q = N * (N + 2) * float(np.sum(r**2 / (N - lags)))
     return Correlation(lags, r, _WITHIN / math.sqrt(N), float(chdtrc(_LAGS, Q)))

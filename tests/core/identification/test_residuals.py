@@ -106,3 +106,9 @@ def test_initial_states_are_left_out_of_what_is_told(seed: int) -> None:
     J = rng.standard_normal((50, 5)) @ rng.standard_normal((5, 5))
     found = information(("a", "b"), np.ones(2), [J[:, :2]], [J[:, 2:]], [np.zeros(50)], 4.0)
     np.testing.assert_allclose(found.covariance, 4 * np.linalg.inv(J.T @ J)[:2, :2], rtol=1e-8)
+
+
+def test_errors_that_are_zero_are_white() -> None:
+    found = whiteness([np.zeros(400)])
+    assert found.p_value == 1.0
+    assert not found.values.any()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.identification import IdentificationOptions, identify
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
@@ -57,3 +58,13 @@ def test_what_stands_does_not_count_as_motion() -> None:
     record = Record(t, np.zeros(t.size), y, "angle")
     assert moving_s([record]) == pytest.approx(100.0, abs=0.5)
     assert moving_s([record, replace(record, name="again")]) == pytest.approx(200.0, abs=1.0)
+
+
+def test_an_angle_that_never_changes_shows_no_warm_up() -> None:
+    """It is explained in every digit, so there are no errors to learn from; and nothing is identified."""
+    t = 0.005 * np.arange(40_000)
+    record = Record(t, np.sin(t), np.ones(t.size), "angle")
+    options = IdentificationOptions("values", monitored=FOLLOWERS, thermal="cold", begins_s=(0.0,))
+    found = identify(Problem(three_mass("angle"), FOUND, FOLLOWERS), [record], options=options)
+    assert found.warm_up is None
+    assert found.rejection
