@@ -16,7 +16,7 @@ export NUMBA_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test bench soak lint format docs screenshots lock image image-test clean
+.PHONY: help run test bench soak lint format docs screenshots lock audit image image-test clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -53,6 +53,9 @@ screenshots: $(READY) $(PAGE) ## take the pictures of the dashboard in docs/pict
 
 lock: $(READY) ## pin again: newest versions that pyproject.toml admits, for every Python and platform
 	@tools/lock.sh $(ARGS)
+
+audit: ## known vulnerabilities of the locked packages, where PyPI can be reached
+	@tools/audit.sh $(ARGS)
 
 image: ## build the container image with docker or buildah
 	@tools/build-image.sh $(ARGS)

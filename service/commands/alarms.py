@@ -259,7 +259,9 @@ def _facts(a: Json) -> Iterator[str]:
 
 def alarm_lines(a: Json) -> str:
     """An alarm in two lines: what is done about it, and what it says."""
-    number = "not yet recorded" if a["id"] is None else f"{a['id']}"
+    number = " ".join(
+        [*([] if a["id"] is None else [f"{a['id']}"]), *([] if a["recorded"] else ["not yet recorded"])]
+    )
     state = a["state"] + (f" until {short_time(a['shelved_until'])}" if a["shelved_until"] else "")
     ended = f", ended {short_time(a['ended'])}" if a["ended"] else ""
     order = f", work order {a['work_order']}" if a["work_order"] else ""

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import structlog
 
 from monitor_core.detection import Alarm, AlarmKey
-from monitor_core.monitoring import AlarmLife, AlarmRules, AxisMonitor, due, returns_us
+from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmRules, AxisMonitor, returns_us, transition
 from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.pipeline.wall_clock import WallClock
 from service.store.alarm_statistics import StateCount
 from service.store.alarm_transitions import Note
 from service.store.database import StoreError
-from service.store.journal import Entry, Journal, RecordedAlarm
+from service.store.journal import Entry, Journal, RecordedAlarm, lived
 from service.texts import episode_words, iso
 
 RETRY_S = 1.0
@@ -71,16 +71,14 @@ def alarm_rules(
     return {(i, cause): configured[i].alarms.rules(cause, configured[i].memory_s) for i, cause in causes}
 
 
-NOT_RECORDED = 0
-"""In place of the id of an alarm that is not in the journal yet"""
 _PLAIN = AlarmRules()
 
 
-def as_recorded(entry: Entry, alarm_id: int = NOT_RECORDED) -> RecordedAlarm:
-    """An alarm about which no person has done anything, as the journal will have it."""
-    life = AlarmLife()
-    for present in (True, entry.alarm.ended_us is None):
-        life = [life, *(t.after for t in due(life, present, entry.rules))][-1]
+def as_recorded(entry: Entry, alarm_id: int = 0, recorded: bool = True) -> RecordedAlarm:
+    """An alarm as the journal will have it; 0: its id is not known."""
+    ended_us, note = entry.alarm.ended_us, entry.acknowledged
+    courses = [(True, entry.alarm.raised_us), *([] if ended_us is None else [(False, ended_us)])]
+    life = [AlarmLife(), *(t.after for t, _ in lived(AlarmLife(), courses, entry.rules, note))][-1]
     own = {field.name: getattr(entry.alarm, field.name) for field in fields(Alarm)}
     return RecordedAlarm(
         **own,
@@ -91,6 +89,8 @@ def as_recorded(entry: Entry, alarm_id: int = NOT_RECORDED) -> RecordedAlarm:
         state=life.state,
         returns_to=life.returns_to,
         priority=entry.rules.priority,
+        recorded=recorded,
+        work_order="" if note is None else note.work_order,
     )
 
 
@@ -100,7 +100,7 @@ class AlarmsSnapshot(NamedTuple):
     standing: tuple[RecordedAlarm, ...] = ()
     """Those in the journal that are active or hidden"""
     unrecorded: tuple[RecordedAlarm, ...] = ()
-    """Those that the journal does not have yet, oldest first; their id is ``NOT_RECORDED``"""
+    """Those that the journal does not have yet, oldest first; their ids are what they will be there, 0: not known"""
     waiting: int = 0
     """Number of alarms of which the journal does not have all yet"""
     states: tuple[StateCount, ...] = ()
@@ -142,6 +142,8 @@ class Alarms:
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._waiting: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._refused: set[tuple[str, AlarmKey]] = set()
+        self._promised: dict[tuple[str, AlarmKey], int] = {}
+        self._acknowledged: dict[tuple[str, AlarmKey], Note] = {}
         self._next_try = self._next_look = -RETRY_S
         self._revision = -1
         self._recorded = NO_ALARMS
@@ -172,6 +174,8 @@ class Alarms:
         self._open = {key: change for key, change in self._open.items() if key[0] not in axis_ids}
         self._waiting = {key: change for key, change in self._waiting.items() if key[0] not in axis_ids}
         self._refused = {key for key in self._refused if key[0] not in axis_ids}
+        self._promised = {key: n for key, n in self._promised.items() if key[0] not in axis_ids}
+        self._acknowledged = {key: note for key, note in self._acknowledged.items() if key[0] not in axis_ids}
         self._quantities = {k: q for k, q in self._quantities.items() if k[0] not in axis_ids} | {
             **quantities
         }
@@ -202,8 +206,23 @@ class Alarms:
         over = any(self._is_over(alarm, now_us) for alarm in self._recorded.standing)
         if self._clock() >= self._next_look and (over or self._revision != self._journal.revision):
             self._look(now_us, over)
-        unrecorded = tuple(as_recorded(self._shown_entry(change)) for change in self._unrecorded())
+        unrecorded = tuple(map(self._shown_alarm, self._unrecorded()))
         return self._recorded._replace(unrecorded=unrecorded, waiting=len(self._waiting))
+
+    def acknowledge(self, alarm_id: int, note: Note) -> RecordedAlarm | None:
+        """A person has acknowledged an alarm that the journal does not have yet: it will have both.
+
+        Returns the alarm then; None: there is no such alarm.
+
+        Raises:
+            AlarmTransitionError: that is not possible in its present state.
+        """
+        for change in self._unrecorded():
+            if self._promised.get(change.key) == alarm_id:
+                transition(self._shown_alarm(change).life, AlarmEvent.ACKNOWLEDGE)
+                self._acknowledged[change.key] = note
+                return self._shown_alarm(change)
+        return None
 
     def removed(self, axis_id: str) -> Note | None:
         """Since when a person has taken an axis out of service, who and why; None: nobody has."""
@@ -243,6 +262,7 @@ class Alarms:
             if new := [change for change in changes if change.key not in self._refused]:
                 log.error("alarms cannot be recorded", reason=str(error), alarms=f"alarm of {_names(new)}")
                 self._refused |= {change.key for change in new}
+            self._promise()
             self.problem = sentence(
                 "alarm not recorded",
                 "alarm of {alarms}: cannot be recorded yet, is tried again: {why}",
@@ -250,11 +270,20 @@ class Alarms:
                 why=error,
             )
             return
-        self._waiting.clear()
-        self._refused.clear()
+        for waited in (self._waiting, self._refused, self._promised, self._acknowledged):
+            waited.clear()
         self.problem = None
         for change in changes:
             self._show(change)
+
+    def _promise(self) -> None:
+        """Give the alarms that the journal does not have yet the ids that they will have there."""
+        new = [c.key for c in self._unrecorded() if c.key not in self._promised]
+        try:
+            last = max([self._journal.last_id(), *self._promised.values()])
+        except StoreError:
+            return
+        self._promised |= {key: number for number, key in enumerate(new, last + 1)}
 
     def _show(self, change: AxisAlarm) -> None:
         """Show the alarm as it is in the journal, and log the change."""
@@ -285,13 +314,15 @@ class Alarms:
     def _entry(self, change: AxisAlarm) -> Entry:
         unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]
         rules = self._rules.get((change.axis_id, change.alarm.parameter), _PLAIN)
-        return Entry(change.axis_id, unit, nominal, change.alarm, rules)
+        promised, note = self._promised.get(change.key, 0), self._acknowledged.get(change.key)
+        return Entry(change.axis_id, unit, nominal, change.alarm, rules, promised, note)
 
-    def _shown_entry(self, change: AxisAlarm) -> Entry:
-        """The entry as the journal will have it: it knows which axes persons have taken out of service."""
+    def _shown_alarm(self, change: AxisAlarm) -> RecordedAlarm:
+        """The alarm as the journal will have it: it knows which axes persons have taken out of service."""
         entry = self._entry(change)
-        removed = change.axis_id in self._recorded.removed
-        return entry._replace(rules=entry.rules._replace(out_of_service=True)) if removed else entry
+        if change.axis_id in self._recorded.removed:
+            entry = entry._replace(rules=entry.rules._replace(out_of_service=True))
+        return as_recorded(entry, entry.promised, recorded=False)
 
     def _facts(self, change: AxisAlarm) -> dict[str, object]:
         e, quantity = change.alarm, self._quantities[change.axis_id, change.alarm.parameter]

@@ -17,6 +17,7 @@ from service.can.user_errors import BusError, IngestError
 from service.config import Config, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.bus_messages import Files, files_of
+from service.config.drive_sources import Modelled, model_of_axis
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
@@ -84,6 +85,7 @@ class Reloading:
         self._buses, self._now_us, self._parts = buses, now_us, parts
         self._filters = {name: frozenset(ingest.filter) for name, ingest in pipeline.ingests.items()}
         self._files = {bus.name: files_of(config, bus.name) for bus in config.bus}
+        self._drives = _drives(config)
 
     @property
     def config(self) -> Config:
@@ -102,7 +104,13 @@ class Reloading:
                 raise ReloadError(f"a change of {listed(fixed)} needs a restart")
             before = {axis.id: axis for axis in self._config.axes}
             after = {axis.id: axis for axis in new.axes}
-            changed = [axis for axis_id, axis in after.items() if before.get(axis_id) != axis]
+            drives = _drives(new)
+            changed = [
+                axis
+                for axis_id, axis in after.items()
+                # A drawing is read once; another text of the same name is another drive.
+                if before.get(axis_id) != axis or drives[axis_id] is not self._drives[axis_id]
+            ]
             removed = tuple(axis_id for axis_id in before if axis_id not in after)
             files, ingests = self._checked(new, changed)
             with ExitStack() as undone:
@@ -121,7 +129,7 @@ class Reloading:
             ]
             self._filters = {bus.name: self._filters[bus.name] for bus in new.bus if bus.name not in ingests}
             self._filters |= {name: frozenset(ingest.filter) for name, ingest in ingests.items()}
-            self._files, self._config = files, new
+            self._files, self._drives, self._config = files, drives, new
             return Reloaded(
                 tuple(axis.id for axis in changed if axis.id in before),
                 tuple(axis.id for axis in changed if axis.id not in before),
@@ -198,6 +206,18 @@ class Reloading:
         for message in (*begun.messages, *messages, *begun_again(made)):
             log.warning("reload", message=message)
         log.info("reloaded", axes=len(axes), changed=[*in_force], removed=[*removed], opened=[*ingests])
+
+
+def _drives(config: Config) -> dict[str, Modelled]:
+    """The drives of all axes, as their drawings are now.
+
+    Raises:
+        ReloadError: one cannot be drawn.
+    """
+    try:
+        return {axis.id: model_of_axis(axis.config) for axis in config.axes}
+    except ModelError as error:
+        raise ReloadError(str(error)) from None
 
 
 _RUNNING = ("hosts", "open_metrics", "certificate", "key")

@@ -59,8 +59,8 @@ class AxisSnapshot:
     """How warm it is; None: nothing follows its heat"""
     stamps: Stamps = NOT_KNOWN
     """Jitter of its time stamps"""
-    other_causes: tuple[str, ...] = ()
-    """Causes of alarms other than the monitored parameters"""
+    causes: tuple[str, ...] = ()
+    """Every cause that an alarm may name: the monitored parameters, then others"""
     trends: tuple[ParameterTrend, ...] = ()
     """The long-term trend of each parameter"""
     histories_lost: int = 0
@@ -71,11 +71,6 @@ class AxisSnapshot:
     """Since when, by whom and why its alarms are not announced; None: they are"""
     watched: MonitoredDrive | None = None
     """Model and settings of its monitor; None: not known"""
-
-    @property
-    def causes(self) -> tuple[str, ...]:
-        """Every cause that an alarm may name."""
-        return (*(p.name for p in self.status.parameters), *self.other_causes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +164,7 @@ class AxisView:
         self._model = model = monitor.model
         self._watched = MonitoredDrive(model, monitor.settings, model_of_axis(axis.config).components)
         self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
+        self._causes = tuple(dict.fromkeys((*(p.name for p in model.parameters), *monitor.causes)))
         self._by_configuration = Note(0, CONFIGURATION) if axis.config.alarms.out_of_service else None
 
     def take_point(self) -> None:
@@ -201,7 +197,7 @@ class AxisView:
             outside_calibration=monitors.outside_calibration(axis.id),
             heat=monitors.heat(axis.id),
             stamps=source.stamps,
-            other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),
+            causes=self._causes,
             trends=monitors.trends.for_axis(axis.id),
             histories_lost=monitors.trends.lost[axis.id],
             epoch=monitors.epochs[axis.id].shown(status),

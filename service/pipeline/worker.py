@@ -28,6 +28,8 @@ from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot, out_of_service
+from service.store.alarm_transitions import Note
+from service.store.journal import RecordedAlarm
 
 LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
 """Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
@@ -242,6 +244,10 @@ class Worker:
     def waits_for_journal(self, axis_id: str) -> bool:
         """Whether the journal does not have all of the alarms of an axis yet; between two blocks."""
         return self._alarms.waits_for_journal(axis_id)
+
+    def acknowledge(self, alarm_id: int, note: Note) -> RecordedAlarm | None:
+        """As ``Alarms.acknowledge``; between two blocks."""
+        return self._alarms.acknowledge(alarm_id, note)
 
     def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
         """What the configuration says of the alarms of an axis, by their causes; between two blocks."""

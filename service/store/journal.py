@@ -15,6 +15,7 @@ from monitor_core.monitoring import (
     AlarmRules,
     AlarmState,
     Priority,
+    Transition,
     check_shelf,
     due,
     is_present,
@@ -123,6 +124,8 @@ class RecordedAlarm(Alarm):
     axis: str
     unit: str
     nominal: float
+    recorded: bool = True
+    """Whether the journal has it"""
     state: AlarmState = AlarmState.NORMAL
     returns_to: AlarmState | None = None
     """Of a hidden alarm: the state below"""
@@ -153,7 +156,7 @@ class RecordedAlarm(Alarm):
 
 _STANDING = "WHERE state <> 'normal' AND state <> 'returned'"
 _DERIVED = {"follows": FOLLOWS, "followed": FOLLOWED}
-_NAMES = tuple(field.name for field in fields(RecordedAlarm) if field.name not in _DERIVED)
+_NAMES = tuple(f.name for f in fields(RecordedAlarm) if f.name not in {"recorded", *_DERIVED})
 _OWN = {"id", "axis", "unit", "nominal", "state", "returns_to", "shelved_until_us", "priority", "work_order"}
 """Columns that an alarm of a monitor does not have"""
 _COLUMNS = ", ".join([*_NAMES, *_DERIVED.values()])
@@ -173,6 +176,10 @@ class Entry(NamedTuple):
     nominal: float
     alarm: Alarm
     rules: AlarmRules = AlarmRules()
+    promised: int = 0
+    """The id that a new alarm gets: it was shown before the disk took it; 0: the next one"""
+    acknowledged: Note | None = None
+    """Who has acknowledged it before the disk took it"""
 
 
 class Journal:
@@ -315,6 +322,12 @@ class Journal:
         """Changes whenever something has been written."""
         return self._db.revision
 
+    def last_id(self) -> int:
+        """Id of the alarm that was inserted last; 0: there was none."""
+        with self._db.read() as connection:
+            found = connection.execute("SELECT seq FROM sqlite_sequence WHERE name = 'alarm'").fetchone()
+            return int(found[0]) if found else 0
+
     def standing(self) -> list[RecordedAlarm]:
         """The alarms that are active or hidden, oldest first."""
         with self._db.read() as connection:
@@ -438,13 +451,30 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
         e = entry.alarm
         at_us = e.past[-1].until_us if e.past else e.updated_us
         take(connection, alarm_id, [transition(life, AlarmEvent.NAME)], Note(at_us, SERVICE))
-    for present, at_us in _courses(known, entry.alarm, rules):
-        changes = due(life, present, rules)
-        take(connection, alarm_id, changes, Note(at_us, SERVICE), removed_by)
-        life = changes[-1].after if changes else life
+    for change, note in lived(life, _courses(known, entry.alarm, rules), rules, entry.acknowledged):
+        take(connection, alarm_id, [change], note, removed_by)
+        life = change.after
     if life.active and not life.hidden:
         _shelve_with_others(connection, alarm_id, life)
     return alarm_id
+
+
+def lived(
+    life: AlarmLife, courses: Iterable[tuple[bool, int]], rules: AlarmRules, acknowledged: Note | None
+) -> Iterator[tuple[Transition, Note]]:
+    """The transitions of an alarm whose cause is there or not, each since a time, and which a person acknowledges."""
+    for present, at_us in courses:
+        if acknowledged is not None and acknowledged.at_us < at_us and life.state in _OPEN_TO_ACKNOWLEDGE:
+            yield (change := transition(life, AlarmEvent.ACKNOWLEDGE)), acknowledged
+            life, acknowledged = change.after, None
+        for change in due(life, present, rules):
+            yield change, Note(at_us, SERVICE)
+            life = change.after
+    if acknowledged is not None and life.state in _OPEN_TO_ACKNOWLEDGE:
+        yield transition(life, AlarmEvent.ACKNOWLEDGE), acknowledged
+
+
+_OPEN_TO_ACKNOWLEDGE = (AlarmState.UNACKNOWLEDGED, AlarmState.RETURNED, AlarmState.LATCHED)
 
 
 def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) -> int:
@@ -545,6 +575,8 @@ def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
     e = entry.alarm
     values = _columns_of(entry) | {"crossings": e.crossings}
     values |= dict(zip(("first_parameter", "first_direction"), e.first, strict=True))
+    if entry.promised and _get(connection, entry.promised) is None:
+        values["id"] = entry.promised
     places = ", ".join(f":{name}" for name in values)
     cursor = connection.execute(f"INSERT INTO alarm ({', '.join(values)}) VALUES ({places})", values)
     assert cursor.lastrowid is not None

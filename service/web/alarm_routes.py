@@ -149,7 +149,7 @@ def router(state: AppState) -> APIRouter:
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
         """One alarm of the journal, with all that has happened to it."""
-        found = state.journal.get(alarm_id)
+        found = _unrecorded(state, alarm_id) or state.journal.get(alarm_id)
         if found is None:
             raise _unknown(state, alarm_id)
         return _record(state, found)
@@ -178,6 +178,12 @@ def _actions(state: AppState) -> APIRouter:
         alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
     ) -> models.AlarmRecord:
         note = Note(state.now_us(), who, body.comment, body.work_order)
+        if _unrecorded(state, alarm_id):
+            if event is not AlarmEvent.ACKNOWLEDGE:
+                words = f"alarm {alarm_id} is not yet recorded; until then it can only be acknowledged"
+                raise HTTPException(503, words)
+            if found := state.acknowledge(alarm_id, note):  # else it has been recorded just now
+                return _record(state, found)
         try:
             return _record(state, state.journal.act(alarm_id, event, note, until_us))
         except UnknownAlarmError:
@@ -211,7 +217,12 @@ def _actions(state: AppState) -> APIRouter:
 
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
     recording = None if state.recordings is None else state.recordings.holding(found.since_us)
-    return views.alarm_record(found, state.journal.transitions(found.id), state.now_us(), recording)
+    transitions = state.journal.transitions(found.id) if found.recorded else ()
+    return views.alarm_record(found, transitions, state.now_us(), recording)
+
+
+def _unrecorded(state: AppState, alarm_id: int) -> RecordedAlarm | None:
+    return next((a for a in state.snapshot().alarms.unrecorded if a.id == alarm_id), None)
 
 
 def _unknown(state: AppState, alarm_id: int) -> UnknownResourceError:

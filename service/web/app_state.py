@@ -11,7 +11,8 @@ from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
-from service.store.journal import Journal
+from service.store.alarm_transitions import Note
+from service.store.journal import Journal, RecordedAlarm
 from service.texts import now_us
 from service.web.access import Access
 from service.web.models import Lack
@@ -42,6 +43,8 @@ class AppState:
     """Of the axes"""
     links: Callable[[], Sequence[LinkSnapshot]] = tuple
     """The newest state of each plant link"""
+    acknowledge: Callable[[int, Note], RecordedAlarm | None] = lambda _id, _note: None
+    """Acknowledges an alarm that the journal does not have yet; None: there is no such alarm"""
     baselines: Baselines | None = None
     """New epochs of axes; None: none can begin"""
     stopping: Callable[[], bool] = lambda: False

@@ -454,7 +454,7 @@ class PastName(Body):
 class Alarm(Body):
     """An alarm, from the first crossing of the threshold until the parameter is back at nominal."""
 
-    id: int | None = Field(description="null: it is not yet recorded")
+    id: int | None = Field(description="null: it is not yet recorded, and not known")
     recorded: bool = Field(
         description="false: the journal does not have it yet, as the disk refuses it; it is tried again"
     )

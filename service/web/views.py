@@ -10,7 +10,6 @@ from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
-from service.pipeline.alarm_recording import NOT_RECORDED
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
 from service.store.alarm_transitions import Note, RecordedTransition
@@ -187,7 +186,6 @@ def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
         kind,
         a,
         id=a.id or None,
-        recorded=a.id != NOT_RECORDED,
         state=life.state,
         returns_to=life.returns_to,
         shelved_until=life.until_us,

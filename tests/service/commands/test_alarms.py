@@ -117,10 +117,11 @@ def test_answers_as_json_are_those_of_the_api(stage: Stage) -> None:
 @pytest.mark.usefixtures("url")
 def test_an_alarm_that_is_not_yet_recorded_is_in_the_list(stage: Stage) -> None:
     entry = Entry("demo.axis1", "N m s/rad", 0.06, FM_ALARM, AlarmRules("high"))
-    waiting = AlarmsSnapshot(unrecorded=(as_recorded(entry),), waiting=1)
-    stage.snapshot = replace(stage.snapshot, alarms=waiting)
-    first = "not yet recorded  demo.axis1 fm up: unacknowledged, high priority"
-    assert shown("alarms", "list").startswith(first)
+    for number, first in (0, "not yet recorded"), (7, "7 not yet recorded"):
+        waiting = AlarmsSnapshot(unrecorded=(as_recorded(entry, number, recorded=False),), waiting=1)
+        stage.snapshot = replace(stage.snapshot, alarms=waiting)
+        words = f"{first}  demo.axis1 fm up: unacknowledged, high priority"
+        assert shown("alarms", "list").startswith(words)
 
 
 def test_status_has_the_reasons_why_it_is_not_ready(stage: Stage, url: str) -> None:

@@ -3,15 +3,16 @@
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import AlarmEvent, AlarmRules
+from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
 from service.config import load
 from service.config.schema_model import AlarmsConfig
-from service.pipeline.alarm_recording import NOT_RECORDED, RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
+from service.pipeline.alarm_recording import RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
 from service.pipeline.worker import BOUNDS_S, ProcessingTime
 from service.store import database
 from service.store.alarm_transitions import Note
@@ -66,7 +67,7 @@ def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(
         alarms.record([AxisAlarm(AXIS, episode())])
         assert alarms.open(AXIS) == (episode(),)
         (shown,) = alarms.snapshot(0).unrecorded
-        assert (shown.id, shown.state, shown.priority) == (NOT_RECORDED, "unacknowledged", "high")
+        assert (shown.id, shown.recorded, shown.state, shown.priority) == (1, False, "unacknowledged", "high")
         assert (shown.parameter, shown.raised_us, shown.unit, shown.nominal) == ("fm", 20, "N m s/rad", 0.06)
         assert "alarm of cell.axis1 fm up: cannot be recorded yet, is tried again" in str(alarms.problem)
         assert "locked" in str(alarms.problem)
@@ -74,8 +75,8 @@ def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(
         alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
         assert alarms.open(AXIS) == ()
         alarms.record([AxisAlarm(AXIS, episode(raised_us=70)), AxisAlarm(AXIS, episode("kT", raised_us=80))])
-        waiting = [(a.raised_us, a.state) for a in alarms.snapshot(0).unrecorded]
-        assert waiting == [(20, "returned"), (70, "unacknowledged"), (80, "unacknowledged")]
+        waiting = [(a.id, a.raised_us, a.state) for a in alarms.snapshot(0).unrecorded]
+        assert waiting == [(1, 20, "returned"), (0, 70, "unacknowledged"), (0, 80, "unacknowledged")]
         assert alarms.snapshot(0).waiting == 3
     alarms.record([])
     assert journal.query()[1] == 0, "no second try so soon"
@@ -92,6 +93,49 @@ def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(
         ("unacknowledged", "high"): 1,
         ("unacknowledged", "medium"): 1,
     }
+
+
+def test_what_a_person_acknowledges_before_the_disk_takes_it_is_written_with_it(
+    path: Path, journal: Journal
+) -> None:
+    clock, note = Clock(), Note(60, "anna", "heard it", "WO-1")
+    alarms = Alarms(journal, QUANTITIES, clock, {(AXIS, "kT"): AlarmRules(latched=True)})
+    alarms.record([AxisAlarm(AXIS, episode("kT", raised_us=10, ended_us=15))])
+    with locked(path):
+        ended, standing = episode("kT", raised_us=20, ended_us=50), episode(raised_us=30)
+        alarms.record(
+            [AxisAlarm(AXIS, ended), AxisAlarm(AXIS, standing), AxisAlarm(AXIS, episode("kT", raised_us=40))]
+        )
+        assert [(a.id, a.state) for a in alarms.snapshot(55).unrecorded] == [
+            (2, "latched"), (3, "unacknowledged"), (4, "unacknowledged"),
+        ]  # fmt: skip
+        for number, state in ((2, "normal"), (3, "acknowledged")):
+            done = alarms.acknowledge(number, note)
+            assert done is not None
+            assert (done.id, done.recorded, done.state, done.work_order) == (number, False, state, "WO-1")
+            with pytest.raises(AlarmTransitionError):
+                alarms.acknowledge(number, note)
+        assert alarms.acknowledge(1, note) is None
+        assert [a.state for a in alarms.snapshot(61).unrecorded] == [
+            "normal",
+            "acknowledged",
+            "unacknowledged",
+        ]
+        shown = alarms.snapshot(61).unrecorded[:2]
+    clock.now += RETRY_S
+    # It ends and comes back; a new one is behind those that were promised.
+    alarms.record([AxisAlarm(AXIS, replace(standing, ended_us=70)), AxisAlarm(AXIS, episode(raised_us=80))])
+    found = {a.id: a for a in journal.query()[0]}
+    assert [found[n].parameter for n in (1, 2, 3, 4, 5)] == ["kT", "kT", "fm", "kT", "fm"]
+    assert found[2] == replace(shown[0], recorded=True)
+    assert [(t.at_us, t.event, t.who) for t in journal.transitions(2)] == [
+        (20, "raise", "axiswatch"), (50, "latch", "axiswatch"), (60, "acknowledge", "anna"),
+    ]  # fmt: skip
+    assert [(t.at_us, t.event, t.comment) for t in journal.transitions(3)] == [
+        (30, "raise", ""), (60, "acknowledge", "heard it"), (70, "clear", ""),
+    ]  # fmt: skip
+    assert (found[3].state, found[4].state) == ("normal", "unacknowledged")
+    assert alarms.snapshot(81).unrecorded == ()
 
 
 def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_clock(journal: Journal) -> None:

@@ -11,6 +11,7 @@ import pytest
 from service.can.bus import open_buses, send
 from service.can.frames import Frame
 from service.config import Config
+from service.config.drive_sources import shipped
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_transitions import Note
@@ -149,6 +150,26 @@ def test_what_is_not_possible_changes_nothing(
     core.feed(seconds(frames, 12, 13))
     assert core.axis().status.samples == 2600
     assert reloading.reload(other).changed == (AXIS,)
+
+
+def test_another_drawing_in_the_same_file_is_another_drive(
+    core: RunningCore, reloading: Reloading, tmp_path: Path
+) -> None:
+    drawing = shipped("drives/three_mass.mo").read_text(encoding="utf-8")
+    file = tmp_path / "cell.mo"
+    file.write_text(drawing, encoding="utf-8")
+    drawn = changed(core.config, "axis1", model={"drive": str(file)})
+    assert reloading.reload(drawn).changed == (AXIS,)
+    assert reloading.reload(drawn) == Reloaded((), (), (), 2, ())
+    assert "ratio = 1/r" in drawing
+    file.write_text(drawing.replace("ratio = 1/r", "ratio = 0.9/r"), encoding="utf-8")
+    before = core.axis().watched
+    assert reloading.reload(drawn) == Reloaded((AXIS,), (), (), 1, ())
+    wait_for(lambda: core.axis().watched != before)
+    file.write_text(drawing.replace("ratio = 1/r", "ratio = 1/q"), encoding="utf-8")
+    with pytest.raises(ReloadError, match=r"cell\.mo:\d+: .*\bq\b"):
+        reloading.reload(drawn)
+    assert reloading.config == drawn
 
 
 def on_bus(config: Config, **values: object) -> Config:

@@ -39,9 +39,10 @@ from service.pipeline.snapshot import (
     LinkSnapshot,
     Snapshot,
 )
+from service.store.alarm_transitions import Note
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
 from service.store.journal import Entry as JournalEntry
-from service.store.journal import Journal
+from service.store.journal import Journal, RecordedAlarm
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState
@@ -165,6 +166,7 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         interval_s=0.005,
         nominal=NOMINAL,
         status=facts,
+        causes=tuple(p.name for p in PARAMETERS),
         open_alarms=(FM_ALARM,),
         dropped=dropped,
         clock={"clock_reanchored": 3},
@@ -224,6 +226,7 @@ class Stage:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     setup: RobotSetup | None = None
+    acknowledge: Callable[[int, Note], RecordedAlarm | None] = lambda _id, _note: None
     stopping: bool = False
     live: LiveSignals = field(default_factory=lambda: LiveSignals(lambda: 0.0))  # its clock stands still
     links: tuple[LinkSnapshot, ...] = (
@@ -240,6 +243,7 @@ class Stage:
             self.extracts,
             self.history,
             lambda: self.links,
+            acknowledge=lambda alarm_id, note: self.acknowledge(alarm_id, note),
             stopping=lambda: self.stopping,
             live=self.live,
             setup=self.setup,
@@ -274,6 +278,7 @@ class _SharedState:
     history = property(lambda self: self.stage.history)
     live = property(lambda self: self.stage.live)
     setup = property(lambda self: self.stage.setup)
+    acknowledge = property(lambda self: self.stage.acknowledge)
     axis, recordings = AppState.axis, AppState.recordings
 
     def snapshot(self) -> Snapshot:

@@ -10,7 +10,7 @@ from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring import AlarmEvent, AlarmRules
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_transitions import Note
-from service.store.journal import Entry
+from service.store.journal import Entry, RecordedAlarm
 from tests.service.web.conftest import Stage
 from tests.service.web.page_parts import alarm_row, tile
 
@@ -18,20 +18,34 @@ pytestmark = pytest.mark.browser
 expect.set_options(timeout=30_000)  # a busy machine may take long
 
 
-def test_it_shows_alarms_active_first_and_those_that_are_not_yet_recorded_without_buttons(
+def test_it_shows_alarms_active_first_and_those_that_are_not_yet_recorded_can_be_acknowledged(
     page: Page, stage: Stage, fm_alarm: Alarm
 ) -> None:
     page.goto("/#/alarms")
     expect(page.get_by_text("No alarm in this list.")).to_be_visible()
-    waiting, as_it_was = (
-        as_recorded(Entry("demo.axis2", "1", 1.0, fm_alarm, AlarmRules("high"))),
-        stage.snapshot,
-    )
+    entry, as_it_was = Entry("demo.axis2", "1", 1.0, fm_alarm, AlarmRules("high")), stage.snapshot
+    waiting = as_recorded(entry, 7, recorded=False)
     stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(waiting,), waiting=1))
     row = alarm_row(page)
     expect(row).to_contain_text("active not yet recorded")
     expect(row).to_contain_text("unacknowledged, high priority")
+    expect(row.get_by_role("button")).to_have_count(1)
+    notes = list[tuple[int, str]]()
+
+    def acknowledge(alarm_id: int, note: Note) -> RecordedAlarm:
+        notes.append((alarm_id, note.comment))
+        done = as_recorded(entry._replace(acknowledged=note), alarm_id, recorded=False)
+        stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(done,), waiting=1))
+        return done
+
+    stage.acknowledge = acknowledge
+    row.get_by_role("button", name="Acknowledge alarm 7").click()
+    form = page.get_by_role("dialog")
+    form.get_by_label("Comment").fill("heard it")
+    form.get_by_role("button", name="Acknowledge").click()
+    expect(row).to_contain_text("acknowledged, high priority")
     expect(row.get_by_role("button")).to_have_count(0)
+    assert notes == [(7, "heard it")]
     expect(page.get_by_text("alarms that are not yet recorded: 1")).to_be_visible()
     stage.snapshot = as_it_was
     expect(page.get_by_text("No alarm in this list.")).to_be_visible()

@@ -12,7 +12,7 @@ from monitor_core.monitoring import AlarmRules
 from service.links.mqtt import state_body
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_transitions import CONFIGURATION, Note
-from service.store.journal import Entry
+from service.store.journal import Entry, RecordedAlarm
 from tests.service.web.conftest import NOON_US, Stage
 
 HOUR_US = 3_600_000_000
@@ -199,7 +199,8 @@ def test_an_alarm_that_the_disk_refuses_is_first_in_the_list_and_makes_not_ready
     ]
     stage.healthy()
     assert client.get("/readyz").status_code == 200
-    waiting = AlarmsSnapshot(unrecorded=tuple(map(as_recorded, entries)), waiting=2)
+    unrecorded = tuple(as_recorded(entry, recorded=False) for entry in entries)
+    waiting = AlarmsSnapshot(unrecorded=unrecorded, waiting=2)
     stage.snapshot = replace(stage.snapshot, alarms=waiting)
     ready = client.get("/readyz")
     assert (ready.status_code, ready.json()["reasons"]) == (
@@ -222,6 +223,37 @@ def test_an_alarm_that_the_disk_refuses_is_first_in_the_list_and_makes_not_ready
         "state=stale": 0, "state=chattering": 0, "since=2026-03-01T12:00:00Z": 0, "until=2026-03-01T12:00:00Z": 3,
     }.items():  # fmt: skip
         assert get(client, f"?{query}")["total"] == total, query
+
+
+def test_an_alarm_that_the_disk_refuses_can_be_acknowledged_and_nothing_else(
+    stage: Stage, client: TestClient, number: int, fm_alarm: Alarm
+) -> None:
+    entry = Entry("demo.axis2", "1", 1.0, fm_alarm)
+    waiting, notes = as_recorded(entry, number + 1, recorded=False), dict[int, Note]()
+    stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(waiting,), waiting=1))
+
+    def acknowledge(alarm_id: int, note: Note) -> RecordedAlarm | None:
+        notes[alarm_id] = note
+        known = alarm_id == waiting.id
+        return as_recorded(entry._replace(acknowledged=note), alarm_id, recorded=False) if known else None
+
+    stage.acknowledge = acknowledge
+    shown = get(client, f"/{waiting.id}")
+    assert (shown["id"], shown["recorded"], shown["transitions"]) == (waiting.id, False, [])
+    found = post(client, f"{waiting.id}/acknowledge", {"comment": "heard it", "work_order": "WO-1"})
+    assert (found["state"], found["recorded"], found["work_order"]) == ("acknowledged", False, "WO-1")
+    assert notes[waiting.id] == Note(stage.now_us, "local", "heard it", "WO-1")
+    refused: dict[str, dict[str, Any]] = {
+        "comment": {"comment": "a"},
+        "shelve": {"duration_s": 60},
+        "unshelve": {},
+    }
+    for path, body in refused.items():
+        assert "not yet recorded" in post(client, f"{waiting.id}/{path}", body, status=503)["detail"]
+    post(client, f"{waiting.id + 1}/acknowledge", status=404)
+    stage.journal.close()  # a file that can be neither read nor written
+    assert post(client, f"{waiting.id}/acknowledge")["state"] == "acknowledged"
+    post(client, f"{number}/acknowledge", status=503)
 
 
 def test_statistics_are_of_the_last_seven_days_unless_told_otherwise(

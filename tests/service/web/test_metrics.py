@@ -85,7 +85,7 @@ def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(
         return Entry("demo.axis1", "1", 1.0, replace(fm_alarm, parameter=parameter, past=()), rules)
 
     stage.journal.record([entry("fm", AlarmRules("high")), entry("kT", AlarmRules("low", suppressed=True))])
-    waiting = as_recorded(entry("1/Ja", AlarmRules("high")))
+    waiting = as_recorded(entry("1/Ja", AlarmRules("high")), recorded=False)
     journal = stage.journal
     alarms = AlarmsSnapshot(tuple(journal.standing()), (waiting,), 3, tuple(journal.state_counts()))
     stage.snapshot = replace(stage.snapshot, alarms=alarms)
@@ -169,7 +169,15 @@ def test_numbers_are_read_as_they_are(stage: Stage) -> None:
 def test_what_is_kept_of_a_snapshot_follows_axes_and_numbers(stage: Stage) -> None:
     metrics = Metrics(lambda: stage.snapshot, lambda: stage.now_us, lambda: stage.links)
     axis = stage.snapshot.axes[0]
-    for axes in ((axis,), (replace(axis, id="100 %s"), axis), (replace(axis, id="a"),), (), (axis,)):
+    other = replace(axis, causes=(*axis.causes, "load"))  # of an epoch with another detector
+    for axes in (
+        (axis,),
+        (other,),
+        (replace(axis, id="100 %s"), axis),
+        (replace(axis, id="a"),),
+        (),
+        (axis,),
+    ):
         for variance in (1.0, 1.0, 2.0):
             status = replace(axis.status, innovation_variance=variance)
             stage.snapshot = replace(stage.snapshot, axes=tuple(replace(a, status=status) for a in axes))

@@ -22,7 +22,8 @@ export function AlarmButtons({ alarm, done }: { alarm: Alarm; done: () => Promis
   const [opened, open] = useState<Action | null>(null);
   const { id } = alarm;
   if (id === null) return null;
-  const fitting = (Object.keys(STATES) as Action[]).filter((action) => STATES[action]?.includes(alarm.state) ?? true);
+  const possible = alarm.recorded ? (Object.keys(STATES) as Action[]) : (["acknowledge"] as const);
+  const fitting = possible.filter((action) => STATES[action]?.includes(alarm.state) ?? true);
   const title = <><bdi>{alarm.axis}</bdi> <bdi>{causeName(alarm.parameter)}</bdi> {arrow(alarm.direction)} {t.direction[alarm.direction]}</>;
   return (
     <span class="actions">
