@@ -11,7 +11,8 @@ from urllib.parse import quote
 if TYPE_CHECKING:
     import httpx
 
-TIMEOUT_S = 10.0
+TIMEOUT_S, CHANGING_S = 10.0, 130.0
+"""For an answer, and for that of what changes something, which the daemon may take 120 s for"""
 MOST_KNOWN = 12
 """Names of what exists, beside what does not"""
 
@@ -152,7 +153,10 @@ class Client:
 
         params, content = ({k: v for k, v in given.items() if v is not None} for given in (query, body))
         try:
-            answer = self._http.request(method, f"/api/v1/{path}", params=params, json=content or None)
+            patience = httpx.Timeout(TIMEOUT_S, read=TIMEOUT_S if method == "GET" else CHANGING_S)
+            answer = self._http.request(
+                method, f"/api/v1/{path}", params=params, json=content or None, timeout=patience
+            )
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             if _is_untrusted(error):
                 authority = "SSL_CERT_FILE names the file of the plant's own authority"

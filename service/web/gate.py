@@ -28,6 +28,9 @@ MOST_BODY_BYTES = 64 * 1024
 _NO_ROOM = f"the body of a request may have {MOST_BODY_BYTES} bytes"
 LONGEST_REQUEST_S = 30.0
 """Until its body has arrived and its answer has begun."""
+LONGEST_CHANGE_S = 120.0
+"""Until the answer of what changes something has begun, once its body is there.  A change that has begun goes on, so it
+must not be refused meanwhile: new nominal values may have to be compiled first."""
 LONGEST_ANSWER_S = 300.0
 """From then on: 5 MB of metrics over a slow line, but nobody holds a connection for ever by not reading."""
 REPORTS = "/reports/"
@@ -163,7 +166,11 @@ class _Exchange:
         self._received += len(message.get("body", b""))
         if self._received > MOST_BODY_BYTES:
             raise HTTPException(413, _NO_ROOM)
-        self._endless = self._endless and message.get("more_body", False)
+        more = message.get("more_body", False)
+        self._endless = self._endless and more
+        changes = self.scope["method"] not in _READING and not more and self.status is None
+        if changes and self.limit is not None and not self.limit.expired():
+            self.limit.reschedule(asyncio.get_running_loop().time() + LONGEST_CHANGE_S)
         return message
 
     async def send(self, message: Message) -> None:

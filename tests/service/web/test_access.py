@@ -319,6 +319,11 @@ def test_a_request_that_takes_too_long_is_given_up(stage: Stage, monkeypatch: py
         await asyncio.sleep(0.1)
         yield b"ended"
 
+    @app.post("/change")
+    async def change(words: dict[str, str]) -> dict[str, str]:
+        await asyncio.sleep(0.2)
+        return words
+
     @app.get("/long")
     async def long_answer() -> StreamingResponse:
         return StreamingResponse(parts())
@@ -327,6 +332,9 @@ def test_a_request_that_takes_too_long_is_given_up(stage: Stage, monkeypatch: py
     client = TestClient(app, base_url="http://localhost")
     assert "within 0.05 s" in refused(client.get("/slow"), 503)
     assert client.get("/long").text == "begun, ended"
+    assert client.post("/change", json={"is": "made"}).json() == {"is": "made"}  # what is made is not refused
+    monkeypatch.setattr(gate, "LONGEST_CHANGE_S", 0.05)
+    refused(client.post("/change", json={}), 503)
     monkeypatch.setattr(gate, "LONGEST_ANSWER_S", 0.05)
     with pytest.raises(TimeoutError):
         client.get("/long")

@@ -9,7 +9,8 @@ export type AlarmRecord = Body<"AlarmRecord">;
 export type Service = Body<"Service">;
 
 const PATIENCE_MS = 4000;
-const PATIENCE_WRITING_MS = 30_000; // who is told too early that nobody answers does again what has been done
+// As long as the daemon may take (gate.py): who is told too early that nobody answers does again what has been done.
+const PATIENCE_WRITING_MS = 130_000;
 const KEY = "axiswatch-token";
 
 /** The daemon has refused a request; why, as a text and, where it has a kind, as values. */
