@@ -46,15 +46,16 @@ function Found({ filter }: { filter: Filter }) {
   const [before, turn] = useState<string[]>([]);
   const cursor = before.at(-1);
   const [found, refresh] = useAlarms(cursor === undefined ? QUERIES[filter] : `${QUERIES[filter]}&cursor=${encodeURIComponent(cursor)}`, LIMIT);
-  const first = before.length * LIMIT;
   const older = found?.next ?? null;
+  const turning = older !== null && older === cursor; // the page before is still shown
+  const first = (before.length - (turning ? 1 : 0)) * LIMIT;
   return (
     <>
       {found === null ? <p class="quiet">{t.waiting}</p> : <AlarmTable alarms={found.alarms} refresh={refresh} axis />}
       {found !== null && (before.length > 0 || older !== null) && (
         <p class="tools">
           <button type="button" aria-disabled={before.length === 0} onClick={() => turn(before.slice(0, -1))}>{t.newerAlarms}</button>
-          <button type="button" aria-disabled={older === null} onClick={() => older !== null && older !== cursor && turn([...before, older])}>{t.olderAlarms}</button>
+          <button type="button" aria-disabled={older === null} onClick={() => older !== null && !turning && turn([...before, older])}>{t.olderAlarms}</button>
           <span class="quiet" role="status">{t.alarmsOf(first + 1, first + found.alarms.length, found.total)}</span>
         </p>
       )}
