@@ -337,3 +337,12 @@ def test_axe_finds_no_serious_fault(configured: Stage, page: Page, fm_alarm: Ala
         assert serious_faults(page) == [], address
         page.emulate_media(color_scheme="dark")
         assert serious_faults(page) == [], address
+
+
+def test_the_deviation_on_a_tile_is_not_cut(page: Page, stage: Stage) -> None:
+    fm = PARAMETERS[2]
+    with_status(stage, parameters=(*PARAMETERS[:2], replace(fm, estimate=1.308 * fm.nominal)))
+    page.goto("/")
+    shares = parameter(page, "demo.axis1", "fm").locator(".share")
+    expect(shares).to_have_text("+30.8 %")
+    assert shares.evaluate("e => e.scrollWidth <= e.clientWidth")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
+from monitor_core.detection.multimodel.hypothesis_bank import SURE_ENOUGH
 from monitor_core.detection.multimodel.naming import CausePosterior
 
 HYPOTHESES = (
@@ -49,3 +50,11 @@ def test_overwhelming_evidence_is_no_overflow() -> None:
     first, *others = CausePosterior(HYPOTHESES).shares(np.array([0.0, 5e3, 0.0, 1e4, 0.0, 5e3]))
     assert (first.cause, first.probability) == ("delay", 1.0)
     assert max(share.probability for share in others) < 1e-20
+
+
+@pytest.mark.parametrize(("other", "sure"), [(850.0, True), (930.0, False)])
+def test_a_cause_that_explains_nearly_as_much_is_not_ruled_out(other: float, sure: bool) -> None:
+    """However much evidence there is: a model that is a little wrong makes up for that."""
+    first, *_ = CausePosterior(HYPOTHESES).shares(np.array([1000.0, other, 0.0, 0.0, 0.0, 0.0]))
+    assert first.cause == "kT"
+    assert (first.probability > SURE_ENOUGH) is sure
