@@ -259,9 +259,8 @@ def _facts(a: Json) -> Iterator[str]:
 
 def alarm_lines(a: Json) -> str:
     """An alarm in two lines: what is done about it, and what it says."""
-    number = " ".join(
-        [*([] if a["id"] is None else [f"{a['id']}"]), *([] if a["recorded"] else ["not yet recorded"])]
-    )
+    known = "" if a["id"] is None else f"{a['id']}"
+    number = known if a["recorded"] else f"{known} not yet recorded".strip()
     state = a["state"] + (f" until {short_time(a['shelved_until'])}" if a["shelved_until"] else "")
     ended = f", ended {short_time(a['ended'])}" if a["ended"] else ""
     order = f", work order {a['work_order']}" if a["work_order"] else ""

@@ -112,6 +112,9 @@ AlarmFilter = AlarmState | Literal["active", "stale", "chattering"]
 """A state; or: the cause is there; or for more than 24 hours; or raised three times within ten minutes."""
 
 
+# --- What the journal has, and what it is given -----------------------------------------------------------------------
+
+
 class UnknownAlarmError(LookupError):
     """The journal has no alarm of that id."""
 
@@ -180,6 +183,9 @@ class Entry(NamedTuple):
     """The id that a new alarm gets: it was shown before the disk took it; 0: the next one"""
     acknowledged: Note | None = None
     """Who has acknowledged it before the disk took it"""
+
+
+# --- The journal ------------------------------------------------------------------------------------------------------
 
 
 class Journal:
@@ -410,6 +416,9 @@ _Value = str | int | float | None
 _BEFORE_ALL = (2**63 - 1, 2**63 - 1)
 
 
+# --- Since the last start: other rules, and axes that are no more -----------------------------------------------------
+
+
 def _obey(
     connection: sqlite3.Connection,
     alarm: RecordedAlarm,
@@ -440,6 +449,9 @@ def _end(
         changes = due(alarm.life, False, rules.get(alarm.parameter, AlarmRules()))
         take(connection, alarm.id, changes, note._replace(at_us=alarm.ended_us or note.at_us))
     return ended
+
+
+# --- An alarm and what becomes of it ----------------------------------------------------------------------------------
 
 
 def _record(connection: sqlite3.Connection, entry: Entry) -> int:
@@ -569,6 +581,9 @@ def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None
         )
         found = _select(connection, alike, values)
     return found[0] if found else None
+
+
+# --- Rows of the table ------------------------------------------------------------------------------------------------
 
 
 def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
