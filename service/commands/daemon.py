@@ -162,6 +162,7 @@ def run_daemon(
             live=core.live,
             setup=setup,
         )
+        worker.prepare = shown.prepare
         serve(create_app(shown), config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
         systemd.stopping()
