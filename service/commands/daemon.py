@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -25,7 +26,7 @@ from service.config import Config
 from service.config.schema_links import LinksConfig
 from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
+from service.pipeline.baselines import AtStart, Baselines, at_start, note_begun_again, resume
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
@@ -93,6 +94,8 @@ def run_daemon(
     access = access_of(config, insecure)
     if access.danger is not None:
         log.warning("access", message=access.danger)
+    # Each of the many parts of a large answer waits so long for the interpreter while the worker computes.
+    sys.setswitchinterval(0.001)
     with ExitStack() as stack:
         journal = Journal(config.service.state_dir / ALARMS_FILE)
         stack.callback(journal.close)
@@ -283,7 +286,8 @@ def _worker(
     resume(core.monitors, journal.epochs, begun.epochs)
     restored = restore(core.monitors, checkpoints, journal, now_us())
     saver.saved_us = restored.checkpoint_us
-    messages = (*begun.messages, *restored.messages, *begun_again(core.monitors))
+    note_begun_again(core.monitors)
+    messages = (*begun.messages, *restored.messages)
     known = quantities(core.monitors.by_id)
     rules = alarm_rules(config.axes, known)
     journal.obey(rules, now_us())
@@ -292,7 +296,7 @@ def _worker(
     alarms = Alarms(journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
-    for message in messages:
+    for message in (*messages, *core.monitors.begun_again):
         log.warning("start", message=message)
     intakes = buses.intakes(core.ingests, recording)
     return Worker(

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import pytest
 from fastapi import FastAPI
@@ -45,7 +45,7 @@ from service.store.journal import Entry as JournalEntry
 from service.store.journal import Journal, RecordedAlarm
 from service.web.access import Access
 from service.web.app import create_app
-from service.web.app_state import AppState
+from service.web.app_state import AppState, Latest
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import Certificate, serve
@@ -274,6 +274,7 @@ class _SharedState:
 
     stage: Stage
     access, reports, extracts = Access(), None, None
+    prepared: ClassVar[list[Latest]] = []
     journal = property(lambda self: self.stage.journal)
     history = property(lambda self: self.stage.history)
     live = property(lambda self: self.stage.live)
