@@ -17,9 +17,10 @@ import structlog
 
 from service.config.schema_links import AlarmLimits
 from service.pipeline.snapshot import LinkSnapshot
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import NumberedTransition, RecordedTransition
 from service.store.database import StoreError
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from service.store.outbox import Outbox
 from service.texts import now_us
 

@@ -18,7 +18,7 @@ from service.config.schema_links import SmtpConfig
 from service.links.delivery import PAGE, Message, NotYetError, RefusedError, UnavailableError
 from service.links.link_secrets import secret, tls
 from service.pipeline.snapshot import Snapshot
-from service.store.journal import RecordedAlarm
+from service.store.alarm_table import RecordedAlarm
 from service.texts import episode_words, now_us
 
 MOST_IN_FULL = 20

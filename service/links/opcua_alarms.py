@@ -24,9 +24,10 @@ from monitor_core.monitoring import (
 )
 from service.links.delivery import PAGE, Message, UnavailableError
 from service.links.opcua_tree import Tree
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import SERVICE, Note
 from service.store.database import StoreError
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from service.texts import control_character, episode_words, now_us
 
 SEVERITIES: dict[Priority, int] = {"low": 200, "medium": 500, "high": 800}

@@ -14,7 +14,7 @@ from service.pipeline.axis_monitors import Heat
 from service.reports.formats import Table, for_terminal, json_text, percent, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
 from service.reports.replay_result import Replayed, ReplayedAxis
-from service.store.journal import RecordedAlarm
+from service.store.alarm_table import RecordedAlarm
 from service.texts import DATED_US, episode_words, iso, not_tested_sentences, reach_words, trend_words
 from service.web import views
 

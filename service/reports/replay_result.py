@@ -20,7 +20,8 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot
 from service.reports.formats import Provenance
 from service.reports.replay_course import Course, TimeUnit
-from service.store.journal import Entry, RecordedAlarm
+from service.store.alarm_entries import Entry
+from service.store.alarm_table import RecordedAlarm
 
 ARROWS = {"up": "\N{BLACK UP-POINTING TRIANGLE}", "down": "\N{BLACK DOWN-POINTING TRIANGLE}"}
 

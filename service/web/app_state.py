@@ -11,8 +11,9 @@ from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from service.texts import now_us
 from service.web.access import Access
 from service.web.models import Lack

@@ -12,8 +12,8 @@ from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note, RecordedTransition
-from service.store.journal import RecordedAlarm
 from service.texts import episode_words, iso, not_tested_sentences, reach_words, trend_words
 from service.web import models
 from service.web.app_state import VERSION, reasons_not_ready, sample_age_s

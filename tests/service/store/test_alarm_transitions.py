@@ -20,9 +20,10 @@ from monitor_core.monitoring import (
     ShelfEndError,
     replayed,
 )
+from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import MIGRATION, Note
 from service.store.database import StoreError
-from service.store.journal import MIGRATIONS, Entry, Journal, UnknownAlarmError
+from service.store.journal import MIGRATIONS, Journal, UnknownAlarmError
 
 S, E = AlarmState, AlarmEvent
 AXIS, SECOND = "demo.axis1", 1_000_000
