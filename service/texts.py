@@ -72,10 +72,18 @@ SENSORS = {
 """Faults of sensors, which the multi-model detector may name."""
 
 
-def episode_words(e: Alarm, nominal: float, unit: str) -> str:
-    """An alarm in words, with its certainty: "kT or fm, 60:40; kT is .."."""
+def episode_words(e: Alarm, nominal: float, unit: str, same_payload: Sequence[str] = ()) -> str:
+    """An alarm in words, with its certainty: "kT or fm, 60:40; kT is ..".
+
+    ``same_payload``: the other axes whose alarms the same change of the payload explains.
+    """
+    also = ""
+    if same_payload:
+        verb = "shows" if len(same_payload) == 1 else "show"
+        likelier = "another payload is likelier than a fault of each"
+        also = f"; {listed(same_payload)} {verb} the same at that time: {likelier}"
     outside = "; raised outside the conditions of the calibration" if e.inside_calibration is False else ""
-    return f"{_episode_words(e, nominal, unit)}{outside}"
+    return f"{_episode_words(e, nominal, unit)}{also}{outside}"
 
 
 def _episode_words(e: Alarm, nominal: float, unit: str) -> str:

@@ -113,7 +113,7 @@ class MailText:
 
     def _lines(self, a: RecordedAlarm) -> Iterable[str]:
         yield f"* Alarm {a.id}: axis {a.axis}, priority {a.priority}"
-        yield f"  {episode_words(a, a.nominal, a.unit)}"
+        yield f"  {episode_words(a, a.nominal, a.unit, a.same_payload)}"
         if meaning := self._meaning(a.axis, a.parameter):
             yield f"  {a.parameter} is: {meaning}"
         if a.ended_us is None:

@@ -188,7 +188,7 @@ def condition(tree: Tree, alarm: RecordedAlarm, life: AlarmLife, note: Note) -> 
     """The event of an alarm in a state of its life, and what was noted when it came into it."""
     event = AlarmCondition(
         tree.known(alarm.axis),
-        episode_words(alarm, alarm.nominal, alarm.unit),
+        episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload),
         SEVERITIES[alarm.priority],
     )
     event.SourceName, event.ConditionName = alarm.axis, alarm.parameter

@@ -165,7 +165,10 @@ def dated(t_us: int | None) -> str:
 
 def alarm_sentences(axis: ReplayedAxis) -> Iterator[str]:
     """What each alarm says."""
-    return (f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit)}" for alarm in axis.alarms)
+    return (
+        f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload)}"
+        for alarm in axis.alarms
+    )
 
 
 def trend_sentences(axis: ReplayedAxis) -> Iterator[str]:

@@ -4,10 +4,10 @@ import json
 import math
 import sqlite3
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from monitor_core.detection import Alarm, Cause, Name, Reach
+from monitor_core.detection import PAYLOAD_WITHIN_S, Alarm, Cause, Name, Reach, payload_change, same_payload
 from monitor_core.monitoring import AlarmLife, AlarmState, Priority
 from service.store.alarm_statistics import FOLLOWED, FOLLOWS
 
@@ -86,6 +86,8 @@ class RecordedAlarm(Alarm):
     """The alarm of its group that was there when it was raised, the first one; None: there was none"""
     followed: bool = False
     """Whether another axis of its group has an alarm that was raised soon after it"""
+    same_payload: tuple[str, ...] = ()
+    """The other axes of its robot whose alarms, raised about then, the same change of the payload explains"""
 
     @property
     def first_out(self) -> bool:
@@ -110,7 +112,7 @@ class RecordedAlarm(Alarm):
 
 STANDING = "WHERE state <> 'normal' AND state <> 'returned'"
 _DERIVED = {"follows": FOLLOWS, "followed": FOLLOWED}
-NAMES = tuple(f.name for f in fields(RecordedAlarm) if f.name not in {"recorded", *_DERIVED})
+NAMES = tuple(f.name for f in fields(RecordedAlarm) if f.name not in {"recorded", "same_payload", *_DERIVED})
 OWN = {"id", "axis", "unit", "nominal", "state", "returns_to", "shelved_until_us", "priority", "work_order"}
 """Columns that an alarm of a monitor does not have"""
 _COLUMNS = ", ".join([*NAMES, *_DERIVED.values()])
@@ -136,7 +138,17 @@ def select_alarms(
     connection: sqlite3.Connection, rest: str, values: Sequence[Value] | Mapping[str, Value] = ()
 ) -> list[RecordedAlarm]:
     """The alarms that the rest of a query finds: its WHERE, ORDER BY and LIMIT, with their values."""
-    return [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]
+    found = [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]
+    return [_with_payload(connection, a) if payload_change(a) else a for a in found]
+
+
+def _with_payload(connection: sqlite3.Connection, a: RecordedAlarm) -> RecordedAlarm:
+    """With the axes of its robot that show the same payload."""
+    robot, within_us = f"{a.axis.partition('.')[0]}.", round(PAYLOAD_WITHIN_S * 1e6)
+    near = "WHERE raised_us BETWEEN ? AND ? AND axis <> ? AND substr(axis, 1, ?) = ?"
+    values = [a.raised_us - within_us, a.raised_us + within_us, a.axis, len(robot), robot]
+    rows = connection.execute(f"SELECT {_COLUMNS} FROM alarm {near}", values)
+    return replace(a, same_payload=same_payload(a, ((other.axis, other) for other in map(_alarm, rows))))
 
 
 def _alarm(row: tuple[Any, ...]) -> RecordedAlarm:

@@ -481,6 +481,10 @@ class Alarm(Body):
     follows: int | None = Field(
         description="id of the alarm of its group that was there when it was raised, the first one; null: none was"
     )
+    same_payload: list[str] = Field(
+        description="the other axes of its robot whose alarms, raised within ten minutes, the same change of the"
+        " payload explains: that is likelier than a fault of each drive; empty: there are none"
+    )
     parameter: str = Field(
         description="the most probable name now; causes states how certain it is. A monitored parameter, or, from"
         " the multi-model detector, a sensor fault: torque or output scale, sign, offset or stuck, torque lost, output"

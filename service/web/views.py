@@ -190,7 +190,7 @@ def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
         returns_to=life.returns_to,
         shelved_until=life.until_us,
         reaches=[reach(r, a.updated_us) for r in a.reaches],
-        words=episode_words(a, a.nominal, a.unit),
+        words=episode_words(a, a.nominal, a.unit, a.same_payload),
         past=[_body(models.PastName, name) for name in a.past],
         **own,
     )
