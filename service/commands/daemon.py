@@ -20,7 +20,7 @@ from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.pipeline.recording import Extracts
 from service.pipeline.reloading import Reloaded, ReloadError
-from service.texts import now_us
+from service.texts.instants import now_us
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.report_pages import ReportPages

@@ -31,7 +31,7 @@ from service.pipeline.worker import Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
-from service.texts import now_us
+from service.texts.instants import now_us
 from service.web.access import Access
 from service.web.app_state import AppState
 

@@ -22,7 +22,7 @@ from service.store.alarm_transitions import NumberedTransition, RecordedTransiti
 from service.store.database import StoreError
 from service.store.journal import Journal
 from service.store.outbox import Outbox
-from service.texts import now_us
+from service.texts.instants import now_us
 
 FIRST_RETRY_S, LAST_RETRY_S = 1.0, 300.0
 LONGEST_REQUESTED_S = 3600.0

@@ -19,7 +19,8 @@ from service.links.delivery import PAGE, Message, NotYetError, RefusedError, Una
 from service.links.link_secrets import secret, tls
 from service.pipeline.snapshot import Snapshot
 from service.store.alarm_table import RecordedAlarm
-from service.texts import episode_words, now_us
+from service.texts.alarm_words import episode_words
+from service.texts.instants import now_us
 
 MOST_IN_FULL = 20
 """Alarms of a message that are described; of the others it has the number."""

@@ -25,10 +25,11 @@ from monitor_core.monitoring import (
 from service.links.delivery import PAGE, Message, UnavailableError
 from service.links.opcua_tree import Tree
 from service.store.alarm_table import RecordedAlarm
-from service.store.alarm_transitions import SERVICE, Note
+from service.store.alarm_transitions import SERVICE, Note, control_character
 from service.store.database import StoreError
 from service.store.journal import Journal
-from service.texts import control_character, episode_words, now_us
+from service.texts.alarm_words import episode_words
+from service.texts.instants import now_us
 
 SEVERITIES: dict[Priority, int] = {"low": 200, "medium": 500, "high": 800}
 """From 1 to 1000; OPC 10000-9 has low up to 333, high from 667"""

@@ -19,7 +19,8 @@ from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.database import StoreError
 from service.store.journal import Journal
-from service.texts import episode_words, iso
+from service.texts.alarm_words import episode_words
+from service.texts.instants import iso
 
 RETRY_S = 1.0
 

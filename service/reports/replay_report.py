@@ -15,7 +15,10 @@ from service.reports.formats import Table, for_terminal, json_text, percent, pla
 from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
 from service.reports.replay_result import Replayed, ReplayedAxis
 from service.store.alarm_table import RecordedAlarm
-from service.texts import DATED_US, episode_words, iso, not_tested_sentences, reach_words, trend_words
+from service.texts.alarm_words import episode_words
+from service.texts.instants import DATED_US, iso
+from service.texts.not_tested_words import not_tested_sentences
+from service.texts.trend_words import reach_words, trend_words
 from service.web import views
 
 

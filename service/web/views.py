@@ -14,7 +14,10 @@ from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note, RecordedTransition
-from service.texts import episode_words, iso, not_tested_sentences, reach_words, trend_words
+from service.texts.alarm_words import episode_words
+from service.texts.instants import iso
+from service.texts.not_tested_words import not_tested_sentences
+from service.texts.trend_words import reach_words, trend_words
 from service.web import models
 from service.web.app_state import VERSION, reasons_not_ready, sample_age_s
 

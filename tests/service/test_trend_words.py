@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from monitor_core.detection import Alarm, Cause, Reach
 from monitor_core.trend.trend import trend_of
-from service.texts import alarm_words, episode_words, reach_words, trend_words
+from service.texts.alarm_words import alarm_words, episode_words
+from service.texts.trend_words import reach_words, trend_words
 from tests.core.trend.courses_of_months import SIZE, months
 
 DAY_US = 86_400_000_000

@@ -15,7 +15,8 @@ from pydantic import (
 )
 
 from monitor_core import wording
-from service.texts import control_character, iso
+from service.store.alarm_transitions import control_character
+from service.texts.instants import iso
 
 
 def finite(value: float | None) -> float | None:

@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm, Reach
 from service.store.alarm_transitions import Note
-from service.texts import iso
+from service.texts.instants import iso
 from service.web import models, views
 from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, slow_courses, with_status
 

@@ -92,7 +92,7 @@ const VAGUE = 5;
 const SURE = 0.95;
 const LIKELY = 0.9;
 
-// --- Wie im Dienst (service/texts.py) ---------------------------------------------------------------------------------
+// --- Wie im Dienst (service/texts) ------------------------------------------------------------------------------------
 
 /** Jede mit der längsten Zeit, die in ihr angegeben wird, in Sekunden. */
 const SPANS: [number, string, number][] = [
