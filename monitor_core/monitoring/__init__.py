@@ -33,7 +33,6 @@ from monitor_core.monitoring.alarm_life_cycle import (
     check_shelf,
     due,
     is_present,
-    replayed,
     returns_us,
     transition,
 )
@@ -127,7 +126,6 @@ __all__ = [
     "is_present",
     "ranges",
     "recommended_settings",
-    "replayed",
     "returns_us",
     "short_memory",
     "standard_deviation",

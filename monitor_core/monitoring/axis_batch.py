@@ -197,7 +197,7 @@ class AxisBatch:
     def _events(self, N: int) -> Events:
         """Room for two crossings of each parameter in each of N samples."""
         most = 2 * self._tables.p * N * len(self.models)
-        return Events(np.zeros(1, np.int64), np.empty((5, most), np.int64), np.empty((2, most)))
+        return Events(np.zeros(1, np.int64), np.empty((5, most), np.int64))
 
     def _noted(self, N: int) -> EvidenceColumns:
         """Room for the evidence that N samples of each axis can yield."""
@@ -222,10 +222,7 @@ class AxisBatch:
 
     def _event(self, events: Events, k: int) -> tuple[int, Crossing]:
         kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
-        d, P_ii = events.value[:, k]
-        name = self.models[a].monitored[i]
-        sd = standard_deviation(self.settings[a], float(P_ii))
-        return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
+        return a, Crossing(self.models[a].monitored[i], DIRECTIONS[kind], t_us, onset_us)
 
     def judge(self, a: int, on: bool) -> None:
         """Whether the estimates of an axis are tested from now on, and are readings for its trend."""

@@ -175,7 +175,7 @@ def test_the_weight_of_all_links_is_identified_while_all_joints_move(
     print(f"UR10e joint 2, all moving: {result.verdict}, {list(result.slopes())}")
     assert result.verdict.quality is Quality.GOOD
     assert result.verdict.measure is Measure.TORQUE
-    assert result.verdict.validation.per_cent > 90
+    assert result.verdict.validation > 90
     assert all(slope.is_significant for slope in result.slopes())
     shoulder = {slope.scheduled.term: slope for slope in result.slopes()}["cos(q2 + q3)"]
     elbow = of_whole_robot(3, ("cos(q2 + q3)",), records_dir, tmp_path)

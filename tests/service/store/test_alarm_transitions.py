@@ -18,11 +18,11 @@ from monitor_core.monitoring import (
     AlarmState,
     AlarmTransitionError,
     ShelfEndError,
-    replayed,
 )
 from service.store.alarm_transitions import MIGRATION, Note
 from service.store.database import StoreError
 from service.store.journal import MIGRATIONS, Entry, Journal, UnknownAlarmError
+from tests.core.test_alarm_life_cycle import replayed
 
 S, E = AlarmState, AlarmEvent
 AXIS, SECOND = "demo.axis1", 1_000_000

@@ -1,7 +1,5 @@
 """The alarms of an axis: raised, named, corrected, merged, doubted, ended, reopened; with evidence written by hand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -32,7 +30,7 @@ class Book(AlarmTracker):
 
 
 def crossing(parameter: str, time_us: int, direction: Direction = "up") -> Crossing:
-    return Crossing(parameter, direction, time_us, time_us - 5, 1.0, 0.1)
+    return Crossing(parameter, direction, time_us, time_us - 5)
 
 
 def evidence(
@@ -179,7 +177,7 @@ def test_a_name_is_corrected_when_later_evidence_rules_it_out() -> None:
 
 def test_crossings_of_its_own_and_evidence_update_the_size() -> None:
     book, _ = named(10.0, 0.0, 0.0)
-    (e,) = book.take(replace(crossing("kT", 25), size=11.0))
+    (e,) = book.take(crossing("kT", 25))
     assert (e.crossings, e.stage, e.updated_us) == (2, "named", 25)
     assert e.size == pytest.approx(10.0)
     (e,) = book.take(evidence(40, 12.0, 0.0, 0.0))
