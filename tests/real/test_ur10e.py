@@ -22,7 +22,6 @@ from monitor_core.identification import (
     IdentificationOptions,
     IdentificationResult,
     Measure,
-    Quality,
     Rejection,
     identify,
     scheduled_terms,
@@ -32,6 +31,7 @@ from monitor_core.identification import (
 from monitor_core.identification.greybox import Estimate, colour_of, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records import Record, between, suspicions
+from monitor_core.identification.verdict import Quality
 from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

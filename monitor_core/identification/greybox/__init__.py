@@ -10,8 +10,3 @@ from monitor_core.identification.greybox.comparison import (
 from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.estimation import fit
 from monitor_core.identification.greybox.residuals import LEVEL, Correlation
-
-__all__ = [
-    "LEVEL", "Correlation", "Estimate", "Trace", "colour_of", "explained", "fit", "monitored_information",
-    "traces_of",
-]  # fmt: skip

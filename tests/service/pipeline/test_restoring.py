@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Evidence, Name
+from monitor_core.detection import Alarm, Crossing, Name
+from monitor_core.detection.cusum.cusum_evidence import Evidence
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AxisMonitor
 from service.pipeline.alarm_recording import AxisAlarm

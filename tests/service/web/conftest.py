@@ -16,13 +16,13 @@ from fastapi.testclient import TestClient
 from monitor_core.detection import Alarm, Cause, Name, Reach
 from monitor_core.monitoring import (
     AxisStatus,
-    DetectorStatus,
     NotTested,
     Observation,
     ParameterStatus,
     ParameterTrend,
     Status,
 )
+from monitor_core.monitoring.axis_status import DetectorStatus
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.config import load

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Direction, Evidence, Name
-from monitor_core.detection.alarm import MODEL_ERROR
+from monitor_core.detection import Alarm, Crossing, Name
+from monitor_core.detection.alarm import MODEL_ERROR, Direction
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
-from monitor_core.detection.cusum.cusum_evidence import CusumEvent
+from monitor_core.detection.cusum.cusum_evidence import CusumEvent, Evidence
 from monitor_core.detection.onset import Past
-from monitor_core.monitoring import AlarmChange, AlarmTracker
+from monitor_core.monitoring import AlarmChange
+from monitor_core.monitoring.alarm_tracker import AlarmTracker
 
 NAMES = ("kT", "1/Ja", "fm")
 TOLERANCE = 4.2

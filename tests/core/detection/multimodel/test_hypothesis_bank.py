@@ -27,7 +27,8 @@ from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
-from monitor_core.monitoring import AlarmTracker, AxisMonitor, Fleet
+from monitor_core.monitoring import AxisMonitor, Fleet
+from monitor_core.monitoring.alarm_tracker import AlarmTracker
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME
