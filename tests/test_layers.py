@@ -244,6 +244,24 @@ def test_the_service_uses_the_faces_of_the_core() -> None:
     assert inner == set(HEAVY)
 
 
+def test_every_name_on_a_face_is_taken() -> None:
+    """By a file outside of its package; a face that has functions of its own is none."""
+    texts = {
+        path: path.read_text(encoding="utf-8")
+        for folder in ("monitor_core", "service")
+        for path in python_files(folder)
+    }
+    left = set()
+    for face in (path for path in texts if path.name == "__init__.py" and "def " not in texts[path]):
+        package = relative(face.parent).replace("/", ".")
+        names = {
+            alias.name for node in nodes_of(face) if isinstance(node, ast.ImportFrom) for alias in node.names
+        }
+        users = (text for path, text in texts.items() if face.parent not in path.parents and package in text)
+        left |= {f"{package}.{name}" for name in names - set(re.findall(r"\w+", " ".join(users)))}
+    assert left == set()
+
+
 @pytest.mark.parametrize(
     ("source", "package", "impure"),
     [

@@ -18,7 +18,6 @@ import numpy as np
 from monitor_core.drive.structure import STIFFNESS, Drive
 from monitor_core.identification.greybox import (
     Estimate,
-    Share,
     Trace,
     explained,
     fit,
@@ -110,10 +109,10 @@ _PARTS = {Effect.POSE, Effect.COULOMB, Effect.OFFSET}
 class Verdict(NamedTuple):
     """How much of the motion or torque is explained, and what is missing where that is not enough."""
 
-    own: Share
-    """of the fitted records"""
-    validation: Share
-    """of what was not fitted; with Basis.NONE of the fitted records"""
+    own: float
+    """per cent of the fitted records"""
+    validation: float
+    """per cent of what was not fitted; with Basis.NONE of the fitted records"""
     basis: Basis
     missing: tuple[Effect, ...]
     measure: Measure = Measure.MOTION
@@ -123,7 +122,7 @@ class Verdict(NamedTuple):
     @property
     def per_cent(self) -> float:
         """The figure that decides."""
-        return min(self.own.per_cent, self.validation.per_cent)
+        return min(self.own, self.validation)
 
     @property
     def quality(self) -> Quality:
@@ -167,8 +166,8 @@ def verdict_of(
     ill_posed = found.quality is Quality.POOR and rubs(estimate.problem, records)
     leaves_out = estimate.problem.min_speed > 0
     if ill_posed or (found.quality is not Quality.GOOD and (leaves_out or _bears(estimate.problem, records))):
-        fitted, other = (Share(explained_torque(tried), 0.0) for tried in (own, others or own))
-        if min(fitted, other).per_cent > found.per_cent:
+        fitted, other = (explained_torque(tried) for tried in (own, others or own))
+        if min(fitted, other) > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)
     if found.quality is Quality.GOOD:
         return found

@@ -210,7 +210,7 @@ def test_what_a_sample_costs_in_the_blocks_of_the_daemon(seed: int, say: Say) ->
         def run() -> object:
             bank.reset()
             for k in range(0, samples, size):
-                bank.run(t_us[k : k + size], u[k : k + size], y[k : k + size])
+                bank.run(SampleBlock(t_us[k : k + size], u[k : k + size], y[k : k + size]))
             return bank
 
         return run
@@ -225,6 +225,6 @@ def test_what_a_sample_costs_in_the_blocks_of_the_daemon(seed: int, say: Say) ->
 def _run(bank: HypothesisBank, t_us: NDArray[np.int64], u: Floats, y: Floats) -> Callable[[], object]:
     def run() -> object:
         bank.reset()
-        return bank.run(t_us, u, y)
+        return bank.run(SampleBlock(t_us, u, y))
 
     return run

@@ -17,11 +17,12 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive
-from monitor_core.excitation import Lines, multisine
+from monitor_core.excitation import multisine
 from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
 from monitor_core.excitation.motions import ExcitationError, Limits, Schedule, fitted
 from monitor_core.excitation.multisine_signals import (
     Complex,
+    Lines,
     Multisine,
     crest_factor,
     flattened,

@@ -16,13 +16,13 @@ from fastapi.testclient import TestClient
 from monitor_core.detection import Alarm, Cause, Name, Reach
 from monitor_core.monitoring import (
     AxisStatus,
-    DetectorStatus,
     NotTested,
     Observation,
     ParameterStatus,
     ParameterTrend,
     Status,
 )
+from monitor_core.monitoring.axis_status import DetectorStatus
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.config import load
@@ -101,9 +101,7 @@ def slow_courses() -> tuple[ParameterTrend, ...]:
     found = trend_of(ENTRIES, 0.06, 3600.0)
     assert found is not None
     probability = {"steady": 0.0, "drift": 0.97, "step": 0.0, "both": 0.03}
-    drift = found._replace(
-        probability=probability, level=0.08, level_sd=2e-4, slope=2.75e-8, slope_sd=1.5e-9, scatter=3e-4
-    )
+    drift = found._replace(probability=probability, level=0.08, level_sd=2e-4, slope=2.75e-8, slope_sd=1.5e-9)
     ends_us = NOON_US + 12 * 86_400_000_000, NOON_US + 20 * 86_400_000_000
     reached = Reach("fm", "N m s/rad", 0.09, True, "ahead", *ends_us)
     unknown = [ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS[:2]]
