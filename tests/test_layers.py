@@ -257,7 +257,11 @@ def test_every_name_on_a_face_is_taken() -> None:
         names = {
             alias.name for node in nodes_of(face) if isinstance(node, ast.ImportFrom) for alias in node.names
         }
-        users = (text for path, text in texts.items() if face.parent not in path.parents and package in text)
+        parent, _, leaf = package.rpartition(".")
+        taken = re.compile(rf"{re.escape(package)}\b|from {re.escape(parent)} import [^\n]*\b{leaf}\b")
+        users = (
+            text for path, text in texts.items() if face.parent not in path.parents and taken.search(text)
+        )
         left |= {f"{package}.{name}" for name in names - set(re.findall(r"\w+", " ".join(users)))}
     assert left == set()
 

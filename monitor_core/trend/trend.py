@@ -76,6 +76,8 @@ class Trend(NamedTuple):
 
     time_us: int
     """Of the last entry: it ends here"""
+    since_us: int
+    """Begin of the first entry"""
     probability: dict[str, float]
     """Of steady, drift, step, both (a step, and a drift since)"""
     level: float
@@ -87,6 +89,8 @@ class Trend(NamedTuple):
     change: float
     """By how much it has changed since then, mean and standard deviation"""
     change_sd: float
+    scatter: float
+    """Standard deviation of an hour's mean about the course"""
     mixture: Mixture
 
 
@@ -107,11 +111,15 @@ def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | No
     y = (y - zero) / size
     variance = np.array([e.variance for e in few]) / size**2
     share = np.minimum(1.0, hour_s / np.array([e.operating_s for e in few]))
-    weighed = _weighed(t, y, variance, share, hour_s)
-    return _summary(entries, t, weighed, (zero, size), zero_us)
+    weighed, noises, likely = _weighed(t, y, variance, share, hour_s)
+    variances = noises.white + noises.lasting + np.median(variance)
+    scatter = float(np.sqrt(likely @ variances / likely.sum()))
+    return _summary(entries, t, weighed, (zero, size), zero_us, scatter)
 
 
-def _weighed(t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: float) -> Weighed:
+def _weighed(
+    t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: float
+) -> tuple[Weighed, Noises, Floats]:
     """Evidence first of every noise with a few change times, then of the likely noises with all."""
     N = len(t)
     every = np.concatenate([[0], np.arange(BEFORE, N - AFTER + 1)])
@@ -122,7 +130,9 @@ def _weighed(t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: floa
     best = np.argsort(-by_noise, kind="stable")[:MOST_LIKELY]
     best = best[by_noise[best] > by_noise.max() + np.log(LIKELY)]
     noises = Noises(*(x[best] for x in noises))
-    return _with(t, y, variance, share, noises, every)[0]
+    fine, s = _with(t, y, variance, share, noises, every)
+    by_noise = _by_noise(fine, len(best), len(s.at))
+    return fine, noises, np.exp(by_noise - by_noise.max())
 
 
 def _with(
@@ -152,7 +162,7 @@ def _by_noise(w: Weighed, G: int, M: int) -> Floats:
 
 
 def _summary(
-    entries: Sequence[Entry], t: Floats, w: Weighed, scale: tuple[float, float], zero_us: int
+    entries: Sequence[Entry], t: Floats, w: Weighed, scale: tuple[float, float], zero_us: int, scatter: float
 ) -> Trend:
     zero, size = scale
     p = np.exp(w.log_weight - w.log_weight.max())
@@ -184,6 +194,7 @@ def _summary(
     began = float(own @ m.at) if kinds["steady"] < 0.5 else m.begin
     return Trend(
         entries[-1].end_us,
+        entries[0].start_us,
         kinds,
         level,
         level_sd,
@@ -192,6 +203,7 @@ def _summary(
         zero_us + round(began * 1e6),
         change,
         change_sd,
+        scatter * size,
         m,
     )
 

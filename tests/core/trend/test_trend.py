@@ -67,7 +67,7 @@ def test_units_scale(factor: float) -> None:
     assert b.probability == pytest.approx(a.probability, rel=1e-4, abs=1e-9)
     for name in ("level", "slope", "change"):
         assert getattr(b, name) == pytest.approx(factor * getattr(a, name), rel=1e-5)
-    for name in ("level_sd", "slope_sd", "change_sd"):
+    for name in ("level_sd", "slope_sd", "change_sd", "scatter"):
         assert getattr(b, name) == pytest.approx(abs(factor) * getattr(a, name), rel=1e-5)
 
 

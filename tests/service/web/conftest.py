@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import pytest
 from fastapi import FastAPI
@@ -46,7 +46,7 @@ from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point
 from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
-from service.web.app_state import AppState
+from service.web.app_state import AppState, Latest
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import Certificate, serve
@@ -101,7 +101,9 @@ def slow_courses() -> tuple[ParameterTrend, ...]:
     found = trend_of(ENTRIES, 0.06, 3600.0)
     assert found is not None
     probability = {"steady": 0.0, "drift": 0.97, "step": 0.0, "both": 0.03}
-    drift = found._replace(probability=probability, level=0.08, level_sd=2e-4, slope=2.75e-8, slope_sd=1.5e-9)
+    drift = found._replace(
+        probability=probability, level=0.08, level_sd=2e-4, slope=2.75e-8, slope_sd=1.5e-9, scatter=3e-4
+    )
     ends_us = NOON_US + 12 * 86_400_000_000, NOON_US + 20 * 86_400_000_000
     reached = Reach("fm", "N m s/rad", 0.09, True, "ahead", *ends_us)
     unknown = [ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS[:2]]
@@ -273,6 +275,7 @@ class _SharedState:
 
     stage: Stage
     access, reports, extracts = Access(), None, None
+    prepared: ClassVar[list[Latest]] = []
     journal = property(lambda self: self.stage.journal)
     history = property(lambda self: self.stage.history)
     live = property(lambda self: self.stage.live)
