@@ -7,7 +7,6 @@ import numpy as np
 from scipy.special import gammaincinv  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.false_alarm_tail import Tail, tails
 from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, scatter
 from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulate_excursions
@@ -32,25 +31,21 @@ def healthy_statistics(
     settings: Settings,
     records: Sequence[SampleBlock],
     found: Sequence[Deviations],
-    budget: float,
-    within: float,
+    k: float,
     rng: np.random.Generator,
     copies: int = SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> HealthyStatistics:
     """Statistics from which thresholds are computed.
 
-    ``found`` are the deviations of the records.  nu is chosen for a ``budget`` of so many samples between two false
-    alarms of the axis, and for faults to be found ``within`` so many memories.  ``copies``: samples of bootstrap
-    copies.
+    ``found`` are the deviations of the records; ``k`` is nu over sigma (``nu_over_sigma``); ``copies``: samples of
+    bootstrap copies.
 
     Raises:
         ValueError: no parameter was tested, or nothing was learned, in any record.
     """
-    memory = settings.memory
-    k = nu_over_sigma(len(model.scale), memory, budget, within)
     excursions = simulate_excursions(model, settings, records, k, rng, copies, progress)
-    seen = scatter(found, memory, rng)
+    seen = scatter(found, settings.memory, rng)
     shrunk = shrink(seen, excursions, rng)
     alone = replace(shrunk, off=seen.off, power=seen.power)
     return HealthyStatistics(shrunk, alone, allowance(found, shrunk), tails(shrunk, excursions))
