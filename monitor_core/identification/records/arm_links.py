@@ -22,13 +22,14 @@ from monitor_core.identification.records.rigid_body import (
     USUAL,
     WINDOWS,
     Part,
+    balance_equations,
     integrals,
     least_speed,
     moving_windows,
+    of_unit_length,
     rms_speed,
     speed_scales,
     window_of,
-    windowed_equations,
     windowed_parts,
 )
 
@@ -216,18 +217,17 @@ class _Balance:
 
     def __init__(self, parts: Sequence[Part], window: int, scale: float) -> None:
         self._parts, self._window = parts, window
-        equations = [windowed_equations(part, window, scale, USUAL) for part in parts]
         self._kept = windows_of_motion(parts, window)
-        self._rows = np.concatenate([rows for rows, _ in equations])[self._kept]
-        self._torque = np.concatenate([torque for _, torque in equations])[self._kept]
+        self._rows, self._torque = (
+            array[self._kept] for array in balance_equations(parts, window, scale, USUAL)
+        )
         self._columns: dict[_Wave, Floats] = {}
         self._half = len(self._torque) // 2
 
     def left(self, waves: Sequence[_Wave]) -> float:
         """Sum of squared errors in each half with values of the other one."""
         rows = np.column_stack([self._rows, *(self._column(wave) for wave in waves)])
-        size = np.sqrt((rows**2).sum(axis=0))
-        rows = rows / np.where(size > 0, size, 1.0)
+        rows = of_unit_length(rows)
         total, halves = 0.0, (slice(self._half), slice(self._half, None))
         for fitted, other in (halves, halves[::-1]):
             found, *_ = np.linalg.lstsq(rows[fitted], self._torque[fitted], rcond=1e-8)

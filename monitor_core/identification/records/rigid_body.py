@@ -160,7 +160,7 @@ def unexplained(
     else:
         return None
     _, window = max(fits)
-    rows, torque = _equations(parts, window, speed_scale, terms, least)
+    rows, torque = balance_equations(parts, window, speed_scale, terms, least)
     left = torque - rows @ np.array([balance.inertia, *balance.torques.values()])
     return float(left @ left), float(((torque - torque.mean()) ** 2).sum())
 
@@ -201,8 +201,8 @@ def _ladder(shortest: float, count: int) -> list[int]:
     return lengths
 
 
-def _equations(
-    parts: Sequence[Part], window: int, speed_scale: float, terms: Sequence[Term], least: float | None
+def balance_equations(
+    parts: Sequence[Part], window: int, speed_scale: float, terms: Sequence[Term], least: float | None = None
 ) -> tuple[Floats, Floats]:
     """Of all parts that are long enough: see ``windowed_equations``; ``least``: only where the speed is above."""
     rows, torque = [np.zeros((0, 1 + len(terms)))], [np.zeros(0)]
@@ -213,6 +213,12 @@ def _equations(
             rows.append(columns[kept])
             torque.append(right[kept])
     return np.concatenate(rows), np.concatenate(torque)
+
+
+def of_unit_length(rows: Floats) -> Floats:
+    """Columns of equations scaled to length one, but for those of zeros."""
+    size = np.sqrt((rows**2).sum(axis=0))
+    return np.asarray(rows / np.where(size > 0, size, 1.0))
 
 
 def least_speed(parts: Sequence[Part]) -> float | None:
@@ -248,7 +254,7 @@ def _fit(
     terms: Sequence[Term],
     least: float | None = None,
 ) -> Rigid | None:
-    rows, torque = _equations(parts, window, speed_scale, terms, least)
+    rows, torque = balance_equations(parts, window, speed_scale, terms, least)
     fewest = _FEWEST_WINDOWS if least is None else _FOR_EACH * WINDOWS * rows.shape[1]
     if len(torque) < fewest:
         return None
