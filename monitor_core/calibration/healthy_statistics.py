@@ -8,7 +8,7 @@ from scipy.special import gammaincinv  # not scipy.stats: to import that takes s
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.false_alarm_tail import Tail, tails
-from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, scatter
+from monitor_core.calibration.healthy_records import BINS, RecordDeviations, Scatter, binned, scatter
 from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulate_excursions
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
@@ -30,7 +30,7 @@ def healthy_statistics(
     model: AxisModel,
     settings: Settings,
     records: Sequence[SampleBlock],
-    found: Sequence[Deviations],
+    found: Sequence[RecordDeviations],
     k: float,
     rng: np.random.Generator,
     copies: int = SAMPLES,
@@ -107,7 +107,7 @@ LEVEL = 0.99
 """A spread that chance makes less often than in one of a hundred is real."""
 
 
-def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
+def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     """Allowance of each parameter (p,), in sizes.
 
     The means of parts of all records scatter by sigma sqrt(2 / memories) if there is only noise.  What exceeds that

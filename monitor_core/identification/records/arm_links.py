@@ -21,7 +21,7 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     USUAL,
     WINDOWS,
-    Part,
+    GridPart,
     balance_equations,
     integrals,
     least_speed,
@@ -95,7 +95,7 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     return LinkWeights(tuple(map(str, needed)), explained, before)
 
 
-def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[Part], int]:
+def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:
     """Parts of records where these angles are known, and the window of their torque balance; none: too few windows."""
     parts = [
         _thinned(part)
@@ -108,7 +108,7 @@ def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[P
     return (parts if enough else []), window
 
 
-def _window(records: Sequence[Record], parts: Sequence[Part]) -> int:
+def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
     """Length of the window of the torque balance, in samples."""
     speed = rms_speed(records)
     if not parts or not speed > 0:
@@ -129,7 +129,7 @@ class _Wave(NamedTuple):
         inner = first + "".join(f" {'-' if sign < 0 else '+'} {name}" for sign, name in more)
         return f"{self.function}({inner})"
 
-    def of_part(self, part: Part) -> Floats:
+    def of_part(self, part: GridPart) -> Floats:
         """Its values (N,)."""
         total = sum((sign * part.signals[name] for sign, name in self.angles), np.zeros(len(part.u)))
         return np.asarray(np.cos(total) if self.function == "cos" else np.sin(total))
@@ -186,7 +186,7 @@ def _sums(own: str, angles: Sequence[str], count: int) -> Iterator[Sum]:
             yield tuple(zip((1, *signs), used, strict=True))
 
 
-def _thinned(part: Part) -> Part:
+def _thinned(part: GridPart) -> GridPart:
     """Means over blocks of samples, if there are too many."""
     block = -(-len(part.u) // _MOST_SAMPLES)
     if block == 1:
@@ -197,10 +197,10 @@ def _thinned(part: Part) -> Part:
         return np.asarray(values[: count * block].reshape(count, block).mean(axis=1))
 
     signals = {name: means(values) for name, values in part.signals.items()}
-    return Part(means(part.u), means(part.y), part.h * block, part.quantity, signals)
+    return GridPart(means(part.u), means(part.y), part.h * block, part.quantity, signals)
 
 
-def windows_of_motion(parts: Sequence[Part], window: int) -> Bools:
+def windows_of_motion(parts: Sequence[GridPart], window: int) -> Bools:
     """In which windows (M,) of all parts the axis moves: where it stands, friction may be anything, as a weight may."""
     least = least_speed(parts)
     if least is not None:
@@ -215,7 +215,7 @@ def windows_of_motion(parts: Sequence[Part], window: int) -> Bools:
 class _Balance:
     """The torque balance of one mass, with waves beside it: fitted to each half, and tried on the other."""
 
-    def __init__(self, parts: Sequence[Part], window: int, scale: float) -> None:
+    def __init__(self, parts: Sequence[GridPart], window: int, scale: float) -> None:
         self._parts, self._window = parts, window
         self._kept = windows_of_motion(parts, window)
         self._rows, self._torque = (

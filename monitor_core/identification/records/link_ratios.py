@@ -22,7 +22,7 @@ from monitor_core.identification.records.arm_links import Sum, slow_parts, windo
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     USUAL,
-    Part,
+    GridPart,
     balance_equations,
     integrals,
     of_unit_length,
@@ -76,7 +76,7 @@ _Found = tuple[dict[str, float], list[Sum], float]
 class _Trial:
     """The torque balance in windows, with the mean angle of each window: a weight hardly changes within one."""
 
-    def __init__(self, parts: Sequence[Part], window: int, angles: Sequence[str], scale: float) -> None:
+    def __init__(self, parts: Sequence[GridPart], window: int, angles: Sequence[str], scale: float) -> None:
         kept = windows_of_motion(parts, window)
         rows, torque = balance_equations(parts, window, scale, USUAL)
         self.rows, self.torque = of_unit_length(rows[kept]), torque[kept]

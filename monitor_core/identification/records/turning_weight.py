@@ -16,7 +16,7 @@ from monitor_core.identification.records.rigid_body import (
     POSE,
     USUAL,
     WINDOWS,
-    Part,
+    GridPart,
     balance_equations,
     integrals,
     of_unit_length,
@@ -91,7 +91,7 @@ def _trials(extent: float) -> Floats:
 class _Balance:
     """The torque balance of one mass, beside which a weight with a given ratio is fitted."""
 
-    def __init__(self, parts: list[Part], scale: float) -> None:
+    def __init__(self, parts: list[GridPart], scale: float) -> None:
         self._angles = [np.cumsum(p.y) * p.h if p.quantity == "speed" else p.y - p.y[0] for p in parts]
         self._parts = parts
         self.extent = max(float(np.ptp(angle)) for angle in self._angles) or 1.0
