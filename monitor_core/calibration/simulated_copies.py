@@ -106,7 +106,7 @@ def _friction(model: AxisModel, values: Sequence[Mapping[str, float]], h: float)
 
 def _discretised(model: AxisModel, values: Mapping[str, float], h: float) -> tuple[Floats, Floats, Floats]:
     drive, d = model.drive, model.balance()
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    A, B, C = drive.matrices(values)
     Ad, Bd = zero_order_hold(A / d[:, np.newaxis] * d, B / d[:, np.newaxis], h)
     Ad, Bd = Ad * d[:, np.newaxis] / d, Bd * d[:, np.newaxis]
     return Ad, Bd, C[0] / h if drive.mean_state >= 0 else C[0]

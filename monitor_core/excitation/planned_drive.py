@@ -59,7 +59,7 @@ class Plant:
     @cached_property
     def _balanced(self) -> tuple[Floats, Floats, Floats]:
         """A, B and the rows of angle and speed (2, n), in states x_i / d_i."""
-        A, B, C = (self.drive.matrix(which, self.values) for which in ("A", "B", "C"))
+        A, B, C = self.drive.matrices(self.values)
         B[:, [kind == COULOMB for kind in self.drive.inputs]] *= self.coulomb
         d = balance_of(A)
         A, B, C = A / d[:, None] * d, B / d[:, None], C * d

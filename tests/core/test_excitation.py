@@ -352,7 +352,7 @@ def test_predicted_deviations_are_those_of_many_estimates(torque_noise: float, s
 def filtered(at: dict[str, float], u: Floats, y: Floats | None, K: Floats) -> tuple[Floats, Floats]:
     """yhat and eps (N, W) of x+ = Ad (x + K eps) + Bd u, written out; without y eps is zero."""
     drive = two_mass("speed")
-    A, B, C = (drive.matrix(which, drive.complete(at)) for which in ("A", "B", "C"))
+    A, B, C = drive.matrices(drive.complete(at))
     Ad, Bd = zero_order_hold(A, B[:, :1], H)
     W = (u if y is None else y).shape[1]
     xs, yhat, eps = np.zeros((len(A), W)), np.empty((len(u), W)), np.zeros((len(u), W))
