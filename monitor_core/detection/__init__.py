@@ -42,3 +42,4 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     reason_unavailable,
 )
+from monitor_core.detection.payload import PAYLOAD_WITHIN_S, payload_change, same_payload
