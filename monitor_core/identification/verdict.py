@@ -25,7 +25,7 @@ from monitor_core.identification.greybox import (
 )
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record, between
-from monitor_core.identification.records.rigid_body import Term, rigid_fits
+from monitor_core.identification.records.rigid_body import TorqueTerm, rigid_fits
 from monitor_core.identification.records.standstill import slow_motion
 from monitor_core.identification.torque_balance import (
     explained_torque,
@@ -235,7 +235,7 @@ def _divisions(records: Sequence[Record]) -> Iterator[Halves]:
 # --- What is missing --------------------------------------------------------------------------------------------------
 
 
-_TERMS: Mapping[Effect, tuple[Term, ...]] = MappingProxyType(
+_TERMS: Mapping[Effect, tuple[TorqueTerm, ...]] = MappingProxyType(
     {
         Effect.POSE: ("angle", "angle^2", "angle^3"),
         Effect.COULOMB: ("coulomb",),
@@ -248,7 +248,7 @@ _TERMS: Mapping[Effect, tuple[Term, ...]] = MappingProxyType(
 def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect, ...]:
     """What the torque of slow motions shows and the drive does not have, what is likeliest first."""
     present = _present(problem.drive)
-    base: tuple[Term, ...] = ("viscous", *(term for effect in present for term in _TERMS[effect]))
+    base: tuple[TorqueTerm, ...] = ("viscous", *(term for effect in present for term in _TERMS[effect]))
     if follows_pose(problem):
         base, records = (*base, "signal"), with_torque_of_pose(problem, records)
     lacking = [effect for effect in _TERMS if effect not in present]

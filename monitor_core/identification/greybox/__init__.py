@@ -8,5 +8,5 @@ from monitor_core.identification.greybox.comparison import (
     traces_of,
 )
 from monitor_core.identification.greybox.estimate import Estimate
-from monitor_core.identification.greybox.estimation import fit
+from monitor_core.identification.greybox.fitting import fit
 from monitor_core.identification.greybox.residuals import LEVEL, Correlation

@@ -196,7 +196,7 @@ def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
 def _from_torque(drive: Drive, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
     """A, the column of B (n,) of the torque, C."""
     values = drive.complete(values)
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    A, B, C = drive.matrices(values)
     return A, B[:, drive.of_torque].sum(axis=1), C
 
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from monitor_core.detection import Alarm, Cause
-from monitor_core.detection.alarm import Direction, Doubt
+from monitor_core.detection import Alarm, Cause, Doubt
+from monitor_core.detection.alarm import Direction
 from monitor_core.monitoring import (
     AlarmEvent,
     AlarmLife,

@@ -70,7 +70,9 @@ def test_axes_are_written_as_their_model_is(client: TestClient, stage: Stage) ->
     assert client.get("/api/v1/axes").text == expected.model_dump_json()
 
 
-def test_all_axes_are_written_once_in_two_seconds_and_for_each_snapshot(client: TestClient, stage: Stage) -> None:
+def test_all_axes_are_written_once_in_two_seconds_and_for_each_snapshot(
+    client: TestClient, stage: Stage
+) -> None:
     """While the worker hangs, too, the ages grow."""
 
     def age() -> float:
