@@ -16,13 +16,13 @@ from fastapi.testclient import TestClient
 from monitor_core.detection import Alarm, Cause, Name, Reach
 from monitor_core.monitoring import (
     AxisStatus,
-    DetectorStatus,
     NotTested,
     Observation,
     ParameterStatus,
     ParameterTrend,
     Status,
 )
+from monitor_core.monitoring.axis_status import DetectorStatus
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.config import load
@@ -39,10 +39,11 @@ from service.pipeline.snapshot import (
     LinkSnapshot,
     Snapshot,
 )
+from service.store.alarm_entries import Entry as JournalEntry
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
-from service.store.journal import Entry as JournalEntry
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState, Latest
