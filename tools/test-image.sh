@@ -39,7 +39,9 @@ debian_base() {
   suite=$(. /etc/os-release && echo "${VERSION_CODENAME:-bookworm}")
   mmdebstrap --quiet --variant=minbase --include=usr-is-merged,python3,python3-venv,ca-certificates \
     --dpkgopt='path-exclude=/usr/share/doc/*' --dpkgopt='path-exclude=/usr/share/man/*' \
-    --dpkgopt='path-exclude=/usr/share/locale/*' "$suite" "$work/base.tar"
+    --dpkgopt='path-exclude=/usr/share/locale/*' \
+    --customize-hook='chroot "$1" apt-get purge --yes usrmerge perl "^perl-modules" "^libperl5" >/dev/null' \
+    "$suite" "$work/base.tar"
   root=$(buildah from scratch)
   buildah add --quiet "$root" "$work/base.tar" / >/dev/null
   buildah commit --quiet --rm "$root" "$BASE" >/dev/null
