@@ -31,6 +31,7 @@ from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
+from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import Snapshot
 from service.pipeline.wall_clock import WallClock
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
@@ -141,7 +142,11 @@ def run_daemon(
             systemd.ready()
             ready(url)
 
-        pages = setup = None
+        pages = setup = replays = None
+        if extracts is not None:
+            named = "" if file is None else str(file)
+            replays = ReplayReports(extracts.folder, lambda: reloading.config, named, journal.epochs)
+            stack.callback(replays.stop)
         if file is not None:
             pages = ReportPages(file.parent, [axis.id for axis in config.axes])
             look = SignalLook(lambda: reloading.config, extracts, now_us)
@@ -161,6 +166,7 @@ def run_daemon(
             stopping=stop.is_set,
             live=core.live,
             setup=setup,
+            replays=replays,
         )
         serve(create_app(shown), config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")

@@ -10,6 +10,7 @@ from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
+from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal, RecordedAlarm
@@ -53,6 +54,8 @@ class AppState:
     """The last seconds of the axes"""
     setup: RobotSetup | None = None
     """The configuration and its robot; None: neither is shown"""
+    replays: ReplayReports | None = None
+    """Reports of replays; None: none are made"""
 
     def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
         """The axis of that id now, checked to monitor ``parameter`` if one is given.

@@ -552,10 +552,21 @@ class AlarmTransition(Body):
     work_order: TextOrNull
 
 
+class ReplayReport(Body):
+    """Whether the report of a replay is there."""
+
+    state: Literal["none", "running", "made", "failed"]
+    problem: TextOrNull = Field(description="why it failed; null: it did not")
+    sentences: list[Sentence] = Field(description=SENTENCES)
+
+
 class AlarmRecord(Alarm):
     """An alarm with all that has happened to it."""
 
     transitions: list[AlarmTransition] = Field(description="oldest first")
+    report: ReplayReport | None = Field(
+        description="of the replay of its recording, made by POST; null: there is no recording, or none can be made"
+    )
 
 
 class AlarmChange(Body):

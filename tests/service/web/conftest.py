@@ -32,6 +32,7 @@ from service.pipeline.axis_monitors import Heat
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
+from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import (
     AxisSnapshot,
     BusSnapshot,
@@ -226,6 +227,7 @@ class Stage:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     setup: RobotSetup | None = None
+    replays: ReplayReports | None = None
     acknowledge: Callable[[int, Note], RecordedAlarm | None] = lambda _id, _note: None
     stopping: bool = False
     live: LiveSignals = field(default_factory=lambda: LiveSignals(lambda: 0.0))  # its clock stands still
@@ -247,6 +249,7 @@ class Stage:
             stopping=lambda: self.stopping,
             live=self.live,
             setup=self.setup,
+            replays=self.replays,
         )
         return create_app(state)
 
@@ -273,7 +276,7 @@ class _SharedState:
     """In place of AppState: what the stage has that a client was made of last."""
 
     stage: Stage
-    access, reports, extracts = Access(), None, None
+    access, reports, extracts, replays = Access(), None, None, None
     journal = property(lambda self: self.stage.journal)
     history = property(lambda self: self.stage.history)
     live = property(lambda self: self.stage.live)

@@ -296,6 +296,10 @@ const SENTENCES: Record<string, string> = {
   "kept by definition": "der Nennwert ist keine Eigenschaft von Getriebe oder Motor",
   "of parameters": "{why}: {names}",
 
+  "no frames of alarm": "Von diesem Alarm gibt es keine Rohdaten",
+  "replay busy": "Der Bericht von Alarm {id} wird erstellt; danach noch einmal versuchen",
+  "replay ended": "Sein Prozess wurde beendet, vielleicht aus Mangel an Speicher oder Zeit; noch einmal versuchen",
+
   "not possible": "Nicht möglich („{event}“): der Alarm ist jetzt „{state}“",
 };
 
@@ -475,7 +479,7 @@ export const de: Texts = {
   whatToDo: "Was zu tun ist",
   history: "Verlauf",
   files: "Dateien",
-  replayed: "der Bericht dazu:",
+  replay: { make: "Wiederholungsbericht erstellen", running: "Der Wiederholungsbericht wird erstellt.", made: "Wiederholungsbericht" },
   kind: { "": "nicht bekannt", step: "plötzlich", drift: "allmählich", forecast: "Vorhersage" },
   kindLabel: "Verlauf der Änderung",
   nominal: "Nennwert",

@@ -145,7 +145,7 @@ export const en = {
   whatToDo: "What to do",
   history: "What has happened to it",
   files: "Files",
-  replayed: "its report:",
+  replay: { make: "Make the replay report", running: "The replay report is being made.", made: "Replay report" },
   kind: { "": "not known", step: "sudden", drift: "gradual", forecast: "forecast" } as Record<string, string>,
   kindLabel: "Course",
   nominal: "Nominal value",
