@@ -5,6 +5,7 @@ import time
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 from monitor_core.detection import (
     INERTIA,
@@ -26,7 +27,7 @@ from monitor_core.detection import (
 from monitor_core.drive import DELAY, LOAD
 from monitor_core.monitoring import AxisStatus, NotTested
 from monitor_core.trend import Trend
-from monitor_core.wording import listed
+from monitor_core.wording import listed, sentence
 
 # --- What persons write -----------------------------------------------------------------------------------------------
 
@@ -380,3 +381,22 @@ def iso(t_us: int) -> str:
 def microseconds(moment: datetime | None) -> int | None:
     """Microseconds since 1970 of a datetime with a time zone."""
     return None if moment is None else (moment - _EPOCH) // _MICROSECOND
+
+
+def at_place(place: str, error: Mapping[str, Any]) -> str:
+    """What pydantic has found wrong at a place, such as a key: its words, and where it is a usual mistake its kind."""
+    words, values = error["msg"].removeprefix("Value error, "), error.get("ctx", {})
+    for name, sign in _LIMITS.items():
+        if name in values:
+            template = "{place}: {words}"
+            return sentence(
+                "out of limits", template, place=place, words=words, limit=f"{sign} {values[name]}"
+            )
+    if error["type"] == "missing":
+        return sentence("key missing", "{place}: {words}", place=place, words=words)
+    if error["type"].endswith(("_type", "_parsing")):
+        return sentence("other kind", "{place}: {words}", place=place, words=words)
+    return f"{place}: {words}"
+
+
+_LIMITS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}

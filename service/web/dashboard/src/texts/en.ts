@@ -90,6 +90,8 @@ export const en = {
   observation: {
     observed: "as at commissioning", "weakly observed": "less than at commissioning", "not observed": "almost none",
   } as Record<string, string>,
+  /** Quantities and units in sentences of the daemon. */
+  measured: {} as Record<string, string>,
   direction: { up: "up", down: "down" },
   priority: { high: "high priority", medium: "medium priority", low: "low priority" } as Record<string, string>,
 
