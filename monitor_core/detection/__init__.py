@@ -43,6 +43,7 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     reason_unavailable,
 )
+from monitor_core.detection.payload import PAYLOAD_WITHIN_S, payload_change, same_payload
 
 __all__ = [
     "DIRECTIONS",
@@ -52,6 +53,7 @@ __all__ = [
     "OUTPUT_SCALE",
     "OUTPUT_SIGN",
     "OUTPUT_STUCK",
+    "PAYLOAD_WITHIN_S",
     "TORQUE_LOST",
     "TORQUE_OFFSET",
     "TORQUE_SCALE",
@@ -73,5 +75,7 @@ __all__ = [
     "Name",
     "Reach",
     "Stage",
+    "payload_change",
     "reason_unavailable",
+    "same_payload",
 ]

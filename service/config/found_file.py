@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from monitor_core.wording import sentence
 from service.config.former_keys import RENAMED_KEYS
 from service.config.problems import dotted, shown
-from service.texts import at_place
+from service.texts.mistake_words import at_place
 
 FORMAT = 1
 """Of these files; a later one may mean something else."""

@@ -20,8 +20,8 @@ import structlog
 from monitor_core.wording import Sentence, sentence
 from service.config import Config
 from service.pipeline.recording import RecordingFolder
+from service.store.alarm_table import RecordedAlarm
 from service.store.epochs import Epochs
-from service.store.journal import RecordedAlarm
 
 LONGEST_S = 900.0
 """After that the process is ended: it takes seconds, unless the machine is very busy."""

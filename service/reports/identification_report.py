@@ -27,7 +27,7 @@ from monitor_core.identification import (
 )
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration
-from service.ingest.identification_records import Source
+from service.ingest.identification_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
 _MOST_NAMED = 3
@@ -41,8 +41,8 @@ class IdentificationReport:
 
     axis_id: str
     result: IdentificationResult
-    estimation: tuple[Source, ...]
-    validation: tuple[Source, ...]
+    estimation: tuple[RecordOrigin, ...]
+    validation: tuple[RecordOrigin, ...]
     record_warnings: tuple[str, ...]
     """Doubts about the records, in sentences"""
     provenance: Provenance
@@ -88,7 +88,7 @@ class IdentificationReport:
         """Whether a poor fit is all that speaks against the values."""
         return self.result.rejection is Rejection.POOR
 
-    def traces(self) -> Iterator[tuple[str, Source, Trace]]:
+    def traces(self) -> Iterator[tuple[str, RecordOrigin, Trace]]:
         """Purpose, source and trace of each record."""
         for purpose, sources, traces in (
             ("estimation", self.estimation, self.result.estimation),

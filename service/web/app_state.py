@@ -12,9 +12,10 @@ from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.journal import Journal, RecordedAlarm
-from service.texts import now_us
+from service.store.journal import Journal
+from service.texts.instants import now_us
 from service.web.access import Access
 from service.web.models import Lack
 from service.web.problem_details import UnknownResourceError

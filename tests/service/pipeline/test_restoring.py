@@ -12,8 +12,9 @@ from monitor_core.monitoring import AxisMonitor
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
+from service.store.alarm_entries import Entry
 from service.store.checkpoints import AxisState, Checkpoints
-from service.store.journal import Entry, Journal
+from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, changed, demo
 from tests.service.store.quarantine import quarantined
 

@@ -40,10 +40,11 @@ from service.pipeline.snapshot import (
     LinkSnapshot,
     Snapshot,
 )
+from service.store.alarm_entries import Entry as JournalEntry
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
-from service.store.journal import Entry as JournalEntry
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState

@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm, Reach
 from service.store.alarm_transitions import Note
-from service.texts import iso
+from service.texts.instants import iso
 from service.web import models, views
 from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, slow_courses, with_status
 
@@ -213,7 +213,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
         {
             "id": number, "recorded": True, "recording": None,
             "state": "unacknowledged", "returns_to": None, "shelved_until": None,
-            "priority": "medium", "work_order": None, "first_out": False, "follows": None,
+            "priority": "medium", "work_order": None, "first_out": False, "follows": None, "same_payload": [],
                 "axis": "demo.axis1", "parameter": "fm",
             "direction": "up", "stage": "named",
             "causes": [
