@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
-from monitor_core.wording import joined
+from monitor_core.wording import Sentence, joined
 from service.texts.mistake_words import at_place
 from service.web.models import Problem, sentence_bodies
 
@@ -37,7 +37,9 @@ def mistakes(errors: Sequence[Any]) -> str:
 
     Without the values: not each can be written as JSON (NaN, half a character), and there may be secrets among them.
     """
-    return joined([_mistake(error) for error in errors])
+    found = [_mistake(error) for error in errors]
+    known = all(isinstance(words, Sentence) for words in found)
+    return joined(found) if known else "; ".join(found)
 
 
 def _mistake(error: Mapping[str, Any]) -> str:

@@ -313,7 +313,7 @@ const SENTENCES: Record<string, string> = {
   counts: "{shows}: Inkremente, etwa {counts} je Umdrehung des Motors, also wohl 2^{power} = {likely}; siehe Datenblatt des Gebers",
   "shows inertia": "Als eine Masse zeigt der Antrieb die Trägheit {inertia} kg m², das {times}-fache des Nennwerts",
   "then times": "{shows}: {what}; dann ist es das {times}-fache",
-  probably: "{shows}: wahrscheinlich {what}; dann ist es das {times}-fache",
+  probably: "{shows}. Wahrscheinlich: {what}; dann ist es das {times}-fache",
   "no factor": "{quantity} braucht keinen Faktor",
   "per mille": "{shows}: wohl Promille eines Nennmoments von etwa {rated} N m (nach der Nennträgheit; siehe Typenschild)",
   "r turned": "Mit r = {r} drehte sich der Arm schneller als der Motor: r ist Armwinkel durch Motorwinkel, also der Kehrwert",
@@ -332,7 +332,7 @@ const SENTENCES: Record<string, string> = {
   "body too large": "Eine Anfrage darf höchstens {most} Byte haben",
   "no TOML": "{path} ist kein TOML: {why}",
   "key renamed": "{path}: {key} heißt jetzt {change}",
-  "out of limits": "{place}: muss {limit} sein",
+  "out of limits": "{place}: muss {sign} {limit} sein",
   "key missing": "{place}: fehlt",
   "other kind": "{place}: ist nicht von der richtigen Art",
 
