@@ -145,19 +145,20 @@ class ReplayReports:
                 self._child.kill()
 
     def _make(self, alarm_id: int, order: ReplayOrder) -> None:
-        problem: str | None
+        problem: str | None = _ENDED
         try:
             problem = self._problem_of(order)
         except OSError as error:
             problem = str(error)
+        finally:
+            with self._lock:
+                self._running = self._child = None
+                if problem is not None:
+                    self._failed = dict([*self._failed.items(), (alarm_id, problem)][-_MOST_FAILURES:])
         if problem is None:
             log.info("replay report made", alarm=alarm_id, file=order.page.name)
         elif not self._stopped:
             log.warning("no replay report", alarm=alarm_id, reason=problem)
-        with self._lock:
-            self._running = self._child = None
-            if problem is not None:
-                self._failed = dict([*self._failed.items(), (alarm_id, problem)][-_MOST_FAILURES:])
 
     def _problem_of(self, order: ReplayOrder) -> str | None:
         """Have it made; why it was not."""

@@ -120,3 +120,12 @@ def test_why_there_is_no_report(plant: Plant, tmp_path: Path) -> None:
     plant.stage.access = Access(tokens)
     address = f"/api/v1/alarms/{plant.alarm}/report"
     assert plant.stage.client().post(address, headers=reader).status_code == 403
+
+
+def test_a_report_ends_with_the_daemon(plant: Plant) -> None:
+    assert plant.ask(plant.alarm).status_code == 202
+    plant.reports.stop()
+    found = plant.settled()
+    assert (found["state"], found["sentences"][0]["kind"]) == ("failed", "replay ended")
+    assert plant.ask(plant.alarm).status_code == 409
+    assert [path.suffix for path in plant.recordings.path.iterdir()] == [".log"]
