@@ -15,14 +15,13 @@ from monitor_core.detection.alarm import (
     AlarmKey,
     Cause,
     DetectorName,
-    Direction,
     Doubt,
     Kind,
     Name,
     Reach,
     Stage,
 )
-from monitor_core.detection.cusum.cusum_evidence import Crossing, Evidence
+from monitor_core.detection.cusum.cusum_evidence import Crossing
 from monitor_core.detection.multimodel.candidates import (
     INERTIA,
     OUTPUT_NOISE,
@@ -44,38 +43,3 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     reason_unavailable,
 )
 from monitor_core.detection.payload import PAYLOAD_WITHIN_S, payload_change, same_payload
-
-__all__ = [
-    "DIRECTIONS",
-    "INERTIA",
-    "OUTPUT_NOISE",
-    "OUTPUT_OFFSET",
-    "OUTPUT_SCALE",
-    "OUTPUT_SIGN",
-    "OUTPUT_STUCK",
-    "PAYLOAD_WITHIN_S",
-    "TORQUE_LOST",
-    "TORQUE_OFFSET",
-    "TORQUE_SCALE",
-    "TORQUE_SIGN",
-    "TORQUE_STUCK",
-    "Alarm",
-    "AlarmKey",
-    "Cause",
-    "Crossing",
-    "DetectorName",
-    "Direction",
-    "Doubt",
-    "Evidence",
-    "HypothesisBank",
-    "Kind",
-    "Limit",
-    "Limits",
-    "MultiModelDetector",
-    "Name",
-    "Reach",
-    "Stage",
-    "payload_change",
-    "reason_unavailable",
-    "same_payload",
-]

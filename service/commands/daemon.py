@@ -113,6 +113,7 @@ def run_daemon(
                     parts.problems,
                 ),
             )
+        worker.prepare = state.prepare
         serve(create_app(state), config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
         systemd.stopping()

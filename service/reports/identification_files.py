@@ -257,8 +257,8 @@ def as_json(report: IdentificationReport) -> str:
 def _verdict(verdict: Verdict) -> Json:
     return {
         "quality": verdict.quality.value,
-        "explained": verdict.own.per_cent,
-        "explained_validation": verdict.validation.per_cent,
+        "explained": verdict.own,
+        "explained_validation": verdict.validation,
         "validation": verdict.basis.value,
         "compared": verdict.measure.value,
         "missing": [effect.value for effect in verdict.missing],

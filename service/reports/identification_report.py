@@ -316,8 +316,8 @@ _MISSING = {
 def verdict_words(verdict: Verdict) -> str:
     """The figure and what it is of: "the simulation explains 94 % of the motion ..."."""
     what, of_what = _MEASURE[verdict.measure]
-    figure = f"{verdict.validation.per_cent:.0f} %" if verdict.validation.per_cent > 0 else "nothing"
-    own = f"{verdict.own.per_cent:.0f} %" if verdict.own.per_cent > 0 else "nothing"
+    figure = f"{verdict.validation:.0f} %" if verdict.validation > 0 else "nothing"
+    own = f"{verdict.own:.0f} %" if verdict.own > 0 else "nothing"
     words = f"{what} explains {figure} of the {of_what} {BASIS[verdict.basis]}"
     return words if verdict.basis is Basis.NONE else f"{words}, and {own} of that of the fitted ones"
 

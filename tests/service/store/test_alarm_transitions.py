@@ -10,7 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from monitor_core.detection import Alarm, Cause, Direction, Doubt
+from monitor_core.detection import Alarm, Cause, Doubt
+from monitor_core.detection.alarm import Direction
 from monitor_core.monitoring import (
     AlarmEvent,
     AlarmLife,
@@ -18,12 +19,12 @@ from monitor_core.monitoring import (
     AlarmState,
     AlarmTransitionError,
     ShelfEndError,
-    replayed,
 )
 from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import MIGRATION, Note
 from service.store.database import StoreError
 from service.store.journal import MIGRATIONS, Journal, UnknownAlarmError
+from tests.core.test_alarm_life_cycle import replayed
 
 S, E = AlarmState, AlarmEvent
 AXIS, SECOND = "demo.axis1", 1_000_000
