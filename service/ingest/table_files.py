@@ -9,6 +9,7 @@ import csv
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -32,6 +33,9 @@ _BLOCK_BYTES = 1 << 20
 _MOST_COLUMNS = 100
 """Of a matrix, to be columns of a table"""
 _MOST_SIGNALS = 1000
+_ALONE = 0.5
+"""Of the times: with one signal only, so that signals have times of their own"""
+_UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
@@ -96,8 +100,10 @@ class CsvTable:
         """The time, and the column that names what a row holds, where a time has several rows; else None"""
         self.texts = [name for name in self.names if self.keys and self._head.is_text(name)]
         """The columns of texts, where a time has several rows"""
+        self.unit = next((name for name in self.texts if name.lower() in _UNIT_NAMES), None)
+        """The column of units, where a time has several rows"""
         self.labels: dict[str, float] = {}
-        """The texts of the column that names what a row holds, with their numbers in that column of ``rows``"""
+        """The texts that name what a row holds, and its unit, with their numbers in these columns of ``rows``"""
         self.left_out: list[str] = []
         """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
 
@@ -215,7 +221,7 @@ class CsvTable:
         return name in self._dates or self._is_key(name)
 
     def _is_key(self, name: str) -> bool:
-        return self.keys is not None and name == self.keys[1]
+        return self.keys is not None and name in (self.keys[1], self.unit)
 
     def _is_number(self, cell: str) -> bool:
         return is_number(plain(cell, self._decimal))
@@ -251,10 +257,11 @@ class LongTable:
     The columns are the signals; where rows hold several numbers, as of an axis, they are called torque_A1, angle_A1.
     """
 
-    has_names, units = True, dict[str, str]()
+    has_names = True
 
     def __init__(self, path: Path, table: CsvTable, time: str, key: str) -> None:
         self._path, self._table, self._time, self._key = path, table, time, key
+        self._units: dict[str, str] = {}
         self.taken = (*table.taken, f'a "{time}" has a row for each "{key}"')
 
     @property
@@ -267,6 +274,11 @@ class LongTable:
         """The time, and the columns that the rows of each time make."""
         return tuple(self._columns)
 
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the columns, by name, where the rows have them."""
+        return self._units if self._columns else {}
+
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
         """See CsvTable."""
         total = len(self._columns[self._time])
@@ -278,20 +290,31 @@ class LongTable:
     def _columns(self) -> Mapping[str, Floats]:
         left = {self._time, self._key, *self._table.texts}
         values = [name for name in self._table.names if name not in left]
-        blocks = [rows.columns for rows in self._table.rows([self._time, self._key, *values])]
-        labels = self._table.labels
-        if len(labels) > _MOST_SIGNALS:
-            raise RecordError(f'{self._path}: {len(labels)} signals, by their names in column "{self._key}"')
-        read = {name: np.concatenate([np.zeros(0), *(block[name] for block in blocks)]) for name in blocks[0]}
+        wanted = [self._time, self._key, *values, *filter(None, [self._table.unit])]
+        blocks = [rows.columns for rows in self._table.rows(wanted)]
+        read = {name: np.concatenate([np.zeros(0), *(block[name] for block in blocks)]) for name in wanted}
+        texts = {code: text for text, code in self._table.labels.items()}
+        signals = [code for code in texts if (read[self._key] == code).any()]
+        if len(signals) > _MOST_SIGNALS:
+            raise RecordError(f'{self._path}: {len(signals)} signals, by their names in column "{self._key}"')
         # In their order in the file: times of day begin again at midnight.
-        _, first, number = np.unique(read[self._time], return_index=True, return_inverse=True)
+        _, first, number, counts = np.unique(
+            read[self._time], return_index=True, return_inverse=True, return_counts=True
+        )
+        if len(values) == 1 and len(signals) > 1 and np.mean(counts == 1) > _ALONE:
+            raise RecordError(
+                f'{self._path}: each "{self._key}" has times of its own, so that torque and motion are not of one'
+                " time; export them with a common interval"
+            )
         row = np.argsort(np.argsort(first))[number]
         columns = {self._time: read[self._time][np.sort(first)]}
-        for value in values:
-            for label, code in labels.items():
-                mine, column = read[self._key] == code, np.full(len(first), np.nan)
-                column[row[mine]] = read[value][mine]
-                columns[label if len(values) == 1 else f"{value}_{label}"] = column
+        for value, code in product(values, signals):
+            mine, column = read[self._key] == code, np.full(len(first), np.nan)
+            column[row[mine]] = read[value][mine]
+            name = texts[code] if len(values) == 1 else f"{value}_{texts[code]}"
+            columns[name] = column
+            if self._table.unit is not None and len(values) == 1:
+                self._units[name] = texts.get(read[self._table.unit][mine][0], "")
         return columns
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.io
 
+from service.can.user_errors import RecordError
 from service.ingest.table_files import CsvTable, LongTable, MatTable, open_table
 from service.ingest.table_head import head_of, seconds_of
 
@@ -174,6 +175,21 @@ def test_rows_for_each_time_and_signal(
         (columns,) = read.rows(names)
         assert columns.columns["t"].tolist() == [0, 1, 2, 3, 4]
         assert columns.columns[names[-1]].tolist() == [0, 2, 4, 6, 1]
+
+
+def test_units_of_signals_in_a_column(tmp_path: Path) -> None:
+    lines = [
+        f"{k},{name},{unit},{k}" for k in range(5) for name, unit in (("M1", "Nm"), ("n1", "rpm"), ("s", ""))
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(["t,name,unit,value", *lines]) + "\n", encoding="utf-8")
+    assert dict(open_table(tmp_path / "a.csv").units) == {"M1": "Nm", "n1": "rpm", "s": ""}
+
+
+def test_signals_with_times_of_their_own_are_refused(tmp_path: Path) -> None:
+    lines = [f"{k + shift},{name},{k}" for k in range(9) for name, shift in (("M1", 0.0), ("n1", 0.5))]
+    (tmp_path / "a.csv").write_text("\n".join(["t,name,value", *lines]) + "\n", encoding="utf-8")
+    with pytest.raises(RecordError, match='each "name" has times of its own'):
+        _ = open_table(tmp_path / "a.csv").names
 
 
 def test_a_value_that_lacks_at_a_time(tmp_path: Path) -> None:
