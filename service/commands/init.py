@@ -119,6 +119,7 @@ def _from_table(record: Path, output: Path) -> None:
         raise RecordError(
             f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{fault}"
         )
+    interval_s = found.interval_s or interval_s
     lines = table_lines(found, record.name, interval_s)
     words = [*table.taken, *_summary(found, interval_s), *(f"not used: {why}" for why in faults.values())]
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
@@ -240,7 +241,8 @@ def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str
 
 
 def _summary(found: TableRoles, interval_s: float | None) -> Iterator[str]:
-    unknown = "" if interval_s else "; put their interval into sample_interval_s, which nothing shows"
+    apart = f", {interval_s:.4g} s apart" if interval_s else ""
+    unknown = apart or "; put their interval into sample_interval_s, which nothing shows"
     yield f"time: {found.time or f'no column; rows are taken as evenly spaced{unknown}'}"
     for axis in found.axes:
         yield (

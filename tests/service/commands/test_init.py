@@ -57,6 +57,17 @@ def test_values_alone(record: Path) -> None:
     assert a.sample_interval_s == pytest.approx(0.005)
 
 
+@pytest.mark.parametrize("cell", ["02.03.2026 08:00:{:02}", "{}"])
+def test_times_without_parts_of_a_second_tell_the_interval(record: Path, cell: str) -> None:
+    """Spreadsheets show dates so: there are as many rows in each second."""
+    head, *lines = record.read_text("utf-8").splitlines()
+    rows = [",".join([cell.format(k // 200), line.partition(",")[2]]) for k, line in enumerate(lines)]
+    record.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    assert "rows are taken as evenly spaced, 0.005 s apart" in shown("init", record)
+    first, _ = load(Path("axis.toml")).axes
+    assert (first.config.time.column, first.config.sample_interval_s) == (None, 0.005)
+
+
 @pytest.mark.parametrize("faulty_rows", [0, 30])
 def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: int) -> None:
     """Angles, speeds, measured and wanted torques, each of all axes: the measured torque in step with its angle.
