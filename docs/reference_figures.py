@@ -10,9 +10,11 @@ import numpy as np
 
 from docs.svg_documents import document
 from monitor_core.arrays import Floats
-from monitor_core.drive import AxisModel, slowest_time_constant
-from monitor_core.excitation import FAULT_AT, SAMPLES, experiments
-from monitor_core.modeling import INTERVAL_S, MONITORED, reference_model
+from monitor_core.drive import AxisModel
+from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiments
+from monitor_core.modeling import INTERVAL_S, reference_model
+from monitor_core.modeling.standard_drives import MONITORED
 from monitor_core.monitoring import AxisBatch, Trace, standard_deviation
 from monitor_core.settings import Settings
 from service.reports.plot_style import BAND, DOTTED, DOWN, ESTIMATE, LIMIT, NOMINAL, QUIET, as_svg, figure

@@ -92,61 +92,6 @@ if TYPE_CHECKING:
     from monitor_core.settings import Settings, Threshold
     from monitor_core.trend import SlowHistory, forecast, trend_of
 
-__all__ = [
-    "REFERENCE_VALUES",
-    "Accuracy",
-    "Alarm",
-    "AlarmChange",
-    "AxisBatch",
-    "AxisModel",
-    "AxisMonitor",
-    "AxisStatus",
-    "CalibrationError",
-    "CalibrationOptions",
-    "CalibrationResult",
-    "Conditions",
-    "Disturbance",
-    "Drive",
-    "Estimate",
-    "Fleet",
-    "Follow",
-    "Gate",
-    "IdentificationError",
-    "IdentificationOptions",
-    "IdentificationResult",
-    "Limits",
-    "MonitoringOptions",
-    "MultiModelDetector",
-    "Operating",
-    "Parameter",
-    "ParameterStatus",
-    "Problem",
-    "Record",
-    "SampleBlock",
-    "Settings",
-    "SettingsError",
-    "SimulatedAxis",
-    "SlowHistory",
-    "Status",
-    "Threshold",
-    "calibrate",
-    "check_record",
-    "crest_factor",
-    "experiment",
-    "fit",
-    "five_mass",
-    "forecast",
-    "identify",
-    "least_delay",
-    "multisine",
-    "plan",
-    "recommended_settings",
-    "reference_model",
-    "three_mass",
-    "trend_of",
-    "two_mass",
-]
-
 _NAMES = {
     "calibration": "CalibrationError CalibrationOptions CalibrationResult calibrate",
     "detection": "Alarm Limits MultiModelDetector",
@@ -165,6 +110,7 @@ _NAMES = {
 """The names on the face of each package."""
 _HOME = {name: (package, name) for package, names in _NAMES.items() for name in names.split()}
 _HOME["check_record"] = _HOME.pop("suspicions")
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:

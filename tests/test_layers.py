@@ -244,6 +244,29 @@ def test_the_service_uses_the_faces_of_the_core() -> None:
     assert inner == set(HEAVY)
 
 
+def test_every_name_on_a_face_of_the_core_is_taken() -> None:
+    """By a file outside of its package; a face that has functions of its own is none."""
+    texts = {
+        path: path.read_text(encoding="utf-8")
+        for folder in ("monitor_core", "service")
+        for path in python_files(folder)
+    }
+    left = set()
+    faces = (path for path in python_files("monitor_core") if path.name == "__init__.py")
+    for face in (path for path in faces if "def " not in texts[path]):
+        package = relative(face.parent).replace("/", ".")
+        names = {
+            alias.name for node in nodes_of(face) if isinstance(node, ast.ImportFrom) for alias in node.names
+        }
+        parent, _, leaf = package.rpartition(".")
+        taken = re.compile(rf"{re.escape(package)}\b|from {re.escape(parent)} import [^\n]*\b{leaf}\b")
+        users = (
+            text for path, text in texts.items() if face.parent not in path.parents and taken.search(text)
+        )
+        left |= {f"{package}.{name}" for name in names - set(re.findall(r"\w+", " ".join(users)))}
+    assert left == set()
+
+
 @pytest.mark.parametrize(
     ("source", "package", "impure"),
     [

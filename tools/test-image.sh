@@ -37,7 +37,7 @@ debian_base() {
   need mmdebstrap
   local suite root
   suite=$(. /etc/os-release && echo "${VERSION_CODENAME:-bookworm}")
-  mmdebstrap --quiet --variant=minbase --include=python3,python3-venv,ca-certificates \
+  mmdebstrap --quiet --variant=minbase --include=usr-is-merged,python3,python3-venv,ca-certificates \
     --dpkgopt='path-exclude=/usr/share/doc/*' --dpkgopt='path-exclude=/usr/share/man/*' \
     --dpkgopt='path-exclude=/usr/share/locale/*' "$suite" "$work/base.tar"
   root=$(buildah from scratch)
@@ -63,7 +63,8 @@ container=$(buildah from "$IMAGE")
 root=$(buildah mount "$container")
 unpacked_mb=$(($(du -s --block-size=1 "$root" | cut -f 1) / 1000000))
 packed_mb=$(($(tar -C "$root" -c . | gzip | wc -c) / 1000000))
-echo "size: $packed_mb MB packed, as it is pulled; $unpacked_mb MB unpacked"
+echo "size: $packed_mb MB packed, as it is pulled; $unpacked_mb MB unpacked, of these:"
+du -m --max-depth=6 "$root" | sort -rn | awk -v root="$root" '$1 >= 12 { sub(root, ""); print "  " $1, $2 }'
 [ "$packed_mb" -lt "$MOST_MB" ] || { echo "test-image: more than $MOST_MB MB packed" >&2; exit 1; }
 
 # As `docker run --read-only --user 4711:4711 --tmpfs /tmp --network host`, in mounts of its own.

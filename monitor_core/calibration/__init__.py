@@ -22,14 +22,3 @@ from monitor_core.calibration.result import (
     CalibrationResult,
     DetectorResult,
 )
-
-__all__ = [
-    "FOUND_SHARE",
-    "CalibrationError",
-    "CalibrationOptions",
-    "CalibrationResult",
-    "DetectorResult",
-    "Progress",
-    "TrialResult",
-    "calibrate",
-]

@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from monitor_core.calibration.budget import Rates, rates, thresholds
+from monitor_core.calibration.budget import Rates, nu_over_sigma, rates, thresholds
 from monitor_core.calibration.fault_trials import Fault, TrialResult, run_trials
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
@@ -122,11 +122,11 @@ def calibrate(
             return None
         return bank_limits(model, settings, records, samples, rng_multimodel, options.bank_copies, report)
 
+    k = nu_over_sigma(len(model.monitored), settings.memory, samples, within_s / memory_s)
     with launch(task) as pending:
         statistics = healthy_statistics(
-            model, settings, records, healthy, samples, within_s / memory_s, rng, options.copies,
-            step("copies of the records"),
-        )  # fmt: skip
+            model, settings, records, healthy, k, rng, options.copies, step("copies of the records")
+        )
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
         calibrated = replace(settings, thresholds=own)
         trials = partial(_trials, model, calibrated, records, options, within_s)

@@ -206,7 +206,7 @@ class _Bank:
         healthy = HypothesisBank(model, settings, self._bank.hypotheses, allowance=self._bank.allowance)
         self._states = list[tuple[Memory, tuple[int, ...]]]()
         for ends in pairwise([0, *at.tolist()]):
-            healthy.run(*record.select(slice(*ends))[:6])
+            healthy.run(record.select(slice(*ends)))
             self._states.append((healthy.memory, healthy.moved))
 
     def first_alarms(self, windows: Sequence[SampleBlock]) -> list[FirstAlarm]:
@@ -229,7 +229,7 @@ class _Bank:
         bank.memory = memory
         first = FirstAlarm()
         for rows in np.array_split(np.arange(samples.size), PARTS):
-            for event in bank.run(*samples.select(rows)[:6]):
+            for event in bank.run(samples.select(rows)):
                 if not isinstance(event, ChangeDetected | CauseIdentified):
                     continue
                 share, delay_s = event.shares[0], first.delay_s

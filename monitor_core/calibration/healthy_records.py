@@ -22,7 +22,7 @@ OUT_OF_REACH = 1e30
 
 
 @dataclass(frozen=True)
-class Deviations:
+class RecordDeviations:
     """Deviations of the estimates in one record and sqrt(lambda_0 P_ii), in sizes of the parameters.
 
     ``tested`` marks the samples at which the tests of a parameter ran.
@@ -53,7 +53,7 @@ def deviations(
     settings: Settings,
     records: Sequence[SampleBlock],
     progress: Callable[[float], None] = lambda _: None,
-) -> list[Deviations]:
+) -> list[RecordDeviations]:
     """Run all records one after the other, as the daemon would run an axis."""
     monitor = AxisMonitor(model, without_tests(settings))
     total, done, found = sum(len(record.t_us) for record in records), 0, []
@@ -63,7 +63,9 @@ def deviations(
     return found
 
 
-def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[int], None]) -> Deviations:
+def _deviations(
+    monitor: AxisMonitor, record: SampleBlock, progress: Callable[[int], None]
+) -> RecordDeviations:
     model, lam0, st = monitor.model, monitor.settings.lam0, monitor.batch.state
     N, p, step = len(record.t_us), len(model.scale), monitor.settings.span
     d, s, tested = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_)
@@ -86,7 +88,9 @@ def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[i
         progress(min(k + step, N))
     status = monitor.status()
     uncertain = status.untested().get(NotTested.UNCERTAIN, ()) if st.seed_left[0] else ()
-    return Deviations(record.name, record.t_us, d, s, tested, seeding, gated, status.confounded, uncertain)
+    return RecordDeviations(
+        record.name, record.t_us, d, s, tested, seeding, gated, status.confounded, uncertain
+    )
 
 
 def first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:
@@ -146,7 +150,7 @@ def stride(memory: float) -> int:
     return max(1, round(memory / BINS))
 
 
-def scatter(found: Sequence[Deviations], memory: float, rng: np.random.Generator) -> Scatter:
+def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Generator) -> Scatter:
     """Scatter of the records, with resamplings of their blocks.
 
     Raises:
@@ -172,13 +176,13 @@ def scatter(found: Sequence[Deviations], memory: float, rng: np.random.Generator
     return Scatter(mean, s.mean(axis=0), np.sqrt(variance), power, off, memories, memory)
 
 
-def looked_at(deviations: Deviations, memory: float) -> Ints:
+def looked_at(deviations: RecordDeviations, memory: float) -> Ints:
     """Indices of the samples that are looked at: of the tested ones, BINS in a memory."""
     q = stride(memory)
     return np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
 
 
-def binned(deviations: Deviations, memory: float) -> Floats:
+def binned(deviations: RecordDeviations, memory: float) -> Floats:
     """Deviation and s (n, 2, p) at these samples."""
     use = looked_at(deviations, memory)
     return np.stack([deviations.d[use], deviations.s[use]], axis=1)

@@ -7,9 +7,8 @@ import numpy as np
 from scipy.special import gammaincinv  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.false_alarm_tail import Tail, tails
-from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, scatter
+from monitor_core.calibration.healthy_records import BINS, RecordDeviations, Scatter, binned, scatter
 from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulate_excursions
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
@@ -31,26 +30,22 @@ def healthy_statistics(
     model: AxisModel,
     settings: Settings,
     records: Sequence[SampleBlock],
-    found: Sequence[Deviations],
-    budget: float,
-    within: float,
+    found: Sequence[RecordDeviations],
+    k: float,
     rng: np.random.Generator,
     copies: int = SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> HealthyStatistics:
     """Statistics from which thresholds are computed.
 
-    ``found`` are the deviations of the records.  nu is chosen for a ``budget`` of so many samples between two false
-    alarms of the axis, and for faults to be found ``within`` so many memories.  ``copies``: samples of bootstrap
-    copies.
+    ``found`` are the deviations of the records; ``k`` is nu over sigma (``nu_over_sigma``); ``copies``: samples of
+    bootstrap copies.
 
     Raises:
         ValueError: no parameter was tested, or nothing was learned, in any record.
     """
-    memory = settings.memory
-    k = nu_over_sigma(len(model.scale), memory, budget, within)
     excursions = simulate_excursions(model, settings, records, k, rng, copies, progress)
-    seen = scatter(found, memory, rng)
+    seen = scatter(found, settings.memory, rng)
     shrunk = shrink(seen, excursions, rng)
     alone = replace(shrunk, off=seen.off, power=seen.power)
     return HealthyStatistics(shrunk, alone, allowance(found, shrunk), tails(shrunk, excursions))
@@ -112,7 +107,7 @@ LEVEL = 0.99
 """A spread that chance makes less often than in one of a hundred is real."""
 
 
-def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
+def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     """Allowance of each parameter (p,), in sizes.
 
     The means of parts of all records scatter by sigma sqrt(2 / memories) if there is only noise.  What exceeds that

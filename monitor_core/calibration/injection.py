@@ -50,7 +50,7 @@ def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> Equivalent
     if values.get(DELAY, 0.0) != model.nominal.get(DELAY, 0.0):
         return None
     drive = model.drive
-    (A, B, C), (A1, B1, C1) = model.matrices(), (drive.matrix(w, values) for w in ("A", "B", "C"))
+    (A, B, C), (A1, B1, C1) = model.matrices(), drive.matrices(values)
     faulty_torque = drive.inputs.index(TORQUE)
     b, size = B[:, faulty_torque], float(np.abs(B[:, faulty_torque]).max())
     speed = C[0] if drive.output == "speed" else (C @ A)[0]

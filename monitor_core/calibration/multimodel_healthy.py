@@ -90,7 +90,7 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
         bank.reset()
         for k in range(0, N, _CHUNK):
             part = record.select(slice(k, k + _CHUNK))
-            _, trace = bank.run_traced(*part[:6])
+            _, trace = bank.run_traced(part)
             tested = np.isfinite(trace.llr).any(axis=1)
             index = (k + np.flatnonzero(tested)) * PARTS // N
             np.add.at(sums, index, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
@@ -134,7 +134,7 @@ def _run_record(
     course, found = heights.course(), []
     for k in range(0, len(record.t_us), _CHUNK):
         part = record.select(slice(k, k + _CHUNK))
-        _, trace = bank.run_traced(*part[:6], what_holds=True)
+        _, trace = bank.run_traced(part, what_holds=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
@@ -195,7 +195,7 @@ class _Copies:
         """
         for a in range(LANES):
             self._bank.memory = self._memories[a]
-            _, trace = self._bank.run_traced(t_us, u[:, a], y[:, a], weight=weight)
+            _, trace = self._bank.run_traced(SampleBlock(t_us, u[:, a], y[:, a], weight=weight))
             self._memories[a] = self._bank.memory
             clock, index = self._clock + a * self._length + at, np.ascontiguousarray(origin[:, a])
             self._heights.take(trace.g, clock, place, index, self._courses[a])

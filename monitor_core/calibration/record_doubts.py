@@ -7,7 +7,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, looked_at
+from monitor_core.calibration.healthy_records import BINS, RecordDeviations, Scatter, binned, looked_at
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.monitoring.not_tested import SEEDING_MEMORIES, fitting_memory
@@ -67,7 +67,7 @@ def check_settings(settings: Settings) -> None:
         raise CalibrationError(words)
 
 
-def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
+def check_records(model: AxisModel, settings: Settings, found: Sequence[RecordDeviations]) -> None:
     """Check that the records are long enough and move the axis.
 
     Raises:
@@ -127,7 +127,7 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
         )
 
 
-def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
+def check_healthy(model: AxisModel, settings: Settings, found: Sequence[RecordDeviations]) -> None:
     """Check that nothing changes inside a record, and that the nominal values are those of the axis.
 
     Raises:
@@ -138,7 +138,7 @@ def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviatio
     _check_no_offset(model, settings, found)
 
 
-def _check_no_change(model: AxisModel, settings: Settings, deviations: Deviations) -> None:
+def _check_no_change(model: AxisModel, settings: Settings, deviations: RecordDeviations) -> None:
     use = looked_at(deviations, settings.memory)
     d = deviations.d[use]
     n, edge = len(d), _EDGE * BINS
@@ -180,7 +180,7 @@ def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
     return at, float(after[best] - before[best]), float(ends.std())
 
 
-def _check_no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
+def _check_no_offset(model: AxisModel, settings: Settings, found: Sequence[RecordDeviations]) -> None:
     d = np.concatenate([binned(deviations, settings.memory)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():

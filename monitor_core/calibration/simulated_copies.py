@@ -11,7 +11,7 @@ from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY
-from monitor_core.kernel.innovations_plant import PlantFriction, simulate_innovations
+from monitor_core.kernel.innovations_plant import InnovationsPlants, PlantFriction, simulate_innovations
 from monitor_core.kernel.tables import COULOMB
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -80,11 +80,12 @@ class Plants:
         held = np.zeros(u.shape) if weight is None else np.nan_to_num(weight)
         rub = self._friction
         rub = rub._replace(half=_side_by_side(rub.half, which), braked=_side_by_side(rub.braked, which))
-        simulate_innovations(
-            _side_by_side(self._Ad, which), _side_by_side(self._Bd, which), _side_by_side(self._C, which),
-            self._K, self._kind, self._u_scale, rub, self._mean, self._late[which], state, np.array(u_before, float),
-            np.ascontiguousarray(u), np.ascontiguousarray(eps), np.ascontiguousarray(held), y,
-        )  # fmt: skip
+        Ad, Bd, C = (_side_by_side(matrices, which) for matrices in (self._Ad, self._Bd, self._C))
+        plants = InnovationsPlants(
+            Ad, Bd, C, self._K, self._kind, self._u_scale, rub, self._mean, self._late[which]
+        )
+        u, eps, held = (np.ascontiguousarray(signal) for signal in (u, eps, held))
+        simulate_innovations(plants, state, np.array(u_before, float), u, eps, held, y)
         return y, np.ascontiguousarray(state.T)
 
 
@@ -106,7 +107,7 @@ def _friction(model: AxisModel, values: Sequence[Mapping[str, float]], h: float)
 
 def _discretised(model: AxisModel, values: Mapping[str, float], h: float) -> tuple[Floats, Floats, Floats]:
     drive, d = model.drive, model.balance()
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    A, B, C = drive.matrices(values)
     Ad, Bd = zero_order_hold(A / d[:, np.newaxis] * d, B / d[:, np.newaxis], h)
     Ad, Bd = Ad * d[:, np.newaxis] / d, Bd * d[:, np.newaxis]
     return Ad, Bd, C[0] / h if drive.mean_state >= 0 else C[0]

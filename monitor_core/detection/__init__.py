@@ -15,14 +15,13 @@ from monitor_core.detection.alarm import (
     AlarmKey,
     Cause,
     DetectorName,
-    Direction,
     Doubt,
     Kind,
     Name,
     Reach,
     Stage,
 )
-from monitor_core.detection.cusum.cusum_evidence import Crossing, Evidence
+from monitor_core.detection.cusum.cusum_evidence import Crossing
 from monitor_core.detection.multimodel.candidates import (
     INERTIA,
     OUTPUT_NOISE,
@@ -43,35 +42,4 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     reason_unavailable,
 )
-
-__all__ = [
-    "DIRECTIONS",
-    "INERTIA",
-    "OUTPUT_NOISE",
-    "OUTPUT_OFFSET",
-    "OUTPUT_SCALE",
-    "OUTPUT_SIGN",
-    "OUTPUT_STUCK",
-    "TORQUE_LOST",
-    "TORQUE_OFFSET",
-    "TORQUE_SCALE",
-    "TORQUE_SIGN",
-    "TORQUE_STUCK",
-    "Alarm",
-    "AlarmKey",
-    "Cause",
-    "Crossing",
-    "DetectorName",
-    "Direction",
-    "Doubt",
-    "Evidence",
-    "HypothesisBank",
-    "Kind",
-    "Limit",
-    "Limits",
-    "MultiModelDetector",
-    "Name",
-    "Reach",
-    "Stage",
-    "reason_unavailable",
-]
+from monitor_core.detection.payload import PAYLOAD_WITHIN_S, payload_change, same_payload

@@ -73,7 +73,7 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
     """
     if len(past.t_us) <= FEWEST:
         return None
-    dR, ds = _said(past)
+    dR, ds = _of_stretches(past)
     R, s = dR[-stretches:].sum(0), ds[-stretches:].sum(0)
     scale = np.sqrt(np.abs(np.diag(R)))
     with np.errstate(all="ignore"):
@@ -85,7 +85,7 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
     return V @ s, float(np.mean(scatters(past) ** 2)) * past.lam0 * V
 
 
-def _said(past: Past) -> tuple[Floats, Floats]:
+def _of_stretches(past: Past) -> tuple[Floats, Floats]:
     """Information dR (N, p, p) and R theta (N, p) of each single stretch."""
     R, before = _inverses(past.P), past.lam * _inverses(past.P[:-1] + np.diag(past.walk))
     ds = np.einsum("kij,kj->ki", R[1:], past.d[1:]) - np.einsum("kij,kj->ki", before, past.d[:-1])
@@ -146,7 +146,7 @@ def _stretches(past: Past, i: int, alone: bool) -> tuple[Floats, Floats, Floats]
     """Edges (N + 1,), us after the last, values (N,) and their sd (N,) of the stretches with information."""
     if len(past.t_us) <= FEWEST:
         return np.zeros(1), np.zeros(0), np.zeros(0)
-    dR, ds = _said(past)
+    dR, ds = _of_stretches(past)
     value, information = _of_itself(dR, ds, i) if alone else _beside_others(dR, ds, i)
     use = np.isfinite(value) & np.isfinite(information) & (information > 0)
     use &= information > LEAST_SHARE * (np.median(information[use]) if use.any() else 0.0)

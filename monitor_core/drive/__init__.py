@@ -8,37 +8,8 @@
 
 from monitor_core.drive.axis_model import AxisModel, NominalValueError
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import DELAY, LOAD, Drive, Output, Parameter, split_name
 from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, Unwatched
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-
-__all__ = [
-    "COSINE",
-    "COULOMB",
-    "DELAY",
-    "FUNCTIONS",
-    "HEAT",
-    "LOAD",
-    "ONE",
-    "SINE",
-    "TORQUE",
-    "AxisModel",
-    "Conditions",
-    "Drive",
-    "Follow",
-    "Gate",
-    "NominalValueError",
-    "Operating",
-    "Output",
-    "Parameter",
-    "Term",
-    "ThermalModel",
-    "ThermalStart",
-    "Unwatched",
-    "friction_of",
-    "slowest_time_constant",
-    "split_name",
-]

@@ -129,15 +129,12 @@ class AxisModel:
 
     def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
         """A (n, n), B (n, m) and C (1, n) at theta (p,), by default at nominal."""
-        A, B, C = self._at_nominal if theta is None else self._at(self.values(theta))
+        A, B, C = self._at_nominal if theta is None else self.drive.matrices(self.values(theta))
         return A.copy(), B.copy(), C.copy()
 
     @cached_property
     def _at_nominal(self) -> tuple[Floats, Floats, Floats]:
-        return self._at(self.nominal)
-
-    def _at(self, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
-        return self.drive.matrix("A", values), self.drive.matrix("B", values), self.drive.matrix("C", values)
+        return self.drive.matrices(self.nominal)
 
     def balance(self) -> Floats:
         """The diagonal d (n,) of powers of two that balances A at nominal: D^-1 A D."""

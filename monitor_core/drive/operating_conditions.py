@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
@@ -32,8 +32,6 @@ from monitor_core.drive.structure import split_name
 from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalModel, ThermalState
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import sentence
-
-Bools = NDArray[np.bool_]
 
 MARGIN = 0.1
 """Of the width of the range in which a slope was found: so far beyond its ends the nominal value still follows."""

@@ -189,6 +189,10 @@ class Drive:
                 out[term.row, term.col] += term.value(values)
         return out
 
+    def matrices(self, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
+        """A (n, n), B (n, m) and C (1, n) at the given values of all parameters."""
+        return self.matrix("A", values), self.matrix("B", values), self.matrix("C", values)
+
     def merged_from(self, name: str) -> tuple[str, ...]:
         """The parameters that are merged from that name."""
         parts = {name}

@@ -7,30 +7,9 @@
 """
 
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
+from monitor_core.excitation.design import Command, PlannedExperiment, Task, plan, warnings
 from monitor_core.excitation.motions import ExcitationError, Limits
-from monitor_core.excitation.multisine_signals import Lines, crest_factor, multisine
+from monitor_core.excitation.multisine_signals import crest_factor, multisine
 from monitor_core.excitation.planned_drive import Plant
 from monitor_core.excitation.prediction import Estimation
-from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiment, experiments, faulty
-
-__all__ = [
-    "FAULT_AT",
-    "SAMPLES",
-    "Accuracy",
-    "Command",
-    "Estimation",
-    "ExcitationError",
-    "Experiment",
-    "Limits",
-    "Lines",
-    "Plant",
-    "Task",
-    "crest_factor",
-    "experiment",
-    "experiments",
-    "faulty",
-    "multisine",
-    "plan",
-    "warnings",
-]
+from monitor_core.excitation.reference_experiment import experiment, faulty

@@ -15,7 +15,7 @@ from monitor_core.drive.structure import split_name
 from monitor_core.excitation.accuracy import FAIR, Accuracy
 from monitor_core.excitation.motions import (
     ExcitationError,
-    Fitted,
+    FittedMotion,
     Limits,
     PlannedMotion,
     Schedule,
@@ -114,12 +114,12 @@ class Trial(NamedTuple):
     """A signal in N m, its largest motion, and the reference (2, samples) of angle and speed."""
 
     signal: Multisine
-    fitted: Fitted
+    fitted: FittedMotion
     reference: Floats
 
 
 @dataclass(frozen=True)
-class Experiment:
+class PlannedExperiment:
     """The planned experiment.
 
     Args:
@@ -159,7 +159,7 @@ class Experiment:
         return dict(zip(self.task.find, ratio.tolist(), strict=True))
 
 
-def plan(task: Task, rng: np.random.Generator) -> Experiment:
+def plan(task: Task, rng: np.random.Generator) -> PlannedExperiment:
     """Plan the experiment for a task.
 
     Raises:
@@ -180,7 +180,7 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
     accuracy = task.estimation.accuracy(names, inputs)
     bases = {split_name(name)[0] for name in names}
     held = () if task.free else tuple(n for n in task.estimation.all_names if n not in bases)
-    experiment = Experiment(task, flat, accuracy, accuracy, held)
+    experiment = PlannedExperiment(task, flat, accuracy, accuracy, held)
     if not task.find:
         return experiment
     better = replace(random, amplitudes=_best_amplitudes(task, names))
@@ -241,12 +241,12 @@ _OFF = 0.2
 """Of Coulomb friction: it may well have changed so much since it was configured, with the temperature alone."""
 
 
-def warnings(experiment: Experiment) -> tuple[str, ...]:
+def warnings(experiment: PlannedExperiment) -> tuple[str, ...]:
     """Sentences on the end position, on each badly determined parameter, and on pairs that are not distinguished."""
     return (*_ends(experiment), *_poor(experiment), *experiment.accuracy.words())
 
 
-def _ends(experiment: Experiment) -> Iterator[str]:
+def _ends(experiment: PlannedExperiment) -> Iterator[str]:
     """A torque command does not correct the end position; a controller would."""
     task, plant = experiment.task, experiment.task.plant
     if task.command != "torque" or plant.is_linear:
@@ -264,7 +264,7 @@ def _ends(experiment: Experiment) -> Iterator[str]:
     )
 
 
-def _poor(experiment: Experiment) -> Iterator[str]:
+def _poor(experiment: PlannedExperiment) -> Iterator[str]:
     task, accuracy = experiment.task, experiment.accuracy
     seconds = task.schedule.samples * task.plant.interval_s
     for name, sd in zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True):

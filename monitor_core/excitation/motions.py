@@ -182,7 +182,7 @@ class Limits:
         return {name: float(np.abs(peaks[name]).max()) / limit for name, limit in self.by_name().items()}
 
 
-class Fitted(NamedTuple):
+class FittedMotion(NamedTuple):
     """An amplitude within the limits, its motion, and the limiting quantity."""
 
     size: float
@@ -190,7 +190,7 @@ class Fitted(NamedTuple):
     binding: str
 
 
-def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> Fitted:
+def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> FittedMotion:
     """The largest amplitude within the limits, from a first guess, with its motion (samples,).
 
     Peaks grow with the amplitude, but not quite in proportion: friction takes its part of a small one.
@@ -200,13 +200,13 @@ def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> Fitt
     """
     below: tuple[float, float] = (0.0, 0.0)
     above: tuple[float, float] | None = None
-    best: Fitted | None = None
+    best: FittedMotion | None = None
     for _ in range(_TRIALS):
         motion = move(size)
         shares = limits.used(motion)
         binding = max(shares, key=lambda name: shares[name])
         if shares[binding] <= 1:
-            below, best = (size, shares[binding]), Fitted(size, motion, binding)
+            below, best = (size, shares[binding]), FittedMotion(size, motion, binding)
             if shares[binding] > _FULL:
                 break
         else:

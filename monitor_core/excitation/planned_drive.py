@@ -59,7 +59,7 @@ class Plant:
     @cached_property
     def _balanced(self) -> tuple[Floats, Floats, Floats]:
         """A, B and the rows of angle and speed (2, n), in states x_i / d_i."""
-        A, B, C = (self.drive.matrix(which, self.values) for which in ("A", "B", "C"))
+        A, B, C = self.drive.matrices(self.values)
         B[:, [kind == COULOMB for kind in self.drive.inputs]] *= self.coulomb
         d = balance_of(A)
         A, B, C = A / d[:, None] * d, B / d[:, None], C * d
@@ -140,7 +140,7 @@ class Plant:
         kinds, ratio = np.array(self.drive.inputs, dtype=float), self._ratio
         ratios = np.column_stack([ratio, ratio / self.speed_scale])
         reference, gains = np.ascontiguousarray(reference.T), np.ascontiguousarray(gains.T)
-        step_through(Ad, Bd, C, kinds, ratios, parts, forward, reference, gains, out, inputs)
+        step_through(_Held(Ad, Bd, C, kinds, ratios, parts), _Command(forward, reference, gains), out, inputs)
         torque, angle, speed = out
         return Motion(torque, angle, speed, inputs)
 
@@ -148,35 +148,28 @@ class Plant:
 # --- The inner loop of ``Plant.moved``, compiled ----------------------------------------------------------------------
 
 
-@entry
-def step_through(
-    Ad: Floats,
-    Bd: Floats,
-    C: Floats,
-    kinds: Floats,
-    ratio: Floats,
-    parts: int,
-    forward: Floats,
-    reference: Floats,
-    gains: Floats,
-    out: Floats,
-    inputs: Floats,
-) -> None:
-    """A drive from rest.
+class _Held(NamedTuple):
+    """A drive whose inputs are held over one part of an interval."""
 
-    Args:
-        Ad: (n, n) over one part of an interval.
-        Bd: (n, m).
-        C: rows of angle and speed (2, n).
-        kinds: of the inputs (m,).
-        ratio: angle at each input (m, 2) over angle, and speed over speed in units of that of friction.
-        parts: of an interval, over which the forces that depend on the motion are held.
-        forward: torque (N,).
-        reference: angle and slope (N, 2).
-        gains: of the controller on both (N, 2).
-        out: torque, angle, speed (3, N).
-        inputs: all inputs at each sample (N, m).
-    """
+    Ad: Floats  # (n, n)
+    Bd: Floats  # (n, m)
+    C: Floats  # (2, n) rows of angle and speed
+    kinds: Floats  # (m,) of the inputs
+    ratio: Floats  # (m, 2) angle at each input over angle, and speed over speed in units of that of friction
+    parts: int  # of an interval, over which the forces that depend on the motion are held
+
+
+class _Command(NamedTuple):
+    forward: Floats  # (N,) torque
+    reference: Floats  # (N, 2) angle and slope
+    gains: Floats  # (N, 2) of the controller on both
+
+
+@entry
+def step_through(drive: _Held, command: _Command, out: Floats, inputs: Floats) -> None:
+    """A drive from rest: torque, angle, speed into ``out`` (3, N), all inputs at each sample into ``inputs`` (N, m)."""
+    Ad, Bd, C, kinds, ratio, parts = drive
+    forward, reference, gains = command
     n, m = Bd.shape
     x, y, f, moved = np.zeros(n), np.zeros(2), np.zeros(m), np.zeros(n)
     for k in range(len(forward)):

@@ -82,7 +82,7 @@ class Estimation:
 
     @property
     def _held(self) -> tuple[Floats, Floats]:
-        A, B, C = (self.drive.matrix(which, self.values) for which in ("A", "B", "C"))
+        A, B, C = self.drive.matrices(self.values)
         return zero_order_hold(A, B, self.interval_s)[0], C
 
     def _innovations(self, S: Floats) -> Floats:

@@ -26,7 +26,7 @@ _AGREES = 3.0
 """Standard deviations of its estimate that a configured value may be away."""
 
 
-class Held(NamedTuple):
+class HeldParameter(NamedTuple):
     """A parameter that is held, at which value and why."""
 
     name: str
@@ -63,21 +63,23 @@ def hold_undetermined(
     return found, held
 
 
-def _without(problem: Problem, hold: Held) -> Problem:
+def _without(problem: Problem, hold: HeldParameter) -> Problem:
     nominal = with_value(problem.nominal, hold.name, hold.value)
     bounds = {name: bound for name, bound in problem.bounds.items() if name != hold.name}
     free = tuple(name for name in problem.free if name != hold.name)
     return replace(problem, nominal=nominal, free=free, bounds=bounds)
 
 
-def _next(found: Estimate, configured: Mapping[str, float], monitored: Collection[str]) -> Held | None:
+def _next(
+    found: Estimate, configured: Mapping[str, float], monitored: Collection[str]
+) -> HeldParameter | None:
     """What to hold first: what is zero, then what the records do not show, then one of two that go together."""
     table = _Table(found, monitored)
     for name in table.names:
         if found.drive.parameter(name).nonnegative and table.theta[name] == 0:
             if (partners := table.partners(name)) and _agrees(name, table, configured):
                 return _kept(name, table.together(name, partners[0]), table, configured)
-            return Held(name, 0.0, "zero: the records show none of it")
+            return HeldParameter(name, 0.0, "zero: the records show none of it")
     if lost := [name for name in table.names if not np.isfinite(table.sd[name])]:
         first = min(lost, key=lambda name: (name not in RELATIVE, *table.rank(name)))
         return _kept(first, "the records do not determine it", table, configured)
@@ -98,10 +100,10 @@ def _next(found: Estimate, configured: Mapping[str, float], monitored: Collectio
     return None
 
 
-def _kept(name: str, reason: str, table: _Table, configured: Mapping[str, float]) -> Held:
+def _kept(name: str, reason: str, table: _Table, configured: Mapping[str, float]) -> HeldParameter:
     if _agrees(name, table, configured):
-        return Held(name, value_of(configured, name), f"{reason}; configured value")
-    return Held(name, table.theta[name], f"{reason}; its estimate")
+        return HeldParameter(name, value_of(configured, name), f"{reason}; configured value")
+    return HeldParameter(name, table.theta[name], f"{reason}; its estimate")
 
 
 def _agrees(name: str, table: _Table, configured: Mapping[str, float]) -> bool:

@@ -20,7 +20,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import slope_name, split_name
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import SIGNAL, Balance, Term, unexplained
+from monitor_core.identification.records.rigid_body import SIGNAL, Balance, TorqueTerm, unexplained
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 _MOST = 0.5
@@ -89,7 +89,7 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
     drive, rigid = problem.drive, _Rigid(problem)
     kinds, ratio = np.array(drive.inputs), drive.matrix("ratio", problem.nominal)[:, 0]
     takes, scale = rigid.takes(problem.nominal), problem.speed_scale
-    torques: dict[Term, float] = {"viscous": rigid.viscous}
+    torques: dict[TorqueTerm, float] = {"viscous": rigid.viscous}
     if (friction := np.flatnonzero(kinds == COULOMB)).size:
         torques["coulomb"] = float(takes[friction].sum())
         scale /= abs(float(ratio[friction[0]]))

@@ -18,7 +18,6 @@ import numpy as np
 from monitor_core.drive.structure import STIFFNESS, Drive
 from monitor_core.identification.greybox import (
     Estimate,
-    Share,
     Trace,
     explained,
     fit,
@@ -26,7 +25,7 @@ from monitor_core.identification.greybox import (
 )
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record, between
-from monitor_core.identification.records.rigid_body import Term, rigid_fits
+from monitor_core.identification.records.rigid_body import TorqueTerm, rigid_fits
 from monitor_core.identification.records.standstill import slow_motion
 from monitor_core.identification.torque_balance import (
     explained_torque,
@@ -110,10 +109,10 @@ _PARTS = {Effect.POSE, Effect.COULOMB, Effect.OFFSET}
 class Verdict(NamedTuple):
     """How much of the motion or torque is explained, and what is missing where that is not enough."""
 
-    own: Share
-    """of the fitted records"""
-    validation: Share
-    """of what was not fitted; with Basis.NONE of the fitted records"""
+    own: float
+    """per cent of the fitted records"""
+    validation: float
+    """per cent of what was not fitted; with Basis.NONE of the fitted records"""
     basis: Basis
     missing: tuple[Effect, ...]
     measure: Measure = Measure.MOTION
@@ -123,7 +122,7 @@ class Verdict(NamedTuple):
     @property
     def per_cent(self) -> float:
         """The figure that decides."""
-        return min(self.own.per_cent, self.validation.per_cent)
+        return min(self.own, self.validation)
 
     @property
     def quality(self) -> Quality:
@@ -167,8 +166,8 @@ def verdict_of(
     ill_posed = found.quality is Quality.POOR and rubs(estimate.problem, records)
     leaves_out = estimate.problem.min_speed > 0
     if ill_posed or (found.quality is not Quality.GOOD and (leaves_out or _bears(estimate.problem, records))):
-        fitted, other = (Share(explained_torque(tried), 0.0) for tried in (own, others or own))
-        if min(fitted, other).per_cent > found.per_cent:
+        fitted, other = (explained_torque(tried) for tried in (own, others or own))
+        if min(fitted, other) > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)
     if found.quality is Quality.GOOD:
         return found
@@ -236,7 +235,7 @@ def _divisions(records: Sequence[Record]) -> Iterator[Halves]:
 # --- What is missing --------------------------------------------------------------------------------------------------
 
 
-_TERMS: Mapping[Effect, tuple[Term, ...]] = MappingProxyType(
+_TERMS: Mapping[Effect, tuple[TorqueTerm, ...]] = MappingProxyType(
     {
         Effect.POSE: ("angle", "angle^2", "angle^3"),
         Effect.COULOMB: ("coulomb",),
@@ -249,7 +248,7 @@ _TERMS: Mapping[Effect, tuple[Term, ...]] = MappingProxyType(
 def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect, ...]:
     """What the torque of slow motions shows and the drive does not have, what is likeliest first."""
     present = _present(problem.drive)
-    base: tuple[Term, ...] = ("viscous", *(term for effect in present for term in _TERMS[effect]))
+    base: tuple[TorqueTerm, ...] = ("viscous", *(term for effect in present for term in _TERMS[effect]))
     if follows_pose(problem):
         base, records = (*base, "signal"), with_torque_of_pose(problem, records)
     lacking = [effect for effect in _TERMS if effect not in present]

@@ -20,7 +20,6 @@ class Events(NamedTuple):
 
     filled: NDArray[np.int64]  # (1,)
     what: NDArray[np.int64]  # (5, capacity): kind, axis, parameter, time us, onset us
-    value: NDArray[np.float64]  # (2, capacity): theta - theta0 and P_ii at that sample
 
 
 class TestConstants(NamedTuple):
@@ -93,7 +92,6 @@ def note_crossings(
     con: TestConstants,
     st: TestState,
     t: Ints,
-    d: Floats,
     on: Ints,
     a0: int,
     reset: bool,
@@ -107,12 +105,12 @@ def note_crossings(
     """
     h, widen, needed = con.h, con.widen, con.naming_samples
     g, onset, P, P_nom, left, noting = st.g, st.onset, st.P, st.P_nom, st.left, st.noting
-    for i in range(d.shape[0]):
+    for i in range(on.shape[0]):
         for a in range(len(lanes)):
             for way in range(2):
                 if not (on[i, a] and g[way, i, a] > h[i, a]):
                     continue
-                _note(events, way, a0 + a, i, t[a], onset[way, i, a], d[i, a], P[i, i, a])
+                _note(events, way, a0 + a, i, t[a], onset[way, i, a])
                 P[i, i, a] = max(P[i, i, a], widen[a] * P_nom[i, a])
                 if noting[a] != NAMING:
                     left[a], noting[a] = int(needed[a]), NAMING
@@ -122,8 +120,8 @@ def note_crossings(
 
 
 @outlined
-def _note(events: Events, kind: int, axis: int, i: int, t: int, onset: int, d: float, P_ii: float) -> None:
-    filled, what, value = events.filled, events.what, events.value
+def _note(events: Events, kind: int, axis: int, i: int, t: int, onset: int) -> None:
+    filled, what = events.filled, events.what
     k = filled[0]
     filled[0] = k + 1
     what[0, k] = kind
@@ -131,5 +129,3 @@ def _note(events: Events, kind: int, axis: int, i: int, t: int, onset: int, d: f
     what[2, k] = i
     what[3, k] = t
     what[4, k] = onset
-    value[0, k] = d
-    value[1, k] = P_ii

@@ -26,6 +26,32 @@ missing), the state of the speed at the sensor, or the predicted output."""
 _DIVERGED = 1e100
 
 
+class Course(NamedTuple):
+    """A record of N samples."""
+
+    step: Ints  # (N,) index of the held drive that leads to the next sample
+    level: Ints  # (N,) index of the output
+    u: Floats  # (N,)
+    y: Floats  # (N,)
+    measured: Ints  # (N,) whether y corrects the state
+    counts: Ints  # (N,) whether its error counts
+    weights: Floats  # (N, s) inputs of the kind WEIGHT, in their order
+
+
+class FixedDrive(NamedTuple):
+    """A drive at fixed theta, held over G intervals, with L outputs, and the gain of its predictor.
+
+    Where X has one input more than there are kinds, m' = m + 1, that is the torque of the sample before.
+    """
+
+    X: Floats  # (G, n, n + m')
+    dX: Floats  # (G, n + m', n q)
+    C: Floats  # (L, n)
+    dC: Floats  # (L, n, q)
+    K: Floats  # (n,)
+    dK: Floats  # (n, p)
+
+
 class MotionInputs(NamedTuple):
     """Inputs that depend on the motion, of m in all; m' = m + 1 where the last is the torque of the sample before.
 
@@ -211,34 +237,16 @@ def _moves(M: MotionInputs, measured: Ints) -> bool:
 
 @entry
 def predict_record(
-    step: Ints,
-    level: Ints,
-    u: Floats,
-    y: Floats,
-    measured: Ints,
-    counts: Ints,
-    weights: Floats,
-    motion: MotionInputs,
-    X: Floats,
-    dX: Floats,
-    C: Floats,
-    dC: Floats,
-    K: Floats,
-    dK: Floats,
-    x0: Floats,
-    Z0: Floats,
-    eps: Floats,
-    psi: Floats,
+    course: Course, drive: FixedDrive, motion: MotionInputs, x0: Floats, Z0: Floats, eps: Floats, psi: Floats
 ) -> bool:
     """Prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where they do not count.
 
-    All errors of a ``measured`` y correct the state.
-    ``step`` (N,) is the index of the held X (G, n, n + m') and dX (G, n + m', n q) that lead to the next sample,
-    ``level`` (N,) the index of the outputs C (L, n), dC (L, n, q).  Where X has one input more than there are kinds,
-    m' = m + 1, that is the torque of the sample before.  ``weights`` (N, s) are the inputs of that kind, in order.
+    All errors of a measured y correct the state, which is x0 (n,) at first, with the derivatives Z0 (n, p).
 
     Returns whether all values are finite; if not, the rest of the record is left out.
     """
+    step, level, u, y, measured, counts, weights = course
+    X, dX, C, dC, K, dK = drive
     (n, p), kind = Z0.shape, motion.kind
     m, wide = kind.size, width(p)
     Ad, slopes = padded(X), padded_slopes(dX, n, wide)

@@ -22,10 +22,27 @@ class PlantFriction(NamedTuple):
     braked: Floats  # (m, W)
 
 
+class InnovationsPlants(NamedTuple):
+    """W axes in innovations form, held over an interval."""
+
+    Ad: Floats  # (n, n, W)
+    Bd: Floats  # (n, m, W)
+    C: Floats  # (n, W)
+    K: Floats  # (n,)
+    kind: Ints  # (m,) as in the tables of the monitor
+    u_scale: Floats  # (m,) as there
+    friction: PlantFriction
+    mean_state: int  # a state that is reset with every sample; -1: there is none
+    late: Floats  # (W,) share of an interval for which the torque before still acts
+
+
 @kernel
-def _hold_friction(kind: Ints, u_scale: Floats, friction: PlantFriction, late: Floats, x: Floats, out: Floats,
-         torque: Floats, before: Floats, speed: Floats, first: Floats, v: Floats) -> None:  # fmt: skip
+def _hold_friction(
+    plants: InnovationsPlants, x: Floats, out: Floats, torque: Floats, before: Floats, speed: Floats, first: Floats,
+    v: Floats,
+) -> None:  # fmt: skip
     """Frictions into their rows of the inputs v (m, W), where the others are; ``speed``, ``first`` (W,) are scratch."""
+    kind, u_scale, friction, late = plants.kind, plants.u_scale, plants.friction, plants.late
     n, W, half, braked = x.shape[0], out.size, friction.half, friction.braked
     for a in range(W):
         speed[a] = friction.unit * out[a] if friction.unit > 0.0 else x[friction.state, a]
@@ -64,28 +81,13 @@ def _hold_friction(kind: Ints, u_scale: Floats, friction: PlantFriction, late: F
 
 @entry
 def simulate_innovations(
-    Ad: Floats,
-    Bd: Floats,
-    C: Floats,
-    K: Floats,
-    kind: Ints,
-    u_scale: Floats,
-    friction: PlantFriction,
-    mean_state: int,
-    late: Floats,
-    x: Floats,
-    u_before: Floats,
-    u: Floats,
-    eps: Floats,
-    weight: Floats,
-    y: Floats,
+    plants: InnovationsPlants, x: Floats, u_before: Floats, u: Floats, eps: Floats, weight: Floats, y: Floats
 ) -> None:
     """y = C x + eps,  x = x + K eps,  then x = Ad x + Bd u over the interval, of W axes.
 
-    Their drives are Ad (n, n, W), Bd (n, m, W), C (n, W).  K (n,); ``kind`` (m,) and ``u_scale`` (m,) as in the tables
-    of the monitor.  ``late`` (W,): that share of an interval the torque before still acts.  ``x`` (n, W) and
-    ``u_before`` (W,) are changed; u, eps, weight, y (N, W).
+    ``x`` (n, W) and ``u_before`` (W,) are changed; u, eps, weight, y (N, W).
     """
+    Ad, Bd, C, K, kind, u_scale, _, mean_state, late = plants
     n, m, W = K.size, kind.size, late.size
     v, w, speed, first = table(m, W), table(n, W), floats(W), floats(W)
     out, torque = floats(W), floats(W)
@@ -122,7 +124,7 @@ def simulate_innovations(
             elif what == WEIGHT:
                 for a in range(W):
                     v[c, a] = weight[k, a]
-        _hold_friction(kind, u_scale, friction, late, x, out, torque, u_before, speed, first, v)
+        _hold_friction(plants, x, out, torque, u_before, speed, first, v)
         for a in range(W):
             u_before[a] = torque[a]
         for r in range(n):

@@ -114,7 +114,7 @@ def update_tests(
     _tally(lanes, w.roles.mode, w.hit, st.counts, st.mode)
     compute_deviations(lanes, tests, cusum, d, w.nu)
     if update_cusum(lanes, con.h, w.t, st.g, st.onset, d, w.nu, w.tested):
-        note_crossings(lanes, tests, cusum, w.t, d, w.tested, a0, reset, events)
+        note_crossings(lanes, tests, cusum, w.t, w.tested, a0, reset, events)
     gather_evidence(lanes, evidence, w.t, w.until, d, tracks, a0, kept_t, kept_d, events.filled, noted)
     # fmt: on
 

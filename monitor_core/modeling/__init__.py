@@ -11,21 +11,13 @@ Simulation: simulated_axis.
 
 from monitor_core.modeling.drawing import from_tables
 from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.flat import (
-    FlatComponent,
-    FlatInput,
-    FlatModel,
-    FlatSensor,
-    ModelError,
-    Origin,
-)
+from monitor_core.modeling.flat import FlatComponent, FlatModel, ModelError, Origin
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.resonances import Resonances, modes, resonances_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import (
     INTERVAL_S,
-    MONITORED,
     REFERENCE_VALUES,
     five_mass,
     reference_model,
@@ -33,30 +25,3 @@ from monitor_core.modeling.standard_drives import (
     two_mass,
 )
 from monitor_core.modeling.statespace import StateSpace, drive_of, nominal_of
-
-__all__ = [
-    "INTERVAL_S",
-    "MONITORED",
-    "REFERENCE_VALUES",
-    "FlatComponent",
-    "FlatInput",
-    "FlatModel",
-    "FlatSensor",
-    "Laurent",
-    "ModelError",
-    "Origin",
-    "Resonances",
-    "SimulatedAxis",
-    "StateSpace",
-    "drive_of",
-    "eliminate",
-    "five_mass",
-    "from_tables",
-    "modes",
-    "nominal_of",
-    "reference_model",
-    "resonances_of",
-    "structural",
-    "three_mass",
-    "two_mass",
-]

@@ -33,15 +33,13 @@ class Mode:
 class Resonances:
     """Poles, zeros and resonances from the first motor torque to the first sensor.
 
-    ``poles`` and ``zeros`` in rad/s, the slow ones first.  ``slowest_s`` is the time constant of the slowest decaying
-    pole, NaN if there is none.
+    ``poles`` and ``zeros`` in rad/s, the slow ones first.
     """
 
     poles: tuple[complex, ...]
     zeros: tuple[complex, ...]
     resonances: tuple[Mode, ...]
     antiresonances: tuple[Mode, ...]
-    slowest_s: float
 
 
 def resonances_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> Resonances:
@@ -67,13 +65,11 @@ def resonances(A: Floats, b: Floats, c: Floats) -> Resonances:
     """Of  x' = A x + b u,  y = c x  with A (n, n), b (n,), c (n,)."""
     A, b, c = _balanced(A, b, c)
     poles, zeros = _sorted(np.linalg.eigvals(A)), _sorted(zeros_of(A, b, c))
-    decaying = [-p.real for p in poles if p.real < -_ROUNDING * abs(poles[-1])]
     return Resonances(
         poles=poles,
         zeros=zeros,
         resonances=modes(poles),
         antiresonances=modes(zeros),
-        slowest_s=1 / min(decaying) if decaying else math.nan,
     )
 
 

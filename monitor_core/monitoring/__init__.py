@@ -2,10 +2,11 @@
 
 * ``axis_monitor``: one axis, alone or as a lane of a batch; start here.
 * ``axis_status``: estimates, tests and counters of an axis as plain values; parameters that are not observed.
+  ``lane_status`` reads them off a batch.
 * ``not_tested``: parameters that are not tested, why, and what would help.
 * ``calibrated_range``: ranges of the conditions at calibration, and whether an axis is within them.
 * ``alarm_life_cycle``: what operators have done about an alarm: acknowledged, shelved, suppressed.
-* ``alarm_tracker``: the open alarms of an axis, and what became of each.
+* ``alarm_tracker``: the open alarms of an axis, and what became of each.  ``alarm_context``: their circumstances.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
 * ``recommended_settings``: settings for a real axis.
@@ -33,16 +34,14 @@ from monitor_core.monitoring.alarm_life_cycle import (
     check_shelf,
     due,
     is_present,
-    replayed,
     returns_us,
     transition,
 )
-from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange, AlarmTracker
+from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange
 from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
 from monitor_core.monitoring.axis_status import (
     AxisStatus,
-    DetectorStatus,
     Observation,
     ParameterStatus,
     Status,
@@ -57,7 +56,7 @@ from monitor_core.monitoring.calibrated_range import (
 )
 from monitor_core.monitoring.fleet import AxisTrace, Fleet
 from monitor_core.monitoring.heat_observer import WarmUp, conditioned_records
-from monitor_core.monitoring.not_tested import NotTested, Remedy
+from monitor_core.monitoring.not_tested import NotTested
 from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,
     MIN_MEMORY_SAMPLES,
@@ -67,70 +66,3 @@ from monitor_core.monitoring.recommended_settings import (
     short_memory,
 )
 from monitor_core.monitoring.trend_monitor import Limit, ParameterTrend, TrendMonitor
-
-__all__ = [
-    "ACTIVE_STATES",
-    "DEFAULT_MEMORY_S",
-    "DOUBTED",
-    "FEWEST_LANES",
-    "GATED",
-    "HIDDEN_STATES",
-    "IDLE",
-    "MAX_SHELF_S",
-    "MIN_MEMORY_SAMPLES",
-    "NEVER",
-    "PRIORITIES",
-    "REOPEN_MEMORIES",
-    "RESTART",
-    "RMS_SPEED",
-    "SEED",
-    "SETTLE",
-    "SKIP",
-    "TRACK",
-    "UNSEEN",
-    "AlarmChange",
-    "AlarmEvent",
-    "AlarmLife",
-    "AlarmRules",
-    "AlarmState",
-    "AlarmTracker",
-    "AlarmTransitionError",
-    "Arrays",
-    "AxisBatch",
-    "AxisMonitor",
-    "AxisStatus",
-    "AxisTrace",
-    "BankTrace",
-    "CalibratedRange",
-    "ConditionTracker",
-    "DetectorStatus",
-    "Fleet",
-    "Limit",
-    "MonitoringOptions",
-    "NotTested",
-    "Observation",
-    "ParameterStatus",
-    "ParameterTrend",
-    "Priority",
-    "Range",
-    "Remedy",
-    "SettingsError",
-    "ShelfEndError",
-    "Status",
-    "Trace",
-    "Transition",
-    "TrendMonitor",
-    "WarmUp",
-    "check_shelf",
-    "conditioned_records",
-    "due",
-    "is_present",
-    "ranges",
-    "recommended_settings",
-    "replayed",
-    "returns_us",
-    "short_memory",
-    "standard_deviation",
-    "transition",
-    "unidentifiable_words",
-]

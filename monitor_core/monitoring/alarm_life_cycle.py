@@ -12,7 +12,7 @@ The letters are those of the standards' diagram.  What is not in ``_SHOWN``, ``_
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Literal, NamedTuple
 
@@ -221,18 +221,6 @@ def check_shelf(until_us: int, now_us: int) -> None:
             f"an alarm can be shelved for at most {days:.0f} days; what has to stay hidden for longer belongs into "
             "[robot.axis.alarms] of the configuration"
         )
-
-
-def replayed(events: Iterable[tuple[AlarmEvent, int | None]]) -> AlarmLife:
-    """The state after these events and ends of shelves, from the beginning.
-
-    Raises:
-        AlarmTransitionError: one of them is not possible.
-    """
-    life = AlarmLife()
-    for event, until_us in events:
-        life = transition(life, event, until_us).after
-    return life
 
 
 def due(life: AlarmLife, present: bool, rules: AlarmRules) -> list[Transition]:

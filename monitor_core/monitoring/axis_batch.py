@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -27,6 +28,21 @@ measures it), but the six axes of one robot then save a thousandth of a core and
 
 MOST_LANES = 64
 """Lanes side by side: what is done once for all of them hardly counts then, and their arrays fit the second cache."""
+
+
+class MoreColumns(TypedDict, total=False):
+    """What may be known of the samples of a batch beside their times, torques and motion; None: as without it."""
+
+    count: Ints | None
+    """(W,) how many samples each axis has; default: all N"""
+    shift: Floats | None
+    """(N, p, W) theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.  NaN: the
+    conditions are not known"""
+    gate: Bools | None
+    """(N, W) where False, or the conditions are not known, nothing is learned"""
+    weight: Floats | None
+    """(N, W) torque of the nominal weight [N m], of a drive that has it as an input; without it, and where it is NaN,
+    what it was last"""
 
 
 class AxisBatch:
@@ -97,52 +113,39 @@ class AxisBatch:
         st.P_nom[:, a] = s.P0 or 0.0
 
     def run(
-        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
-        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
-    ) -> list[tuple[int, BatchEvent]]:  # fmt: skip
-        """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
-
-        ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
-        NaN: the conditions are not known.  ``gate`` (N, W): where False, or the conditions are not known, nothing is
-        learned.  ``weight`` (N, W): torque of the nominal weight [N m], of a drive that has it as an input; without it,
-        and where it is NaN, what it was last.
+        self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]
+    ) -> list[tuple[int, BatchEvent]]:
+        """Run a block: t_us, u, y (N, W), axis last, and what else is known of the samples.
 
         Returns the events with the index of their axis, axis by axis in order of time.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(self._samples(t_us, u, y, count, shift, gate, weight), self._untraced)
+        return self._run(self._samples(t_us, u, y, **more), self._untraced)
 
     def run_traced(
-        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
-        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
-    ) -> tuple[list[tuple[int, BatchEvent]], Trace]:  # fmt: skip
+        self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]
+    ) -> tuple[list[tuple[int, BatchEvent]], Trace]:
         """As ``run``, with the recursion's values at every sample."""
         trace = self._trace(len(t_us))
-        return self._run(self._samples(t_us, u, y, count, shift, gate, weight), trace), trace
+        return self._run(self._samples(t_us, u, y, **more), trace), trace
 
-    def trace(
-        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
-        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
-    ) -> Trace:  # fmt: skip
+    def trace(self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]) -> Trace:
         """As ``run_traced`` without the events, which take as long to tell as many axes take to run."""
         trace = self._trace(len(t_us))
-        self._advance(self._samples(t_us, u, y, count, shift, gate, weight), trace)
+        self._advance(self._samples(t_us, u, y, **more), trace)
         return trace
 
     def crossings(
-        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
-        shift: Floats | None = None, gate: Bools | None = None, weight: Floats | None = None,
-    ) -> list[tuple[int, Crossing]]:  # fmt: skip
+        self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]
+    ) -> list[tuple[int, Crossing]]:
         """As ``run``, but only the events that a test crossed its threshold, those of each axis in order of time."""
-        events, _ = self._advance(self._samples(t_us, u, y, count, shift, gate, weight), self._untraced)
+        events, _ = self._advance(self._samples(t_us, u, y, **more), self._untraced)
         return [self._event(events, k) for k in range(int(events.filled[0]))]
 
-    def _samples(
-        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None,
-        shift: Floats | None, gate: Bools | None, weight: Floats | None,
-    ) -> BatchSamples:  # fmt: skip
+    def _samples(self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]) -> BatchSamples:
+        count, shift, gate, weight = (more.get(name) for name in ("count", "shift", "gate", "weight"))
         p, W = self._tables.p, len(self.models)
         t = np.ascontiguousarray(t_us, dtype=np.int64)
         if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
@@ -194,7 +197,7 @@ class AxisBatch:
     def _events(self, N: int) -> Events:
         """Room for two crossings of each parameter in each of N samples."""
         most = 2 * self._tables.p * N * len(self.models)
-        return Events(np.zeros(1, np.int64), np.empty((5, most), np.int64), np.empty((2, most)))
+        return Events(np.zeros(1, np.int64), np.empty((5, most), np.int64))
 
     def _noted(self, N: int) -> EvidenceColumns:
         """Room for the evidence that N samples of each axis can yield."""
@@ -219,10 +222,7 @@ class AxisBatch:
 
     def _event(self, events: Events, k: int) -> tuple[int, Crossing]:
         kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
-        d, P_ii = events.value[:, k]
-        name = self.models[a].monitored[i]
-        sd = standard_deviation(self.settings[a], float(P_ii))
-        return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
+        return a, Crossing(self.models[a].monitored[i], DIRECTIONS[kind], t_us, onset_us)
 
     def judge(self, a: int, on: bool) -> None:
         """Whether the estimates of an axis are tested from now on, and are readings for its trend."""

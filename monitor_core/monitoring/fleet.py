@@ -17,7 +17,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.monitoring.alarm_tracker import AlarmChange
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring.axis_batch import AxisBatch, MoreColumns
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -147,11 +147,11 @@ class _Group(NamedTuple):
         shift = _filled("shift", taken, lambda: np.repeat(before[np.newaxis], shape[0], axis=0))
         gate = _filled("gate", taken, lambda: np.ones(shape, np.bool_))
         weight = _filled("weight", taken, lambda: np.full(shape, math.nan))
-        samples, trace = (t_us, u, y, count, shift, gate, weight), None
+        more, trace = MoreColumns(count=count, shift=shift, gate=gate, weight=weight), None
         if traced:
-            events, trace = self.batch.run_traced(*samples)
+            events, trace = self.batch.run_traced(t_us, u, y, **more)
         else:
-            events = self.batch.run(*samples)
+            events = self.batch.run(t_us, u, y, **more)
         found: dict[int, list[BatchEvent]] = {lane: [] for lane in taken}
         for lane, event in events:
             found[lane].append(event)

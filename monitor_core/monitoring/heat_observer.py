@@ -25,7 +25,8 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Conditions, Operating
 from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalState
-from monitor_core.monitoring.axis_monitor import AxisMonitor, Deviations
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.lane_status import Deviations
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 

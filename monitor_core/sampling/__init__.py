@@ -5,14 +5,13 @@ stamp_meter, stream (all of it, in a loop over frames).
 """
 
 from monitor_core.sampling.controller_clocks import (
-    VALUE,
     Clock,
     counted_interval_s,
     counter_clock,
     cyclic_clock,
     cyclic_interval_s,
 )
-from monitor_core.sampling.pairing import DROP_REASONS, SAMPLE, Pairing, new_pairing
+from monitor_core.sampling.pairing import DROP_REASONS, Pairing, new_pairing
 from monitor_core.sampling.stamp_meter import new_meter
 from monitor_core.sampling.stream import (
     COUNTER,
@@ -29,30 +28,3 @@ from monitor_core.sampling.stream import (
     room_for_samples,
     take_frames,
 )
-
-__all__ = [
-    "COUNTER",
-    "CYCLIC",
-    "DROP_REASONS",
-    "FRAME",
-    "HAS_COUNT",
-    "HAS_MOTION",
-    "HAS_TORQUE",
-    "RECEIPT",
-    "SAMPLE",
-    "VALUE",
-    "Clock",
-    "Pairing",
-    "Stream",
-    "compile_stream",
-    "counted_interval_s",
-    "counter_clock",
-    "cyclic_clock",
-    "cyclic_interval_s",
-    "flush_frames",
-    "new_meter",
-    "new_pairing",
-    "new_scratch",
-    "room_for_samples",
-    "take_frames",
-]

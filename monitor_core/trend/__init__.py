@@ -9,31 +9,7 @@
 """
 
 from monitor_core.trend.entries import Reading, thinned
-from monitor_core.trend.learning_window import (
-    PARTS,
-    SKIPPED,
-    Kept,
-    Learned,
-    LearningWindow,
-    WindowDoubt,
-    WindowError,
-)
+from monitor_core.trend.learning_window import PARTS, Kept, Learned, LearningWindow, WindowDoubt, WindowError
 from monitor_core.trend.limit_forecast import forecast
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend, trend_of
-
-__all__ = [
-    "PARTS",
-    "SKIPPED",
-    "Kept",
-    "Learned",
-    "LearningWindow",
-    "Reading",
-    "SlowHistory",
-    "Trend",
-    "WindowDoubt",
-    "WindowError",
-    "forecast",
-    "thinned",
-    "trend_of",
-]

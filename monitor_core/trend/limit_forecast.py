@@ -29,31 +29,26 @@ before that end; beyond: it has been reached, in the interval."""
 class Forecast(NamedTuple):
     """When a limit is reached, with probability COVERED; microseconds since 1970."""
 
-    limit: float
-    upper: bool
-    """It must stay below"""
     state: State
     low_us: int
     high_us: int | None
-    by: float
-    """Probability that it is beyond now"""
 
 
 def forecast(trend: Trend, limit: float, upper: bool) -> Forecast:
-    """When the trend of a parameter reaches a limit, in the unit of the parameter."""
+    """When the trend of a parameter reaches a limit, in its unit; ``upper``: it must stay below."""
     m, sign = trend.mixture, 1.0 if upper else -1.0
     beyond = float(_passed(m, np.array([m.end]), limit, sign)[0])
     if beyond >= (1 + COVERED) / 2:
         since, until = _since(m, limit, sign)
-        return Forecast(limit, upper, "beyond", _us(m, since), _us(m, until), beyond)
+        return Forecast("beyond", _us(m, since), _us(m, until))
     t = m.end + (m.end - m.begin) * np.concatenate([[0.0], np.geomspace(1e-4, FARTHEST, _STEPS)])
     F = np.maximum.accumulate(_passed(m, t, limit, sign))
     low, high = _reached(t, F, (1 - COVERED) / 2), _reached(t, F, (1 + COVERED) / 2)
     if low is None:
-        return Forecast(limit, upper, "far", _us(m, float(t[-1])), None, beyond)
+        return Forecast("far", _us(m, float(t[-1])), None)
     if high is None:
-        return Forecast(limit, upper, "open", _us(m, low), None, beyond)
-    return Forecast(limit, upper, "ahead", _us(m, low), _us(m, high), beyond)
+        return Forecast("open", _us(m, low), None)
+    return Forecast("ahead", _us(m, low), _us(m, high))
 
 
 def _passed(m: Mixture, t: Floats, limit: float, sign: float) -> Floats:

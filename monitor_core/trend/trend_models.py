@@ -22,7 +22,6 @@ class Shapes(NamedTuple):
     """The M changes that are considered, as columns (N, M)."""
 
     at: Floats  # (M,) times
-    first: Floats  # (M,) index of the first entry after the change
     step: Floats  # (N, M) 0 before, 1 after
     ramp: Floats  # (N, M) 0 before, 1 at the end
 
@@ -45,7 +44,7 @@ def shapes(t: Floats, first: Floats) -> Shapes:
     at = np.where(first > 0, (t[np.maximum(first - 1, 0)] + t[first]) / 2, t[0])
     step = (np.arange(len(t))[:, None] >= first).astype(float)
     ramp = np.maximum(t[:, None] - at, 0.0) / (t[-1] - at)
-    return Shapes(at, first, step, ramp)
+    return Shapes(at, step, ramp)
 
 
 def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> Weighed:

@@ -11,7 +11,7 @@ import typer
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Force, configuration
 from service.commands.output_files import check_new
-from service.texts import iso, now_us
+from service.texts.instants import iso, now_us
 
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="The archive, a .tar.gz for its owner alone.")

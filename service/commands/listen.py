@@ -26,7 +26,7 @@ from service.config import Config
 from service.ingest.bus_samples import Carried, Ingest, Values
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
 from service.ingest.unit_names import UNITS
-from service.texts import now_us
+from service.texts.instants import now_us
 
 _LINES_S = 1.0
 _TAKE_S = 0.1

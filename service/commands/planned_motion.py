@@ -12,8 +12,8 @@ from monitor_core.excitation import (
     Command,
     Estimation,
     ExcitationError,
-    Experiment,
     Limits,
+    PlannedExperiment,
     Plant,
     Task,
     plan,
@@ -80,7 +80,7 @@ def torque_columns(axis: NamedAxis) -> dict[str, float]:
     return {"current_A" if name and role_of(name) == "current" else "torque_Nm": 1.0}
 
 
-def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -> Experiment:
+def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -> PlannedExperiment:
     """Plan a motion of an axis.
 
     Raises:

@@ -9,7 +9,7 @@ from service.pipeline.warming import compile_all
 
 if TYPE_CHECKING:
     from monitor_core.drive import Output
-    from monitor_core.excitation import Experiment
+    from monitor_core.excitation import PlannedExperiment
 
 _INTERVAL_S = 0.005
 _VALUES = {
@@ -38,7 +38,7 @@ def compile_offline() -> None:
         _identify(experiment, output)
 
 
-def _plan_experiment() -> Experiment:
+def _plan_experiment() -> PlannedExperiment:
     import numpy as np
 
     from monitor_core.excitation import Estimation, Limits, Plant, Task, plan
@@ -51,7 +51,7 @@ def _plan_experiment() -> Experiment:
     return plan(task, np.random.default_rng(0))
 
 
-def _identify(experiment: Experiment, output: Output) -> None:
+def _identify(experiment: PlannedExperiment, output: Output) -> None:
     import numpy as np
 
     from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx

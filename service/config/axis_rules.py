@@ -13,7 +13,7 @@ from service.config.drives import not_identified, watched_values
 from service.config.model_rules import usable_drive
 from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, RobotConfig
-from service.texts import SENSORS
+from service.texts.alarm_words import SENSORS
 
 _NEARLY = 1e-3
 """Of a turn: as exactly as somebody may have written 2 pi."""

@@ -20,7 +20,7 @@ from service.config.schema import (
     BitsConfig,
     BusConfig,
     Config,
-    FurtherConfig,
+    FurtherSignalConfig,
     MessageConfig,
     RobotConfig,
     SignalConfig,
@@ -41,7 +41,7 @@ def names(config: Config) -> Iterator[Finding]:
 
 def same_names(
     key: str,
-    tables: Sequence[BusConfig | MessageConfig | BitsConfig | RobotConfig | AxisConfig | FurtherConfig],
+    tables: Sequence[BusConfig | MessageConfig | BitsConfig | RobotConfig | AxisConfig | FurtherSignalConfig],
 ) -> Iterator[Finding]:
     """No two tables of an array have one name."""
     first: dict[str, int] = {}

@@ -10,7 +10,7 @@ from monitor_core.wording import did_you_mean
 from service.config.drive_sources import model_of_axis
 from service.config.nominal_file import ScheduleTable
 from service.config.problems import Keys
-from service.config.schema import AxisConfig, GateConfig, NamedAxis, Source
+from service.config.schema import AxisConfig, FurtherSignalConfig, GateConfig, NamedAxis
 from service.config.schema_model import ScheduleConfig
 
 Schedule = ScheduleTable | ScheduleConfig
@@ -136,7 +136,7 @@ def signal_names(axis: AxisConfig) -> list[str]:
     return [*(s.name for s in axis.signal), *derived]
 
 
-def needed(axis: NamedAxis) -> tuple[Source, ...]:
+def needed(axis: NamedAxis) -> tuple[FurtherSignalConfig, ...]:
     """The auxiliary signals that the monitoring of an axis needs, in the order of the configuration."""
     names = {name for _, v in varying_of(axis.config) for name in follow_of(v).term.signals}
     names |= {g.signal for g in axis.config.gate}

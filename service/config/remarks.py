@@ -41,7 +41,7 @@ def remarks(config: Config) -> Iterator[str]:
         DescriptionError: the description of a bus cannot be used.
     """
     yield from _shared_torque(config)
-    yield from _unsaid(config)
+    yield from _assumptions(config)
     known_on = cache(partial(messages_of, config))
     yield from _by_events(config, known_on)
     yield from _long_frames(config, known_on)
@@ -79,7 +79,7 @@ def _shared_torque(config: Config) -> Iterator[str]:
             yield f"{', '.join(axes)}: {where} is the torque of each of them; give each axis its own"
 
 
-def _unsaid(config: Config) -> Iterator[str]:
+def _assumptions(config: Config) -> Iterator[str]:
     """Assumptions where the configuration does not state the conditions, robot by robot."""
     for robot in config.robot:
         names = [

@@ -81,8 +81,8 @@ class SpeedConfig(SignalConfig):
     """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
 
 
-class FurtherConfig(Table):
-    """[[robot.axis.signal]]: an auxiliary signal: of the axis, of another axis, of the robot."""
+class FurtherSignalConfig(Table):
+    """[[robot.axis.signal]]: an auxiliary signal: of the axis, of the robot, or of the motion of another axis."""
 
     name: Name
     """name by which the configuration refers to it: letters, digits, - and _"""
@@ -105,10 +105,6 @@ class FurtherConfig(Table):
     def scale(self) -> tuple[float, float]:
         """Factor and offset to its own unit."""
         return self.factor, self.offset
-
-
-Source = FurtherConfig
-"""Where an auxiliary signal of an axis comes from; that of another axis has the place of its motion"""
 
 
 class GateConfig(Table):
@@ -305,7 +301,7 @@ class AxisConfig(Table):
     """motor speed; factor and offset make it rad/s"""
     time: TimeConfig = Field(default_factory=TimeConfig)
     """time of the samples"""
-    signal: tuple[FurtherConfig, ...] = ()
+    signal: tuple[FurtherSignalConfig, ...] = ()
     """further signals: temperature, mode, angle of another axis, ..., [[robot.axis.signal]]"""
     gate: tuple[GateConfig, ...] = ()
     """the axis is monitored only while all of these are open, [[robot.axis.gate]]"""
@@ -366,7 +362,7 @@ class AxisConfig(Table):
         return "angle" if self.motion is self.angle else "speed"
 
 
-def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
+def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[FurtherSignalConfig]:
     """The auxiliary signals of an axis, where they come from: those of other axes of its robot from their motions."""
     axes = {other.name: other for other in robot}
     for s in axis.signal:
@@ -401,7 +397,7 @@ class NamedAxis(NamedTuple):
     id: str
     robot: str
     config: AxisConfig
-    sources: tuple[Source, ...] = ()
+    sources: tuple[FurtherSignalConfig, ...] = ()
     """Its further signals"""
     epoch: int = 1
     """Number of the epoch that its nominal values and thresholds belong to"""

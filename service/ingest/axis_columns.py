@@ -10,7 +10,7 @@ from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
-from service.config.schema import AxisConfig, SignalConfig, Source
+from service.config.schema import AxisConfig, FurtherSignalConfig, SignalConfig
 from service.ingest.quantities import HeldColumns
 from service.ingest.table_files import Rows
 from service.ingest.time_of_day import TimeOfDay
@@ -25,7 +25,7 @@ class AxisColumns:
         RecordError: the configuration does not name the column of the torque, the motion or one of these signals.
     """
 
-    def __init__(self, axis_id: str, config: AxisConfig, further: Sequence[Source] = ()) -> None:
+    def __init__(self, axis_id: str, config: AxisConfig, further: Sequence[FurtherSignalConfig] = ()) -> None:
         if config.torque.column is None or config.motion.column is None:
             missing = "torque" if config.torque.column is None else config.output
             raise RecordError(f"axis {axis_id}: {missing}.column is missing in the configuration")

@@ -13,7 +13,7 @@ from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
 from service.can.messages import DescriptionError, find_counter
 from service.can.user_errors import IngestError
-from service.config.schema import NamedAxis, Source
+from service.config.schema import FurtherSignalConfig, NamedAxis
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
 from service.ingest.timestamp_jitter import Stamps, stamps_of
 
@@ -31,7 +31,7 @@ class AxisInput:
         IngestError: the counter or the tolerance of this axis cannot be used.
     """
 
-    def __init__(self, axis: NamedAxis, decoder: Decoder, signals: Iterable[Source]) -> None:
+    def __init__(self, axis: NamedAxis, decoder: Decoder, signals: Iterable[FurtherSignalConfig]) -> None:
         config = axis.config
         self.id = axis.id
         self.torque = quantity_of("torque", config.torque, decoder)

@@ -14,7 +14,7 @@ import numpy as np
 from monitor_core.arrays import Bools
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
-from service.config.schema import Config, NamedAxis, Source, TimeConfig
+from service.config.schema import Config, FurtherSignalConfig, NamedAxis, TimeConfig
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.records import LogRecord, is_table, samples_of
 from service.ingest.table_files import Rows, check_columns, open_table
@@ -101,7 +101,7 @@ def axis_record(
     path: Path,
     config: Config,
     axis: NamedAxis,
-    signals: Sequence[Source],
+    signals: Sequence[FurtherSignalConfig],
     progress: Progress = lambda _: None,
 ) -> AxisRecord:
     """The samples of an axis, with these signals, in a table or a CAN log, with continuous angles.
@@ -122,7 +122,7 @@ def axis_record(
 
 
 def _log_record(
-    path: Path, config: Config, axis: NamedAxis, signals: Sequence[Source], progress: Progress
+    path: Path, config: Config, axis: NamedAxis, signals: Sequence[FurtherSignalConfig], progress: Progress
 ) -> AxisRecord:
     if axis.config.records_only:
         raise RecordError(
@@ -134,7 +134,9 @@ def _log_record(
     return AxisRecord(block, dropped, log.left_out)
 
 
-def _table_record(path: Path, axis: NamedAxis, signals: Sequence[Source], progress: Progress) -> AxisRecord:
+def _table_record(
+    path: Path, axis: NamedAxis, signals: Sequence[FurtherSignalConfig], progress: Progress
+) -> AxisRecord:
     """Samples from a .csv, .parquet or .mat file.
 
     A row with an absurd number is refused as a whole and counted as "absurd": where one cell is broken the others of

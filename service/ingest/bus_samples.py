@@ -11,10 +11,10 @@ from service.can.decoder import Decoded, Decoder
 from service.can.frames import ID_BITS, FrameBlock, FrameFilter, FrameKey
 from service.config.bus_messages import messages_of
 from service.config.conditions import needed
-from service.config.schema import Config, NamedAxis, Source
+from service.config.schema import Config, FurtherSignalConfig, NamedAxis
 from service.ingest.axis_input import AxisInput
 
-Carried = Mapping[str, Sequence[Source]]
+Carried = Mapping[str, Sequence[FurtherSignalConfig]]
 """The auxiliary signals that samples carry, by axis; other axes are not read."""
 
 

@@ -18,7 +18,7 @@ from service.ingest.absent_messages import why_none
 from service.ingest.axis_records import axis_record, sha256_of, wanted
 
 
-class Source(NamedTuple):
+class SamplesOrigin(NamedTuple):
     """Origin of the samples."""
 
     text: str
@@ -51,7 +51,7 @@ def read(
     axis: NamedAxis,
     model: AxisModel,
     progress: Callable[[float], None] = lambda _: None,
-) -> tuple[list[SampleBlock], list[Source]]:
+) -> tuple[list[SampleBlock], list[SamplesOrigin]]:
     """All records of an axis.
 
     Raises:
@@ -79,7 +79,7 @@ def read(
             raise RecordError(f"{text}: {block.size} samples of axis {axis.id} in that range")
         samples.append(block)
         seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
-        sources.append(Source(text, sha256_of(want.path), block.size, seconds))
+        sources.append(SamplesOrigin(text, sha256_of(want.path), block.size, seconds))
     conditions = conditions_of(axis)
     if conditions:
         samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)

@@ -12,8 +12,7 @@ import numpy as np
 from monitor_core.identification import Record, between
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
-from service.config.schema import Config, NamedAxis
-from service.config.schema import Source as SignalSource
+from service.config.schema import Config, FurtherSignalConfig, NamedAxis
 from service.ingest.absent_messages import why_none
 from service.ingest.axis_records import Wanted, axis_record, sha256_of, wanted
 from service.ingest.records import is_table
@@ -23,7 +22,7 @@ _NAMED = 3
 
 
 @dataclass(frozen=True)
-class Source:
+class RecordOrigin:
     """Origin of a record, for the report and the nominal values made from it.
 
     ``samples`` are those of the axis in the whole file, ``used`` those in the range.  ``dropped`` counts what became no
@@ -56,7 +55,7 @@ class Loaded(NamedTuple):
     """A record and its origin."""
 
     record: Record
-    source: Source
+    source: RecordOrigin
 
 
 def load(text: str, config: Config, axis_id: str) -> Loaded:
@@ -78,7 +77,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     record = _in_range(full, want)
     start_s, end_s = (float(t - full.t[0]) for t in record.t[[0, -1]])
     begins_s = float(block.t_us[0]) * 1e-6 + start_s
-    source = Source(
+    source = RecordOrigin(
         want.path, sha256_of(want.path), len(full), len(record), start_s, end_s, dropped, begins_s, left_out
     )
     return Loaded(record, source)
@@ -93,7 +92,7 @@ def _axis_named(config: Config, axis_id: str) -> NamedAxis:
     )
 
 
-def _signals_in(path: Path, axis: NamedAxis) -> Sequence[SignalSource]:
+def _signals_in(path: Path, axis: NamedAxis) -> Sequence[FurtherSignalConfig]:
     if is_table(path):
         return [source for source in axis.sources if source.column is not None]
     return [source for source in axis.sources if source.message is not None and source.signal is not None]

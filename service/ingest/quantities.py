@@ -16,7 +16,7 @@ from monitor_core.samples import forward_fill
 from service.can.decode_plan import Column
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
-from service.config.schema import AngleConfig, SignalConfig, Source
+from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
 
 
 class Quantity(NamedTuple):
@@ -41,7 +41,7 @@ class Quantity(NamedTuple):
         return Column(self.factor * found.values + self.offset, found.present)
 
 
-def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Quantity:
+def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: Decoder) -> Quantity:
     """The quantity in a message of the bus, which the decoder decodes from now on.
 
     Raises:
@@ -57,7 +57,7 @@ def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Q
 class HeldSignal:
     """The last value of an auxiliary signal on the bus, with the time of its receipt."""
 
-    def __init__(self, source: Source, decoder: Decoder) -> None:
+    def __init__(self, source: FurtherSignalConfig, decoder: Decoder) -> None:
         self.quantity = quantity_of(f"signal {source.name}", source, decoder)
         self._most_us = source.max_age_s * 1e6
         self._value, self._t_us = math.nan, 0
@@ -89,7 +89,7 @@ class HeldColumns:
     An empty cell has the value before it.
     """
 
-    def __init__(self, sources: Sequence[Source]) -> None:
+    def __init__(self, sources: Sequence[FurtherSignalConfig]) -> None:
         self._sources = tuple(sources)
         self._most_us = 1e6 * np.array([source.max_age_s for source in sources])
         self._values = self._times = np.full(len(self._sources), np.nan)

@@ -17,11 +17,12 @@ import structlog
 
 from service.config.schema_links import AlarmLimits
 from service.pipeline.snapshot import LinkSnapshot
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import NumberedTransition, RecordedTransition
 from service.store.database import StoreError
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from service.store.outbox import Outbox
-from service.texts import now_us
+from service.texts.instants import now_us
 
 FIRST_RETRY_S, LAST_RETRY_S = 1.0, 300.0
 LONGEST_REQUESTED_S = 3600.0

@@ -18,8 +18,9 @@ from service.config.schema_links import SmtpConfig
 from service.links.delivery import PAGE, Message, NotYetError, RefusedError, UnavailableError
 from service.links.link_secrets import secret, tls
 from service.pipeline.snapshot import Snapshot
-from service.store.journal import RecordedAlarm
-from service.texts import episode_words, now_us
+from service.store.alarm_table import RecordedAlarm
+from service.texts.alarm_words import episode_words
+from service.texts.instants import now_us
 
 MOST_IN_FULL = 20
 """Alarms of a message that are described; of the others it has the number."""
@@ -113,7 +114,7 @@ class MailText:
 
     def _lines(self, a: RecordedAlarm) -> Iterable[str]:
         yield f"* Alarm {a.id}: axis {a.axis}, priority {a.priority}"
-        yield f"  {episode_words(a, a.nominal, a.unit)}"
+        yield f"  {episode_words(a, a.nominal, a.unit, a.same_payload)}"
         if meaning := self._meaning(a.axis, a.parameter):
             yield f"  {a.parameter} is: {meaning}"
         if a.ended_us is None:

@@ -17,7 +17,7 @@ from service.config.schema_links import MqttConfig
 from service.links.delivery import LOOK_S, Delivery, Message
 from service.links.link_secrets import secret, tls
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
-from service.texts import now_us
+from service.texts.instants import now_us
 from service.web import models, views
 
 KEEPALIVE_S = 20

@@ -23,7 +23,7 @@ from service.links.opcua_tree import NAMESPACE, Tree
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.database import StoreError
 from service.store.tokens import TokenFile
-from service.texts import now_us
+from service.texts.instants import now_us
 from service.web.app_state import VERSION
 from service.web.server import CannotListenError, listen
 

@@ -24,10 +24,12 @@ from monitor_core.monitoring import (
 )
 from service.links.delivery import PAGE, Message, UnavailableError
 from service.links.opcua_tree import Tree
-from service.store.alarm_transitions import SERVICE, Note
+from service.store.alarm_table import RecordedAlarm
+from service.store.alarm_transitions import SERVICE, Note, control_character
 from service.store.database import StoreError
-from service.store.journal import Journal, RecordedAlarm
-from service.texts import control_character, episode_words, now_us
+from service.store.journal import Journal
+from service.texts.alarm_words import episode_words
+from service.texts.instants import now_us
 
 SEVERITIES: dict[Priority, int] = {"low": 200, "medium": 500, "high": 800}
 """From 1 to 1000; OPC 10000-9 has low up to 333, high from 667"""
@@ -187,7 +189,7 @@ def condition(tree: Tree, alarm: RecordedAlarm, life: AlarmLife, note: Note) -> 
     """The event of an alarm in a state of its life, and what was noted when it came into it."""
     event = AlarmCondition(
         tree.known(alarm.axis),
-        episode_words(alarm, alarm.nominal, alarm.unit),
+        episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload),
         SEVERITIES[alarm.priority],
     )
     event.SourceName, event.ConditionName = alarm.axis, alarm.parameter

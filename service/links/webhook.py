@@ -14,7 +14,7 @@ import httpx
 from service.config.schema_links import WebhookConfig
 from service.links.delivery import Message, RefusedError, UnavailableError
 from service.links.link_secrets import key, tls
-from service.texts import now_us
+from service.texts.instants import now_us
 from service.web import views
 from service.web.app_state import VERSION
 

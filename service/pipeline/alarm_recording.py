@@ -13,11 +13,14 @@ from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmRules, AxisMonit
 from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.pipeline.wall_clock import WallClock
+from service.store.alarm_entries import Entry, lived
 from service.store.alarm_statistics import StateCount
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.database import StoreError
-from service.store.journal import Entry, Journal, RecordedAlarm, lived
-from service.texts import episode_words, iso
+from service.store.journal import Journal
+from service.texts.alarm_words import episode_words
+from service.texts.instants import iso
 
 RETRY_S = 1.0
 

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from itertools import groupby
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from monitor_core.detection import MultiModelDetector
 from monitor_core.drive import Operating
 from monitor_core.monitoring import (
@@ -242,9 +240,8 @@ class AxisMonitors:
 
     def compile_multimodel(self) -> None:
         """Compile the kernel of the multi-model detectors if one runs, or load it from its cache."""
-        empty = np.zeros(0)
         for detector in self.multimodel[:1]:
-            detector.bank.run(np.zeros(0, np.int64), empty, empty)
+            detector.bank.run(concatenate([]))
 
 
 def _alike(at: tuple[int, SampleBlock]) -> tuple[object, ...]:

@@ -6,7 +6,7 @@ from time import monotonic
 import structlog
 
 from monitor_core.wording import duration, sentence
-from service.texts import iso, now_us
+from service.texts.instants import iso, now_us
 
 _STEP_US = 1_000_000
 """Less is NTP that corrects a little, or a wait between the two clocks"""

@@ -59,6 +59,7 @@ def compile_kernel(shape: Shape) -> None:
     from monitor_core.detection import HypothesisBank
     from monitor_core.modeling import INTERVAL_S, reference_model
     from monitor_core.monitoring import FEWEST_LANES
+    from monitor_core.samples import concatenate
     from monitor_core.sampling import compile_stream
     from monitor_core.settings import Settings
 
@@ -66,7 +67,7 @@ def compile_kernel(shape: Shape) -> None:
         compile_stream(cyclic=True)
     elif shape == Shape.MULTIMODEL:
         bank = HypothesisBank(reference_model(), Settings(interval_s=INTERVAL_S))
-        bank.run(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+        bank.run(concatenate([]))
     else:
         lanes = 1 if shape == Shape.FEW_AXES else FEWEST_LANES
         empty = np.zeros((0, lanes))

@@ -10,7 +10,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import structlog
@@ -28,8 +28,8 @@ from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot, out_of_service
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.journal import RecordedAlarm
 
 LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
 """Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
@@ -37,6 +37,11 @@ long as the samples of a block."""
 PAUSE_FACTOR = 10
 """A snapshot that somebody looks at is replaced after so many times what it takes to make one (0.1 s for a thousand
 axes), at the latest after ``UNSEEN_S``."""
+
+LONGEST_BLOCK_S = 0.5
+BLOCK_FACTOR = 4
+"""A block costs the same whether an axis has one sample in it or ten.  So a block that takes long, as that of a
+thousand axes does, is followed by one of so many times its processor time, at most ``LONGEST_BLOCK_S``."""
 
 MOST_FRAMES = 10_000
 """Frames of a bus in one block, so that a backlog does not keep the snapshots waiting."""
@@ -189,7 +194,7 @@ class Worker:
         self._alarms, self._checkpointer, self._compiled = alarms, checkpointer, compiled
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
         self._block_s = config.block_s
-        self._judge_s = 0.0
+        self._judge_s = self._took_s = 0.0
         self._time = ProcessingTime()
         pipeline.monitors.defer_multimodel()
         self._history = history
@@ -203,6 +208,8 @@ class Worker:
         """How often its loop has turned: frames may be missing, but it turns after each ``block_s``"""
         self.error: BaseException | None = None
         """The fault that ended the thread."""
+        self.prepare: Callable[[Snapshot], object] = lambda _: None
+        """Called with a snapshot before it is shown, unless the last one was replaced a moment ago"""
         self._looked_at = False
         self._replace(self._news(now_us()))
 
@@ -303,7 +310,8 @@ class Worker:
                 busy = self._tick()
                 self.turns += 1
                 if not busy:
-                    self._await_frames(begun_s + self._block_s)
+                    longer_s = min(BLOCK_FACTOR * self._took_s, LONGEST_BLOCK_S)
+                    self._await_frames(begun_s + max(self._block_s, longer_s))
             self._finish()
         except BaseException as error:
             self.error = error
@@ -342,7 +350,7 @@ class Worker:
 
     def _block(self) -> bool:
         self._compiled.estimates.result()
-        start = perf_counter()
+        start, before_s = perf_counter(), thread_time()
         self._now_us()  # if the clock was set, this is known before the frames with the new times
         counts = [self._take(bus) for bus in self._buses]
         self._record(self._pipeline.update())
@@ -351,6 +359,7 @@ class Worker:
         self._record(self._pipeline.monitors.trends.update(1))
         if any(counts):
             self._time.observe(perf_counter() - start)
+        self._took_s = thread_time() - before_s
         return any(count >= MOST_FRAMES for count in counts)
 
     def _judge(self) -> None:
@@ -395,11 +404,14 @@ class Worker:
         )
         if at_once or age_s >= due_s or news.differs(self._published):
             self._looked_at = False
-            self._replace(news)
+            self._replace(news, prepare=age_s >= UNSEEN_S / 2)
 
-    def _replace(self, news: _News) -> None:
+    def _replace(self, news: _News, prepare: bool = False) -> None:
         start = perf_counter()
-        self._published = self._snapshot(news)
+        new = self._snapshot(news)
+        if prepare:
+            self.prepare(new)
+        self._published = new
         self._published_s = perf_counter()
         self._making_s = self._published_s - start
 

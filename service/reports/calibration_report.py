@@ -16,7 +16,7 @@ from monitor_core.monitoring import RMS_SPEED, Range
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed
 from service.config import NamedAxis
-from service.ingest.calibration_records import Source
+from service.ingest.calibration_records import SamplesOrigin
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
 
@@ -26,7 +26,7 @@ class Calibration:
 
     axis: NamedAxis
     result: CalibrationResult
-    sources: Sequence[Source]
+    sources: Sequence[SamplesOrigin]
     warnings: Sequence[str]
     provenance: Provenance
     alarms: DetectorName = "cusum"

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from monitor_core.excitation import Experiment, warnings
+from monitor_core.excitation import PlannedExperiment, warnings
 from monitor_core.wording import percent
 from service.ingest.unit_names import UNITS
 from service.reports.plot_style import on_light
@@ -22,7 +22,7 @@ QUANTITIES = ("torque", "speed", "angle")
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
 
 
-def as_csv(experiment: Experiment, torques: Mapping[str, float]) -> str:
+def as_csv(experiment: PlannedExperiment, torques: Mapping[str, float]) -> str:
     """Time, the predicted torque, speed and angle, and the reference where one is followed.
 
     ``torques``: columns of the torque, with what they are of it.
@@ -42,7 +42,7 @@ def as_csv(experiment: Experiment, torques: Mapping[str, float]) -> str:
     return out.getvalue()
 
 
-def print_text(experiment: Experiment, axis: str, console: Console) -> None:
+def print_text(experiment: PlannedExperiment, axis: str, console: Console) -> None:
     """Course, limits, crest factor, predicted standard deviations, and warnings."""
     task, signal = experiment.task, experiment.trial.signal
     s, h = task.schedule, task.plant.interval_s
@@ -63,7 +63,7 @@ def print_text(experiment: Experiment, axis: str, console: Console) -> None:
         console.print(f"- {sentence}", soft_wrap=True)
 
 
-def _limits(experiment: Experiment) -> Table:
+def _limits(experiment: PlannedExperiment) -> Table:
     table = Table("", "largest", "limit", "used", box=None, pad_edge=False)
     limits, used = experiment.task.limits.by_name(), experiment.used
     for name in QUANTITIES:
@@ -76,7 +76,7 @@ def _limits(experiment: Experiment) -> Table:
     return table
 
 
-def _accuracy(experiment: Experiment) -> Table:
+def _accuracy(experiment: PlannedExperiment) -> Table:
     accuracy, flat = experiment.accuracy, experiment.flat
     compared = [] if flat is accuracy else ["with a flat spectrum"]
     table = Table("parameter", "predicted sd", *compared, box=None, pad_edge=False)
@@ -86,7 +86,7 @@ def _accuracy(experiment: Experiment) -> Table:
     return table
 
 
-def _gained(experiment: Experiment) -> Iterator[str]:
+def _gained(experiment: PlannedExperiment) -> Iterator[str]:
     if not experiment.task.find:
         return
     if experiment.flat is experiment.accuracy:
@@ -102,7 +102,7 @@ def _gained(experiment: Experiment) -> Iterator[str]:
 _INK, _LIMIT, _BAND = (on_light(name) for name in ("text", "alarm", "zone"))
 
 
-def as_picture(experiment: Experiment, title: str, form: str) -> bytes:
+def as_picture(experiment: PlannedExperiment, title: str, form: str) -> bytes:
     """The picture as "png" or "svg"."""
     from matplotlib.figure import Figure
 
@@ -119,7 +119,7 @@ def as_picture(experiment: Experiment, title: str, form: str) -> bytes:
     return out.getvalue()
 
 
-def _course(rows: np.ndarray, experiment: Experiment) -> None:
+def _course(rows: np.ndarray, experiment: PlannedExperiment) -> None:
     motion, task = experiment.motion, experiment.task
     t = np.arange(len(motion.torque)) * task.plant.interval_s
     limits = task.limits.by_name()
@@ -137,7 +137,7 @@ def _course(rows: np.ndarray, experiment: Experiment) -> None:
     rows[-1].set_xlabel("time [s]")
 
 
-def _used(experiment: Experiment, name: str) -> str:
+def _used(experiment: PlannedExperiment, name: str) -> str:
     share = experiment.used[name]
     if not np.isfinite(experiment.task.limits.by_name()[name]):
         return "no limit"
@@ -145,7 +145,7 @@ def _used(experiment: Experiment, name: str) -> str:
     return f"{100 * share:.0f} % of the limit{binds}"
 
 
-def _spectrum(axes: Axes, experiment: Experiment) -> None:
+def _spectrum(axes: Axes, experiment: PlannedExperiment) -> None:
     signal = experiment.trial.signal
     axes.vlines(signal.frequency_hz, 0, signal.amplitudes, color=_INK, linewidth=1)
     axes.plot(signal.frequency_hz, signal.amplitudes, ".", color=_INK, markersize=3)

@@ -17,7 +17,7 @@ from monitor_core.identification import (
 )
 from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
-from service.ingest.identification_records import Source
+from service.ingest.identification_records import RecordOrigin
 from service.reports.formats import fields_of, json_text, one_line, percent, toml_table
 from service.reports.identification_report import (
     IdentificationReport,
@@ -196,7 +196,7 @@ def _thermal(found: FoundWarmUp) -> Json:
     }
 
 
-def _record(purpose: str, s: Source, trace: Trace) -> Json:
+def _record(purpose: str, s: RecordOrigin, trace: Trace) -> Json:
     return {
         "purpose": purpose,
         "file": str(s.path),
@@ -257,8 +257,8 @@ def as_json(report: IdentificationReport) -> str:
 def _verdict(verdict: Verdict) -> Json:
     return {
         "quality": verdict.quality.value,
-        "explained": verdict.own.per_cent,
-        "explained_validation": verdict.validation.per_cent,
+        "explained": verdict.own,
+        "explained_validation": verdict.validation,
         "validation": verdict.basis.value,
         "compared": verdict.measure.value,
         "missing": [effect.value for effect in verdict.missing],

@@ -27,7 +27,7 @@ from monitor_core.identification import (
 )
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration
-from service.ingest.identification_records import Source
+from service.ingest.identification_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
 _MOST_NAMED = 3
@@ -41,8 +41,8 @@ class IdentificationReport:
 
     axis_id: str
     result: IdentificationResult
-    estimation: tuple[Source, ...]
-    validation: tuple[Source, ...]
+    estimation: tuple[RecordOrigin, ...]
+    validation: tuple[RecordOrigin, ...]
     record_warnings: tuple[str, ...]
     """Doubts about the records, in sentences"""
     provenance: Provenance
@@ -88,7 +88,7 @@ class IdentificationReport:
         """Whether a poor fit is all that speaks against the values."""
         return self.result.rejection is Rejection.POOR
 
-    def traces(self) -> Iterator[tuple[str, Source, Trace]]:
+    def traces(self) -> Iterator[tuple[str, RecordOrigin, Trace]]:
         """Purpose, source and trace of each record."""
         for purpose, sources, traces in (
             ("estimation", self.estimation, self.result.estimation),
@@ -316,8 +316,8 @@ _MISSING = {
 def verdict_words(verdict: Verdict) -> str:
     """The figure and what it is of: "the simulation explains 94 % of the motion ..."."""
     what, of_what = _MEASURE[verdict.measure]
-    figure = f"{verdict.validation.per_cent:.0f} %" if verdict.validation.per_cent > 0 else "nothing"
-    own = f"{verdict.own.per_cent:.0f} %" if verdict.own.per_cent > 0 else "nothing"
+    figure = f"{verdict.validation:.0f} %" if verdict.validation > 0 else "nothing"
+    own = f"{verdict.own:.0f} %" if verdict.own > 0 else "nothing"
     words = f"{what} explains {figure} of the {of_what} {BASIS[verdict.basis]}"
     return words if verdict.basis is Basis.NONE else f"{words}, and {own} of that of the fitted ones"
 

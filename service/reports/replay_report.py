@@ -14,8 +14,11 @@ from service.pipeline.axis_monitors import Heat
 from service.reports.formats import Table, for_terminal, json_text, percent, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
 from service.reports.replay_result import Replayed, ReplayedAxis
-from service.store.journal import RecordedAlarm
-from service.texts import DATED_US, episode_words, iso, not_tested_sentences, reach_words, trend_words
+from service.store.alarm_table import RecordedAlarm
+from service.texts.alarm_words import episode_words
+from service.texts.instants import DATED_US, iso
+from service.texts.not_tested_words import not_tested_sentences
+from service.texts.trend_words import reach_words, trend_words
 from service.web import views
 
 
@@ -165,7 +168,10 @@ def dated(t_us: int | None) -> str:
 
 def alarm_sentences(axis: ReplayedAxis) -> Iterator[str]:
     """What each alarm says."""
-    return (f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit)}" for alarm in axis.alarms)
+    return (
+        f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload)}"
+        for alarm in axis.alarms
+    )
 
 
 def trend_sentences(axis: ReplayedAxis) -> Iterator[str]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection import Alarm, AlarmKey
+from monitor_core.detection import Alarm, AlarmKey, same_payload
 from monitor_core.monitoring import AxisStatus, AxisTrace, NotTested
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
@@ -20,7 +21,8 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot
 from service.reports.formats import Provenance
 from service.reports.replay_course import Course, TimeUnit
-from service.store.journal import Entry, RecordedAlarm
+from service.store.alarm_entries import Entry
+from service.store.alarm_table import RecordedAlarm
 
 ARROWS = {"up": "\N{BLACK UP-POINTING TRIANGLE}", "down": "\N{BLACK DOWN-POINTING TRIANGLE}"}
 
@@ -141,7 +143,7 @@ class Replay:
         monitors, stamps = self._monitors, self._stamps.get(axis.id, NOT_KNOWN)
         monitor = monitors.by_id[axis.id]
         model, status = monitor.model, monitor.status()
-        alarms = self._recorded(axis.id, status)
+        alarms = self._recorded(axis, status)
         snapshot = AxisSnapshot(
             id=axis.id,
             robot=axis.robot,
@@ -169,12 +171,17 @@ class Replay:
         notes = [f"{axis.id}: {words}" for words in (*status.confounded, *outside, *doubts)]
         return ReplayedAxis(snapshot, alarms, notes, self._courses.get(axis.id))
 
-    def _recorded(self, axis_id: str, status: AxisStatus) -> list[RecordedAlarm]:
+    def _recorded(self, axis: NamedAxis, status: AxisStatus) -> list[RecordedAlarm]:
         """The alarms of an axis as a journal has them, with unit and nominal value; of parameters the present one."""
-        now = {(axis_id, p.name): Quantity(p.unit, p.nominal) for p in status.parameters}
+        now = {(axis.id, p.name): Quantity(p.unit, p.nominal) for p in status.parameters}
         known = {**self._quantities, **now}
+        beside = {other.id for other in self._config.axes if other.robot == axis.robot} - {axis.id}
+        others = [(owner, alarm) for (owner, _), alarm in self._alarms.items() if owner in beside]
         return [
-            as_recorded(Entry(axis_id, *known[axis_id, alarm.parameter], alarm), number)
+            replace(
+                as_recorded(Entry(axis.id, *known[axis.id, alarm.parameter], alarm), number),
+                same_payload=same_payload(alarm, others),
+            )
             for number, ((owner, _), alarm) in enumerate(self._alarms.items(), 1)
-            if owner == axis_id
+            if owner == axis.id
         ]

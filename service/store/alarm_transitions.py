@@ -1,6 +1,7 @@
 """The life cycle of recorded alarms in SQLite: each transition is a row, written with the state that it changes."""
 
 import sqlite3
+import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -56,6 +57,14 @@ class Note(NamedTuple):
     who: str
     comment: str = ""
     work_order: str = ""
+
+
+def control_character(text: str) -> str | None:
+    """The first one in a text, but for tabs and line breaks; it could move the cursor of a terminal.
+
+    None: it has none.
+    """
+    return next((c for c in text if unicodedata.category(c) == "Cc" and c not in "\t\n\r"), None)
 
 
 class RecordedTransition(NamedTuple):

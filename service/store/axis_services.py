@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
 from service.store.alarm_transitions import CONFIGURATION, Note
 from service.store.database import Database
-from service.texts import iso
+from service.texts.instants import iso
 
 SERVICE_MIGRATION = """
     CREATE TABLE axis_service (

@@ -8,9 +8,10 @@ from starlette.exceptions import HTTPException
 
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_statistics import STALE_S
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.journal import AlarmFilter, RecordedAlarm, UnknownAlarmError
-from service.texts import microseconds
+from service.store.journal import AlarmFilter, UnknownAlarmError
+from service.texts.instants import microseconds
 from service.web import models, views
 from service.web.access import Scope, needs
 from service.web.app_state import AppState

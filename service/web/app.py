@@ -51,8 +51,8 @@ values, and alarms that name the parameter that has changed. Times are ISO 8601 
 on the motor side of the gear unless a description says otherwise; a number that is not finite is null."""
 
 _NOT_FOUND = described(404, "It does not exist")
-_LONGEST_S = 1.0
-"""All pages that are open ask for all axes once a second: one answer is made for them."""
+_LONGEST_S = 2.0
+"""All pages that are open ask for all axes once a second: one answer is made for them, with the snapshot."""
 
 Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
@@ -109,10 +109,11 @@ def _axes(state: AppState) -> APIRouter:
         return views.axes_json(taken, [views.axis_json(a, now_us) for a in taken.axes])
 
     every = Latest(written, _LONGEST_S)
+    state.prepared.append(every)
 
     @api.get("/axes", summary="All axes", response_model=models.Axes)
     def axes() -> Response:
-        """All axes with estimates, CUSUMs, counters and model in one answer; its ages may be a second old."""
+        """All axes with estimates, CUSUMs, counters and model in one answer; its ages may be two seconds old."""
         return Response(every(state.snapshot(), state.now_us()), media_type="application/json")
 
     @api.get("/axes/{axis}", summary="One axis", responses=_NOT_FOUND)
@@ -136,6 +137,7 @@ def _probes(state: AppState) -> APIRouter:
     """Health for machines: /healthz (alive), /readyz (monitoring, else the reasons), /metrics."""
     probes = APIRouter(tags=["probes"])
     written = metrics.Metrics(state.snapshot, state.now_us, state.links)
+    state.prepared.extend(written.of_axes.values())
     protected = Depends(needs(Scope.READ))
 
     # These two answer on the event loop: they must not wait for a thread.

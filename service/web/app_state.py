@@ -2,18 +2,20 @@
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.journal import Journal, RecordedAlarm
-from service.texts import now_us
+from service.store.journal import Journal
+from service.texts.instants import now_us
 from service.web.access import Access
 from service.web.models import Lack
 from service.web.problem_details import UnknownResourceError
@@ -53,6 +55,8 @@ class AppState:
     """The last seconds of the axes"""
     setup: RobotSetup | None = None
     """The configuration and its robot; None: neither is shown"""
+    prepared: "list[Latest]" = field(default_factory=list)
+    """Answers that take long: the worker makes them, and nobody waits for them, nor for the interpreter meanwhile"""
 
     def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
         """The axis of that id now, checked to monitor ``parameter`` if one is given.
@@ -69,35 +73,48 @@ class AppState:
             raise UnknownResourceError(f"{axis_id} has no monitored parameter {parameter!r}", names)
         return found
 
+    def prepare(self, snapshot: Snapshot) -> None:
+        """Make the answers that are asked for often, before the snapshot is shown; by the worker."""
+        for answer in self.prepared:
+            answer.prepare(snapshot)
+
     @property
     def recordings(self) -> RecordingFolder | None:
         """The folder of the frames around alarms; None: none are recorded."""
         return None if self.extracts is None else self.extracts.folder
 
 
-_T = TypeVar("_T")
-
-
-class Latest(Generic[_T]):
-    """What was made of the newest snapshot: made once, however many ask, until there is a newer one or it is too old.
+class Latest:
+    """An answer made of the newest snapshot: made once, however many ask, until there is a newer one or it is too old.
 
     Args:
         make: from a snapshot, at a time [us].
         longest_s: how long it may be used; its ages are as old.
     """
 
-    def __init__(self, make: Callable[[Snapshot, int], _T], longest_s: float) -> None:
+    def __init__(self, make: Callable[[Snapshot, int], bytes], longest_s: float) -> None:
         self._make, self._longest_us = make, longest_s * 1e6
         self._lock = threading.Lock()
-        self._held: tuple[Snapshot, int, _T] | None = None
+        self._held: tuple[Snapshot, int, bytes] | None = None
+        self._asked_us = 0
 
-    def __call__(self, snapshot: Snapshot, now_us: int) -> _T:
+    def __call__(self, snapshot: Snapshot, now_us: int) -> bytes:
         """From any thread; who asks while it is being made waits for it."""
+        self._asked_us = now_us
         with self._lock:
             held = self._held
             if held is None or held[0] is not snapshot or not 0 <= now_us - held[1] <= self._longest_us:
                 held = self._held = (snapshot, now_us, self._make(snapshot, now_us))
             return held[2]
+
+    def prepare(self, snapshot: Snapshot) -> None:
+        """Make it of a snapshot that is about to be shown, where somebody asks at least once a minute."""
+        if snapshot.taken_us - self._asked_us <= _WANTED_US:
+            with suppress(Exception), self._lock:  # who asks makes it again, and gets the error
+                self._held = (snapshot, snapshot.taken_us, self._make(snapshot, snapshot.taken_us))
+
+
+_WANTED_US = 60_000_000
 
 
 def age_s(t_us: int, now_us: int) -> float:

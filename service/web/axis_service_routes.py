@@ -6,7 +6,7 @@ from pydantic import Field
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
 from service.store.axis_services import ServiceEvent, ServiceStep
-from service.texts import iso
+from service.texts.instants import iso
 from service.web import views
 from service.web.alarm_routes import Caller
 from service.web.app_state import AppState

@@ -11,7 +11,7 @@ from service.store.alarm_transitions import Note
 from service.store.epochs import Epoch as RecordedEpoch
 from service.store.epochs import EpochEvent as RecordedEvent
 from service.store.epochs import EpochEventName, EpochSource, EpochState
-from service.texts import iso
+from service.texts.instants import iso
 from service.web.access import Scope, needs
 from service.web.app_state import AppState
 from service.web.models import (

@@ -11,9 +11,9 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import RecordedTransition
 from service.store.database import StoreError
-from service.store.journal import RecordedAlarm
 from service.web import models, views
 from service.web.app_state import AppState
 from service.web.problem_details import described

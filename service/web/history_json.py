@@ -11,7 +11,7 @@ from monitor_core.arrays import Floats, Ints
 from service.store.history_query import Course, HistoryAnswer
 from service.store.history_rows import QUANTITIES, Rows
 from service.store.history_store import Series
-from service.texts import iso
+from service.texts.instants import iso
 
 TABLE_COLUMNS: Mapping[str, type] = {
     "time": str,

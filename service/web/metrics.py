@@ -152,7 +152,7 @@ class Metrics:
         ProcessCollector(registry=self._small)
         self._writers = {openmetrics: _Writer(openmetrics) for openmetrics in (False, True)}
         # Not ages: they grow while the worker hangs, and alert rules wait for that.
-        self._of_axes = {
+        self.of_axes = {
             openmetrics: Latest(writer.of_axes, math.inf) for openmetrics, writer in self._writers.items()
         }
 
@@ -162,7 +162,7 @@ class Metrics:
         openmetrics = content_type.startswith("application/openmetrics-text")
         snapshot, now_us = self._snapshot(), self._now_us()
         fresh = self._writers[openmetrics].text([*_ages(snapshot, now_us), *_of_links(self._links())])
-        return self._of_axes[openmetrics](snapshot, now_us) + fresh + encoder(self._small), content_type
+        return self.of_axes[openmetrics](snapshot, now_us) + fresh + encoder(self._small), content_type
 
 
 class _Small(Collector):

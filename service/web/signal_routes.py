@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from service.pipeline.live_signals import LiveBlock
-from service.texts import iso, microseconds
+from service.texts.instants import iso, microseconds
 from service.web import models
 from service.web.alarm_routes import Moment
 from service.web.app_state import AppState

@@ -17,7 +17,7 @@ from starlette.exceptions import HTTPException
 from service.config.public_text import public_text
 from service.store.audit import AuditEntry, Place, Subject
 from service.store.database import SQLITE_VERSION
-from service.texts import iso
+from service.texts.instants import iso
 from service.web.access import Scope, needs
 from service.web.app_state import AppState
 from service.web.models import Body, TextOrNull, Time

@@ -12,9 +12,12 @@ from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note, RecordedTransition
-from service.store.journal import RecordedAlarm
-from service.texts import episode_words, iso, not_tested_sentences, reach_words, trend_words
+from service.texts.alarm_words import episode_words
+from service.texts.instants import iso
+from service.texts.not_tested_words import not_tested_sentences
+from service.texts.trend_words import reach_words, trend_words
 from service.web import models
 from service.web.app_state import VERSION, reasons_not_ready, sample_age_s
 
@@ -190,7 +193,7 @@ def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
         returns_to=life.returns_to,
         shelved_until=life.until_us,
         reaches=[reach(r, a.updated_us) for r in a.reaches],
-        words=episode_words(a, a.nominal, a.unit),
+        words=episode_words(a, a.nominal, a.unit, a.same_payload),
         past=[_body(models.PastName, name) for name in a.past],
         **own,
     )

@@ -24,6 +24,8 @@ pytestmark = [pytest.mark.bench, pytest.mark.browser]
 AXES, RATE_HZ, LIVE_S = 300, 10, 60.0
 MOST_TASK_MS = 50
 """What a task of the page may take, so that it answers to keys at once (RAIL)."""
+HELD_S = 120.0
+"""As long as a page keeps the last values of the axes (LENGTH_S of live_buffer.ts); then its heap stays."""
 PAGES = {"overview": "#/", "system": "#/system", "an axis": "#/axes/demo.axis7"}
 _READY = {"overview": "a.tile", "system": "table", "an axis": "canvas"}
 
@@ -107,6 +109,8 @@ def test_three_hundred_axes_in_a_browser(
                     first_s,
                 )
             )
+            if name == "overview":
+                heaps = [("3 s", first_mb), (f"{LIVE_S + 3.5:g} s", last_mb), *heaps_when_full(page)]
             page.close()
         browser.close()
     header = (
@@ -114,6 +118,14 @@ def test_three_hundred_axes_in_a_browser(
         f"above {MOST_TASK_MS} ms", "at the start ms", "first paint s", "first values s",
     )  # fmt: skip
     say(f"{AXES} axes at {RATE_HZ} Hz, {LIVE_S:g} s live, main thread of the page", header, rows)
+    say(f"heap of the overview; it holds {HELD_S:g} s of each axis", ("after", "heap MB"), heaps)
+
+
+def heaps_when_full(page: Page) -> Iterator[tuple[str, float]]:
+    """What the page holds at several times, from when its buffers are full."""
+    for _ in range(4):
+        page.wait_for_timeout(1000 * HELD_S / 2)
+        yield f"{page.evaluate('performance.now()') / 1000:.0f} s", heap_mb(page)
 
 
 def heap_mb(page: Page) -> float:

@@ -76,7 +76,7 @@ def configured(
     return folder / "robot.toml"
 
 
-def frames(axes: int = AXES, rate_hz: int = RATE_HZ, bits: int = BITS) -> FrameBlock:
+def frames(axes: int = AXES, rate_hz: int = RATE_HZ, bits: int = BITS, coulomb: float = 0.0) -> FrameBlock:
     """As many as the count has values, so that they can be repeated: the speeds are periodic."""
     count, periods = 2**bits, {3: 40.0, 8: 15.0}
     turns = 2 * np.pi * np.arange(count) / count
@@ -84,7 +84,7 @@ def frames(axes: int = AXES, rate_hz: int = RATE_HZ, bits: int = BITS) -> FrameB
     for number, amplitude in periods.items():
         speed += amplitude * np.sin(number * turns)
         slope += amplitude * np.cos(number * turns) * 2 * np.pi * number * rate_hz / count
-    torque = INERTIA * slope + FRICTION * speed
+    torque = INERTIA * slope + FRICTION * speed + coulomb * np.sign(speed)
     data = np.zeros((count, 8), np.uint8)
     columns = [np.rint(torque / 0.001), np.rint(speed / 0.01), np.arange(count)]
     for k, column in enumerate(columns):

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.budget import rates, thresholds
+from monitor_core.calibration.budget import nu_over_sigma, rates, thresholds
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
@@ -76,9 +76,8 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
     rng = np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
     healthy = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]
-    known = healthy_statistics(
-        model, settings, healthy, deviations(model, settings, healthy), between, WITHIN, rng
-    )
+    k = nu_over_sigma(len(model.scale), settings.memory, between, WITHIN)
+    known = healthy_statistics(model, settings, healthy, deviations(model, settings, healthy), k, rng)
     asked = between
     for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely
         same = np.random.default_rng(seed)
@@ -210,7 +209,7 @@ def test_what_a_sample_costs_in_the_blocks_of_the_daemon(seed: int, say: Say) ->
         def run() -> object:
             bank.reset()
             for k in range(0, samples, size):
-                bank.run(t_us[k : k + size], u[k : k + size], y[k : k + size])
+                bank.run(SampleBlock(t_us[k : k + size], u[k : k + size], y[k : k + size]))
             return bank
 
         return run
@@ -225,6 +224,6 @@ def test_what_a_sample_costs_in_the_blocks_of_the_daemon(seed: int, say: Say) ->
 def _run(bank: HypothesisBank, t_us: NDArray[np.int64], u: Floats, y: Floats) -> Callable[[], object]:
     def run() -> object:
         bank.reset()
-        return bank.run(t_us, u, y)
+        return bank.run(SampleBlock(t_us, u, y))
 
     return run

@@ -25,6 +25,7 @@ from monitor_core.excitation.reference_experiment import (
     faulty,
 )
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE, settings_of, steady_p_of
 
@@ -142,7 +143,7 @@ def _run(bank: HypothesisBank, rec: Experiment) -> Reaction:
     reaction = Reaction()
     for at in range(0, len(rec.u), BLOCK):
         block = slice(at, at + BLOCK)
-        for event in bank.run(rec.t_us[block], rec.u[block], rec.y[block]):
+        for event in bank.run(SampleBlock(rec.t_us[block], rec.u[block], rec.y[block])):
             delay = (event.time_us - rec.t_us[FAULT_AT]) * 1e-6 + INTERVAL_S
             if isinstance(event, ChangeDetected) and not 0 < delay <= WITHIN_S:
                 return reaction._replace(early=delay <= 0)
@@ -170,7 +171,7 @@ def false_alarms(bank: HypothesisBank, seed: int, samples: int) -> tuple[int, in
 def _until_alarm(bank: HypothesisBank, rec: Experiment, at: int) -> int:
     while at < len(rec.u):
         block = slice(at, at + 20 * BLOCK)
-        events = bank.run(rec.t_us[block], rec.u[block], rec.y[block])
+        events = bank.run(SampleBlock(rec.t_us[block], rec.u[block], rec.y[block]))
         if events:
             return int(np.searchsorted(rec.t_us, events[0].time_us)) + 1
         at += 20 * BLOCK

@@ -17,11 +17,12 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive
-from monitor_core.excitation import Lines, multisine
-from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
+from monitor_core.excitation import multisine
+from monitor_core.excitation.design import Command, PlannedExperiment, Task, plan, warnings
 from monitor_core.excitation.motions import ExcitationError, Limits, Schedule, fitted
 from monitor_core.excitation.multisine_signals import (
     Complex,
+    Lines,
     Multisine,
     crest_factor,
     flattened,
@@ -141,7 +142,7 @@ def task(limits: Limits, given_values: dict[str, float] | None = None, **changes
     return replace(Task(plant, estimation, limits, period=400), **changes)  # type: ignore[arg-type]
 
 
-def planned(seed: int, asked: Task) -> Experiment:
+def planned(seed: int, asked: Task) -> PlannedExperiment:
     return plan(asked, np.random.default_rng(seed))
 
 
@@ -174,7 +175,7 @@ def test_torques_and_motions_keep_within_all_limits(
     check_limits(planned_or_none(seed, asked), plant)
 
 
-def planned_or_none(seed: int, asked: Task) -> Experiment | None:
+def planned_or_none(seed: int, asked: Task) -> PlannedExperiment | None:
     """None where the text says that there is none, which a linear drive without offset always has."""
     try:
         return planned(seed, asked)
@@ -184,7 +185,7 @@ def planned_or_none(seed: int, asked: Task) -> Experiment | None:
         return None
 
 
-def check_limits(x: Experiment | None, plant: Plant) -> None:
+def check_limits(x: PlannedExperiment | None, plant: Plant) -> None:
     if x is None:
         return
     angle, speed = replayed(plant, x.motion.torque)
@@ -351,7 +352,7 @@ def test_predicted_deviations_are_those_of_many_estimates(torque_noise: float, s
 def filtered(at: dict[str, float], u: Floats, y: Floats | None, K: Floats) -> tuple[Floats, Floats]:
     """yhat and eps (N, W) of x+ = Ad (x + K eps) + Bd u, written out; without y eps is zero."""
     drive = two_mass("speed")
-    A, B, C = (drive.matrix(which, drive.complete(at)) for which in ("A", "B", "C"))
+    A, B, C = drive.matrices(drive.complete(at))
     Ad, Bd = zero_order_hold(A, B[:, :1], H)
     W = (u if y is None else y).shape[1]
     xs, yhat, eps = np.zeros((len(A), W)), np.empty((len(u), W)), np.zeros((len(u), W))

@@ -59,7 +59,7 @@ def _step(model: AxisModel) -> tuple[Floats, Floats]:
 
 def first_named(block: SampleBlock, model: AxisModel = MODEL) -> Share:
     """What the multi-model detector names first."""
-    events = HypothesisBank(model, SETTINGS, h=20.0).run(*block[:6])
+    events = HypothesisBank(model, SETTINGS, h=20.0).run(block)
     return next(event.shares[0] for event in events if isinstance(event, CauseIdentified))
 
 
@@ -135,7 +135,7 @@ def test_the_predictor_is_moved_by_the_weight_of_each_sample(seed: int) -> None:
     u, y, beside = (np.repeat(v[:, np.newaxis], W, axis=1) for v in (block.u, block.y, weight))
     beside[:, 1:] = 0.0
     times, gate = np.repeat(block.t_us[:, np.newaxis], W, axis=1), np.zeros((300, W), np.bool_)
-    batch.run(times, u, y, None, None, gate, beside)
+    batch.run(times, u, y, gate=gate, weight=beside)
     np.testing.assert_array_equal(batch.state.x[:, 0], alone.batch.state.x[:, 0])
     assert (batch.state.x[:, 1] != batch.state.x[:, 0]).any()
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm
+from monitor_core.detection import Alarm, same_payload
 from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Operating, Term
 from monitor_core.modeling.drawing import Drawing, part
 from monitor_core.modeling.elimination import eliminate
@@ -86,9 +86,9 @@ def rigid() -> Drive:
 class AxisWatch:
     """The monitor of an axis with what was found for it."""
 
-    def __init__(self, found: Found) -> None:
+    def __init__(self, found: Found, monitored: tuple[str, ...]) -> None:
         values = {"kT": 1.0, "J": found.J, "fm": found.fm, "fc": found.fc, "tau0": found.tau0, "load": 1.0}
-        model = AxisModel(rigid().with_load("tau0"), values, MONITORED)
+        model = AxisModel(rigid().with_load("tau0"), values, monitored)
         self.monitor = AxisMonitor(model, settings(model, found))
         terms = [Follow("tau0", Term.read(text), slope, 0.0, *ends) for text, slope, *ends in found.weight]
         self._operating = Operating(model, Conditions(("q2", "q3"), (), (), MIN_SPEED, weight=tuple(terms)))
@@ -103,14 +103,17 @@ def settings(model: AxisModel, found: Found) -> Settings:
         torque_noise=torque, output_noise=output, innovation_variance=lam0, lam=1 - INTERVAL_S / MEMORY_S
     )
     plain = recommended_settings(model, INTERVAL_S, options)
-    return replace(plain, thresholds=found.thresholds)
+    own = dict(zip(MONITORED, found.thresholds, strict=True))
+    return replace(plain, thresholds=tuple(own[name] for name in model.monitored))
 
 
 class ArmWatch:
     """The monitors of both axes."""
 
-    def __init__(self) -> None:
-        self._axes = {axis: AxisWatch(found) for axis, found in zip(AXES, (SHOULDER, ELBOW), strict=True)}
+    def __init__(self, monitored: tuple[str, ...] = MONITORED) -> None:
+        founds = zip(AXES, (SHOULDER, ELBOW), strict=True)
+        self._monitored = monitored
+        self._axes = {axis: AxisWatch(found, monitored) for axis, found in founds}
 
     def take(self, samples: ArmSamples) -> dict[tuple[str, object], Alarm]:
         """The last form of each alarm that changed."""
@@ -122,7 +125,7 @@ class ArmWatch:
 
     def copy(self) -> ArmWatch:
         """Another one in the same state."""
-        other = ArmWatch()
+        other = ArmWatch(self._monitored)
         for axis, watch in self._axes.items():
             other._axes[axis].monitor.from_arrays(watch.monitor.to_arrays())
         return other
@@ -131,7 +134,17 @@ class ArmWatch:
 @pytest.fixture(scope="module")
 def healthy(seed: int) -> tuple[Arm, ArmWatch]:
     """The arm and its monitors, which have found P(0)."""
-    arm, watch = Arm(ArmTruth(), np.random.default_rng(seed)), ArmWatch()
+    return settled(seed, MONITORED)
+
+
+@pytest.fixture(scope="module")
+def weight_not_monitored(seed: int) -> tuple[Arm, ArmWatch]:
+    """The same, with monitors that do not estimate the load."""
+    return settled(seed, tuple(name for name in MONITORED if name != "load"))
+
+
+def settled(seed: int, monitored: tuple[str, ...]) -> tuple[Arm, ArmWatch]:
+    arm, watch = Arm(ArmTruth(), np.random.default_rng(seed)), ArmWatch(monitored)
     assert not watch.take(arm.take(SEED_S))
     return arm, watch
 
@@ -161,6 +174,19 @@ def test_a_heavier_payload_is_a_load_on_both_axes(healthy: tuple[Arm, ArmWatch])
     shoulder, elbow = (alarm.size for alarm in alarms)
     assert shoulder == pytest.approx(0.14, abs=0.04)
     assert elbow == pytest.approx(0.21, abs=0.06)
+    assert same_payload(alarms[0], [("elbow", alarms[1])]) == ("elbow",)
+
+
+def test_a_heavier_payload_is_told_by_its_pattern_where_no_load_is_monitored(
+    weight_not_monitored: tuple[Arm, ArmWatch],
+) -> None:
+    """Each axis for itself cannot tell it from a weaker motor; both at once can."""
+    alarms = after(weight_not_monitored, {"payload": 1.3})
+    assert names(alarms) == [("named", "kT", "down")] * 2
+    assert same_payload(alarms[0], [("elbow", alarms[1])]) == ("elbow",)
+    assert same_payload(alarms[1], [("shoulder", alarms[0])]) == ("shoulder",)
+    (weaker,) = after(weight_not_monitored, {"shoulder kT": 0.8})
+    assert (weaker.parameter, weaker.direction) == ("kT", "down")
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
-from service.texts import iso, now_us
+from service.texts.instants import iso, now_us
 from tests.end_to_end.processes import (
     PATIENCE_S,
     Daemon,

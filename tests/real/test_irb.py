@@ -189,7 +189,7 @@ def test_a_torque_constant_is_told_from_a_scaled_output_when_there_is_evidence(
 ) -> None:
     start = len(irb_record.u) // 2
     bank = bank_of(found.result.model, found.result.settings, limits(found))
-    events = bank.run(*with_torque_constant(irb_record, 1.2, start)[:3])
+    events = bank.run(SampleBlock(*with_torque_constant(irb_record, 1.2, start)[:3]))
     named = [e for e in events if isinstance(e, CauseIdentified)]
     assert isinstance(events[0], ChangeDetected)
     assert [event.shares[0].cause for event in named] == ["kT"] * len(named)

@@ -108,7 +108,7 @@ def test_values_in_innovations_form_are_physical_and_as_good_as_by_output_error(
         assert min(found[name] for name in FREE if name != "tau0") >= 0
         assert {"fm", "fc"} & set(result.held) <= {"fc"}
         assert result.rejection is None
-        explains[predictor] = result.verdict.validation.per_cent
+        explains[predictor] = result.verdict.validation
     assert explains["innovations"] > explains["output-error"] - 1
 
 

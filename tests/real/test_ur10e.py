@@ -22,7 +22,6 @@ from monitor_core.identification import (
     IdentificationOptions,
     IdentificationResult,
     Measure,
-    Quality,
     Rejection,
     identify,
     scheduled_terms,
@@ -32,6 +31,7 @@ from monitor_core.identification import (
 from monitor_core.identification.greybox import Estimate, colour_of, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records import Record, between, suspicions
+from monitor_core.identification.verdict import Quality
 from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -175,7 +175,7 @@ def test_the_weight_of_all_links_is_identified_while_all_joints_move(
     print(f"UR10e joint 2, all moving: {result.verdict}, {list(result.slopes())}")
     assert result.verdict.quality is Quality.GOOD
     assert result.verdict.measure is Measure.TORQUE
-    assert result.verdict.validation.per_cent > 90
+    assert result.verdict.validation > 90
     assert all(slope.is_significant for slope in result.slopes())
     shoulder = {slope.scheduled.term: slope for slope in result.slopes()}["cos(q2 + q3)"]
     elbow = of_whole_robot(3, ("cos(q2 + q3)",), records_dir, tmp_path)

@@ -10,7 +10,8 @@ import httpx
 import pytest
 import structlog
 
-from service.commands.daemon import needs_cyclic_clock, run_daemon
+from service.commands.daemon import run_daemon
+from service.commands.daemon_parts import needs_cyclic_clock
 from service.commands.exit_codes import DaemonFailedError
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline

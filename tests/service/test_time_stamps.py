@@ -64,7 +64,7 @@ def spread(u: Floats, y: Floats, which: Sequence[Times], times: Sequence[Times])
     for a, (k, t_us) in enumerate(zip(which, times, strict=True)):
         t[: len(k), a], torque[: len(k), a], speed[: len(k), a] = t_us, u[k, a], y[k, a]
     settings = Settings.paper(INTERVAL_S, lam=0.995, lam0=NOISE["speed"] ** 2, settle_s=2.5, alpha2=1e9)
-    trace = AxisBatch([model] * AXES, [settings] * AXES).trace(t, torque, speed, count)
+    trace = AxisBatch([model] * AXES, [settings] * AXES).trace(t, torque, speed, count=count)
     fm = trace.theta[SETTLED : count.min(), 2] / model.theta0[2] - 1
     return float(np.sqrt(np.mean(fm**2)))
 

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.detection import Alarm, Reach
+from monitor_core.detection import Alarm, Cause, Reach
 from monitor_core.trend.trend import trend_of
-from service.texts import alarm_words, episode_words, reach_words, trend_words
+from service.texts.alarm_words import alarm_words, episode_words
+from service.texts.trend_words import reach_words, trend_words
 from tests.core.trend.courses_of_months import SIZE, months
 
 DAY_US = 86_400_000_000
@@ -75,6 +76,17 @@ def test_an_alarm_about_a_limit() -> None:
     words = episode_words(forecast, 0.06, UNIT)
     now = "now fm is 0.02 N m s/rad (33 %, 30 to 37) above its nominal value"
     assert words == f"fm reaches 0.09 N m s/rad in 12 to 20 days; {now}"
+
+
+def test_an_alarm_of_axes_that_show_the_same_payload() -> None:
+    found = Alarm(
+        "kT", "down", NOW_US, NOW_US, NOW_US, None, -0.2, 0.01, 1, "named", (Cause("kT", 0.99, ("load",)),)
+    )
+    alone = "kT is 0.2 (20 %, 18 to 22) below its nominal value; another payload would look the same"
+    assert episode_words(found, 1.0, "1") == alone
+    likelier = "the same at that time: another payload is likelier than a fault of each"
+    assert episode_words(found, 1.0, "1", ("arm.3",)) == f"{alone}; arm.3 shows {likelier}"
+    assert episode_words(found, 1.0, "1", ("arm.2", "arm.3")) == f"{alone}; arm.2 and arm.3 show {likelier}"
 
 
 LATE = "the torque frame is 0.5 ms late: the torque acts that much after its sample"

@@ -15,7 +15,7 @@ from monitor_core.monitoring import NotTested
 from service.commands.exit_codes import NOT_TESTED
 from service.config import load
 from service.ingest.calibration_records import begins_cold
-from service.texts import episode_words
+from service.texts.alarm_words import episode_words
 from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import Warming, WarmingPlant

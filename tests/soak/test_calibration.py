@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.budget import rates, thresholds
+from monitor_core.calibration.budget import nu_over_sigma, rates, thresholds
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.calibration.multimodel_healthy import multimodel_statistics
@@ -47,7 +47,8 @@ def of_tests(plant: Plant, seed: int) -> list[Found]:
     rng, healthy = np.random.default_rng([seed, 1]), record(plant, seed, SAMPLES)
     watched = deviations(plant.model, plant.settings, [healthy])
     # The copies take the time, and do for both budgets: nu is that of the longer one.
-    known = healthy_statistics(plant.model, plant.settings, [healthy], watched, BUDGETS[-1], WITHIN, rng)
+    k = nu_over_sigma(len(plant.model.scale), plant.settings.memory, BUDGETS[-1], WITHIN)
+    known = healthy_statistics(plant.model, plant.settings, [healthy], watched, k, rng)
     found = []
     for budget in BUDGETS:
         own = thresholds(known.scatter, known.tails, known.allowance, budget, rng)

@@ -31,14 +31,12 @@ HELD = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """g of a parameter has crossed h.  Times in microseconds since 1970; the size is theta - theta_0 at that sample."""
+    """g of a parameter has crossed h.  Times in microseconds since 1970."""
 
     parameter: str
     direction: Direction
     time_us: int
     onset_us: int
-    size: float
-    size_sd: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

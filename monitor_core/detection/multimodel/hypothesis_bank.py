@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Bools, Floats, Ints
+from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
 from monitor_core.detection.multimodel.candidates import default_hypotheses
@@ -28,6 +28,7 @@ from monitor_core.kernel.likelihood import FIRST_MARK, HELD_BACK, LATE, MARKS, O
 from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
 from monitor_core.kernel.state import NEVER, USED
 from monitor_core.kernel.tables import Tables
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 SURE_ENOUGH = 0.999
@@ -203,32 +204,25 @@ class HypothesisBank:
         self._build()
         self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
 
-    def run(
-        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None,
-        weight: Floats | None = None,
-    ) -> list[Event]:  # fmt: skip
-        """Run samples (N,) in the order of their receipt: times in us, torque in N m, output.
+    def run(self, samples: SampleBlock) -> list[Event]:
+        """Run samples (N,) in the order of their receipt.
 
-        ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; the last value is kept without it and where it
-        is NaN; nothing is tested while it is NaN.  ``gate`` (N,): test where True.  ``weight`` (N,): torque of the
-        nominal weight [N m], as for ``AxisBatch.run``.
+        Nothing is tested where ``shift`` is NaN, or ``gate`` False.  Without ``shift`` and where it is NaN, its last
+        value is kept; so it is with ``weight``.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(_block(t_us, u, y, gate, weight), shift, _NO_TRACE)
+        return self._run(_block(samples), samples.shift, _NO_TRACE)
 
-    def run_traced(
-        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None,
-        weight: Floats | None = None, what_holds: bool = False,
-    ) -> tuple[list[Event], BankTrace]:  # fmt: skip
+    def run_traced(self, samples: SampleBlock, what_holds: bool = False) -> tuple[list[Event], BankTrace]:
         """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
 
         With ``what_holds`` the first column is that of the present reference.
         """
         first, last = 0 if what_holds else 1, len(self.hypotheses) + 1
-        trace = BankTrace(*(np.full((len(t_us), len(self._lanes)), np.nan) for _ in range(3)))
-        events = self._run(_block(t_us, u, y, gate, weight), shift, trace)
+        trace = BankTrace(*(np.full((samples.size, len(self._lanes)), np.nan) for _ in range(3)))
+        events = self._run(_block(samples), samples.shift, trace)
         return events, BankTrace(*(values[:, first:last] for values in trace))
 
     def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
@@ -360,7 +354,8 @@ def _copy(memory: Memory) -> Memory:
     return Memory(**{name: array.copy() for name, array in memory._asdict().items()})
 
 
-def _block(t_us: Ints, u: Floats, y: Floats, gate: Bools | None, weight: Floats | None) -> Block:
+def _block(samples: SampleBlock) -> Block:
+    t_us, u, y, _, gate, weight = samples[:6]
     t = np.ascontiguousarray(t_us, dtype=np.int64)
     opened = _ALWAYS if gate is None else np.ascontiguousarray(gate, np.bool_)[:, np.newaxis]
     held = _AS_BEFORE if weight is None else np.ascontiguousarray(weight, float)

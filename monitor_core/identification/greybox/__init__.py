@@ -1,7 +1,6 @@
 """The fit of a drive to records: criterion, search, covariance, tests of the prediction errors, doubts."""
 
 from monitor_core.identification.greybox.comparison import (
-    Share,
     Trace,
     colour_of,
     explained,
@@ -9,10 +8,5 @@ from monitor_core.identification.greybox.comparison import (
     traces_of,
 )
 from monitor_core.identification.greybox.estimate import Estimate
-from monitor_core.identification.greybox.estimation import fit
+from monitor_core.identification.greybox.fitting import fit
 from monitor_core.identification.greybox.residuals import LEVEL, Correlation
-
-__all__ = [
-    "LEVEL", "Correlation", "Estimate", "Share", "Trace", "colour_of", "explained", "fit", "monitored_information",
-    "traces_of",
-]  # fmt: skip

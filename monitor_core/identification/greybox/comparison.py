@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -115,15 +114,10 @@ def _speeds(t: Floats, y: Floats, eps: Floats, quantity: Output) -> tuple[Floats
         return turned[far] / steps[far], missed[far] / steps[far]
 
 
-class Share(NamedTuple):
-    """How much of the motion a simulation explains."""
+def explained(traces: Sequence[Trace]) -> float:
+    """Per cent of the motion that a simulation explains, 100 (1 - |errors| / |speed - mean|), of all records together.
 
-    per_cent: float  # 100 (1 - |errors| / |speed - mean|), the noise of the measurement taken out of both
-    noise: float  # its part of the speed's standard deviation
-
-
-def explained(traces: Sequence[Trace]) -> Share:
-    """Of all records together, whatever noise is on the measured motion.
+    The noise of the measurement is taken out of both.
 
     White noise is what third differences of the errors show: what a drive lacks is slower than the samples.
     """
@@ -136,8 +130,8 @@ def explained(traces: Sequence[Trace]) -> Share:
         spread += speed.size * float(speed.var())
         left, noise = left + power - white, noise + white
     if not (np.isfinite(left) and spread > noise):
-        return Share(-np.inf, 1.0)
-    return Share(100 * (1 - float(np.sqrt(left / (spread - noise)))), float(np.sqrt(noise / spread)))
+        return -np.inf
+    return 100 * (1 - float(np.sqrt(left / (spread - noise))))
 
 
 def _white(trace: Trace) -> float:

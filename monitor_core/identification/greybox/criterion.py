@@ -16,6 +16,7 @@ from monitor_core.identification.greybox.levenberg_marquardt import (
     UNDAMPED,
     End,
     Normal,
+    Region,
     minimise,
 )
 from monitor_core.identification.predictor.parameter_vector import LEVEL
@@ -141,11 +142,8 @@ def fit_starts(predictor: Predictor) -> Floats:
         return _normal(predictor, errors, columns, np.ones(own.size), np.inf)
 
     own = xi[shared:]
-    endless = np.full(own.size, np.inf)
     try:
-        found = minimise(
-            evaluate, own, (-endless, endless), endless, endless, _START_STEPS, None, UNDAMPED, NEARLY
-        ).xi
+        found = minimise(evaluate, own, Region(), _START_STEPS, None, UNDAMPED, NEARLY).xi
     except ValueError:
         found = own
     return np.concatenate([xi[:shared], found])
@@ -234,7 +232,7 @@ def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress:
     def evaluate(at: Floats) -> Normal:
         return criterion(predictor, at, limit)
 
-    return minimise(evaluate, xi, predictor.bounds(), longest, clipped, most, progress)
+    return minimise(evaluate, xi, Region(*predictor.bounds(), longest, clipped), most, progress)
 
 
 def _loss(eps: Floats, limit: float) -> float:

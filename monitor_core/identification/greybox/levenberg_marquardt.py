@@ -42,6 +42,17 @@ class Normal(NamedTuple):
     samples: int
 
 
+class Region(NamedTuple):
+    """Where a search may go (P,): numbers that hold for all entries, or one for each; infinite: no limit."""
+
+    lower: Floats | float = -np.inf
+    upper: Floats | float = np.inf
+    longest: Floats | float = np.inf
+    """By how much entries may move in one step, which is shortened as a whole"""
+    clipped: Floats | float = np.inf
+    """The same, but of the entry alone"""
+
+
 class End(NamedTuple):
     """End of the search, and the remaining Gauss-Newton step (P,)."""
 
@@ -55,9 +66,7 @@ class End(NamedTuple):
 def minimise(
     evaluate: Callable[[Floats], Normal],
     xi: Floats,
-    bounds: tuple[Floats, Floats],
-    longest: Floats,
-    clipped: Floats,
+    region: Region,
     most: int,
     progress: Callable[[int, float], None] | None = None,
     damping: float = _DAMPING,
@@ -67,10 +76,8 @@ def minimise(
 
     Args:
         evaluate: the model at a vector.
-        xi: start, inside the bounds.
-        bounds: lower and upper (P,), infinite where there are none.
-        longest: (P,) by how much entries may move in one step, which is shortened as a whole; infinite: no limit.
-        clipped: (P,) the same, but of the entry alone.
+        xi: start (P,), inside the bounds.
+        region: bounds and longest steps.
         most: evaluations.
         progress: called with the number of evaluations and the cost whenever that has fallen.
         damping: of the first step, in units of the curvature; UNDAMPED where the problem is nearly linear.
@@ -82,14 +89,14 @@ def minimise(
     at, mu, grow = evaluate(xi), damping, 2.0
     if not np.isfinite(at.cost):
         raise ValueError("the predictor is unstable at the start values, or they make no sense")
-    steps = _Steps(xi, at, bounds, clipped)
+    steps = _Steps(xi, at, region)
     for count in range(1, most):
         left = steps.damped(0.0)
         if _settled(at, left, settled):
             return End(xi, at, count, True, left)
         wanted = steps.damped(mu)
-        step = wanted / max(1.0, float(np.max(np.abs(wanted) / longest, initial=0.0)))
-        new = np.clip(xi + np.clip(step, -clipped, clipped), *bounds)
+        step = wanted / max(1.0, float(np.max(np.abs(wanted) / region.longest, initial=0.0)))
+        new = np.clip(xi + np.clip(step, -region.clipped, region.clipped), region.lower, region.upper)
         trial = evaluate(new)
         gain = at.cost - trial.cost
         expected = float(2 * at.g @ (new - xi) - (new - xi) @ at.H @ (new - xi))
@@ -98,7 +105,7 @@ def minimise(
             mu = max(mu * max(1 / 10, 1 - (2 * agrees - 1) ** 3), 1e-15)
             flat = gain <= _FLAT * at.cost and np.array_equal(new, xi + wanted)
             xi, at, grow = new, trial, 2.0
-            steps = _Steps(xi, at, bounds, clipped)
+            steps = _Steps(xi, at, region)
             if progress:
                 progress(count, at.cost)
             if flat:
@@ -128,10 +135,9 @@ class _Eigen(NamedTuple):
 class _Steps:
     """Steps from xi with any damping, from one decomposition of H for each set of free entries."""
 
-    def __init__(self, xi: Floats, at: Normal, bounds: tuple[Floats, Floats], clipped: Floats) -> None:
-        lower, upper = bounds
-        self._at, self._at_lower, self._at_upper = at, xi <= lower, xi >= upper
-        smallest = np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / clipped
+    def __init__(self, xi: Floats, at: Normal, region: Region) -> None:
+        self._at, self._at_lower, self._at_upper = at, xi <= region.lower, xi >= region.upper
+        smallest = np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / region.clipped
         self._matter = np.sqrt(np.diag(at.H)) > smallest
         self._eigen: dict[bytes, _Eigen] = {}
 

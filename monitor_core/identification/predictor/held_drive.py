@@ -14,20 +14,20 @@ from monitor_core.drive.structure import Drive, Matrix, split_name
 from monitor_core.kernel.sample_interval import LOST
 
 
-class Held(NamedTuple):
+class HeldDrive(NamedTuple):
     """x(t + h) = X (x, u), X = [Ad Bd], for G intervals; derivatives have the parameter as second axis."""
 
     X: Floats  # (G, n, n + m)
     dX: Floats  # (G, p, n, n + m)
 
 
-def hold(system: Linear, intervals_s: Floats) -> Held:
+def hold(system: Linear, intervals_s: Floats) -> HeldDrive:
     """The drive over these intervals (G,), in s, exactly."""
     dA, dB = (np.moveaxis(slopes, 2, 0) for slopes in (system.dA, system.dB))
-    return Held(*zero_order_hold_slopes(system.A, system.B, dA, dB, intervals_s))
+    return HeldDrive(*zero_order_hold_slopes(system.A, system.B, dA, dB, intervals_s))
 
 
-def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> Held:
+def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> HeldDrive:
     """The drive with its torque delayed by tau_d: until then the previous torque acts, as a further input.
 
         [t, t + tau_d): u[k-1],   [t + tau_d, t + h): u[k];   the other inputs are not delayed
@@ -50,7 +50,7 @@ def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, de
     edge = (rest.X[:, :, :n] @ system.B[:, torque]) * (delay_s <= intervals_s)[:, None, None]
     dX[:, p][..., columns] = -edge
     dX[:, p, :, n + m] = edge.sum(axis=-1)
-    return Held(X, dX)
+    return HeldDrive(X, dX)
 
 
 # --- A, B, C of a drive and their derivatives with respect to its free parameters, all terms at once ------------------
@@ -146,14 +146,14 @@ class Structure:
 # over h is the mean speed.  After lost samples that is over the drive's own, last interval, as in the monitor.
 
 
-def averaged(held: Held, s: int, over_s: Floats) -> Held:
+def averaged(held: HeldDrive, s: int, over_s: Floats) -> HeldDrive:
     """The held drive with the mean of s over ``over_s`` (G,) [s] in place of s, which starts at zero."""
     X, dX = held.X.copy(), held.dX.copy()
     X[:, s] /= over_s[:, np.newaxis]
     dX[:, :, s] /= over_s[:, np.newaxis, np.newaxis]
     X[:, :, s] = 0.0
     dX[:, :, :, s] = 0.0
-    return Held(X, dX)
+    return HeldDrive(X, dX)
 
 
 def hold_mean(
@@ -163,7 +163,7 @@ def hold_mean(
     late_s: float | None,
     s: int,
     interval_s: float,
-) -> Held:
+) -> HeldDrive:
     """The drive over intervals (G,) [s], the nominal one ``interval_s``; ``late_s`` as in ``hold_late``, or None."""
     late = np.minimum(late_s or 0.0, intervals_s)
     own_s = np.where(intervals_s > LOST * interval_s, np.minimum(intervals_s - late, interval_s), 0.0)
@@ -172,11 +172,11 @@ def hold_mean(
     found = averaged(held, s, before_s)
     for g in np.flatnonzero(own_s).tolist():
         own = averaged(hold(system, own_s[g : g + 1]), s, own_s[g : g + 1])
-        found.X[g], found.dX[g] = _after(own, Held(found.X[g : g + 1], found.dX[g : g + 1]))
+        found.X[g], found.dX[g] = _after(own, HeldDrive(found.X[g : g + 1], found.dX[g : g + 1]))
     return found
 
 
-def _after(own: Held, before: Held) -> tuple[Floats, Floats]:
+def _after(own: HeldDrive, before: HeldDrive) -> tuple[Floats, Floats]:
     """The last interval after the part before it; the previous torque has long ceased to act in it."""
     n, k = own.X.shape[1:]
     A, B, X = own.X[0, :, :n], own.X[0, :, n:], before.X[0]

@@ -116,7 +116,7 @@ class Layout:
         ]
 
     def _loudest(self, drive: Drive) -> float:
-        A, B, C = (drive.matrix(which, self._nominal) for which in ("A", "B", "C"))
+        A, B, C = drive.matrices(self._nominal)
         with np.errstate(all="ignore"):
             _, Bd = zero_order_hold(A, B, self._interval_s)
         moved = float(np.abs(C[0] @ Bd[:, drive.of_torque]).max())

@@ -24,6 +24,8 @@ from monitor_core.kernel.fixed_predictor import (
     FROM_OUTPUT,
     FROM_RECORD,
     FROM_STATE,
+    Course,
+    FixedDrive,
     MotionInputs,
     predict_record,
 )
@@ -215,9 +217,8 @@ class Predictor:
         C = np.array([system.C for system in levels])
         dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
         eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
-        good = predict_record(
-            s.step, s.level, s.u, s.y, s.measured, s.counts, s.weights, motion, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
-        )  # fmt: skip
+        course = Course(s.step, s.level, s.u, s.y, s.measured, s.counts, s.weights)
+        good = predict_record(course, FixedDrive(X, dX, C, dC, K.K, dK), motion, x0, Z0, eps, psi)
         return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
 
     def _acts(self, levels: Sequence[Linear]) -> NDArray[np.bool_]:

@@ -6,14 +6,7 @@ at.  Thresholds are set so that a healthy record gives no finding: each constant
 
 from monitor_core.identification.records.arm_links import link_weights
 from monitor_core.identification.records.link_ratios import gear_ratios
-from monitor_core.identification.records.measured_record import (
-    UNITS,
-    Finding,
-    Known,
-    Record,
-    between,
-    lively_parts,
-)
+from monitor_core.identification.records.measured_record import UNITS, Known, Record, between, lively_parts
 from monitor_core.identification.records.motion_checks import (
     has_wrong_sign,
     is_about_nominal,
@@ -30,9 +23,3 @@ from monitor_core.identification.records.value_patterns import (
     whole_numbers,
     wrap_of,
 )
-
-__all__ = [
-    "UNITS", "Finding", "Known", "Record", "Span", "TurningWeight", "between", "gear_ratios", "has_wrong_sign",
-    "held_for", "is_about_nominal", "known_of", "link_weights", "lively_parts", "rigid_fit", "shown_inertia",
-    "speed_scales", "stuck_spans", "suspicions", "turning_weight", "whole_numbers", "wrap_of",
-]  # fmt: skip

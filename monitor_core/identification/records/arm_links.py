@@ -21,14 +21,15 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     USUAL,
     WINDOWS,
-    Part,
+    GridPart,
+    balance_equations,
     integrals,
     least_speed,
     moving_windows,
+    of_unit_length,
     rms_speed,
     speed_scales,
     window_of,
-    windowed_equations,
     windowed_parts,
 )
 
@@ -94,7 +95,7 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     return LinkWeights(tuple(map(str, needed)), explained, before)
 
 
-def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[Part], int]:
+def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:
     """Parts of records where these angles are known, and the window of their torque balance; none: too few windows."""
     parts = [
         _thinned(part)
@@ -107,7 +108,7 @@ def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[P
     return (parts if enough else []), window
 
 
-def _window(records: Sequence[Record], parts: Sequence[Part]) -> int:
+def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
     """Length of the window of the torque balance, in samples."""
     speed = rms_speed(records)
     if not parts or not speed > 0:
@@ -128,7 +129,7 @@ class _Wave(NamedTuple):
         inner = first + "".join(f" {'-' if sign < 0 else '+'} {name}" for sign, name in more)
         return f"{self.function}({inner})"
 
-    def of_part(self, part: Part) -> Floats:
+    def of_part(self, part: GridPart) -> Floats:
         """Its values (N,)."""
         total = sum((sign * part.signals[name] for sign, name in self.angles), np.zeros(len(part.u)))
         return np.asarray(np.cos(total) if self.function == "cos" else np.sin(total))
@@ -185,7 +186,7 @@ def _sums(own: str, angles: Sequence[str], count: int) -> Iterator[Sum]:
             yield tuple(zip((1, *signs), used, strict=True))
 
 
-def _thinned(part: Part) -> Part:
+def _thinned(part: GridPart) -> GridPart:
     """Means over blocks of samples, if there are too many."""
     block = -(-len(part.u) // _MOST_SAMPLES)
     if block == 1:
@@ -196,10 +197,10 @@ def _thinned(part: Part) -> Part:
         return np.asarray(values[: count * block].reshape(count, block).mean(axis=1))
 
     signals = {name: means(values) for name, values in part.signals.items()}
-    return Part(means(part.u), means(part.y), part.h * block, part.quantity, signals)
+    return GridPart(means(part.u), means(part.y), part.h * block, part.quantity, signals)
 
 
-def windows_of_motion(parts: Sequence[Part], window: int) -> Bools:
+def windows_of_motion(parts: Sequence[GridPart], window: int) -> Bools:
     """In which windows (M,) of all parts the axis moves: where it stands, friction may be anything, as a weight may."""
     least = least_speed(parts)
     if least is not None:
@@ -214,20 +215,19 @@ def windows_of_motion(parts: Sequence[Part], window: int) -> Bools:
 class _Balance:
     """The torque balance of one mass, with waves beside it: fitted to each half, and tried on the other."""
 
-    def __init__(self, parts: Sequence[Part], window: int, scale: float) -> None:
+    def __init__(self, parts: Sequence[GridPart], window: int, scale: float) -> None:
         self._parts, self._window = parts, window
-        equations = [windowed_equations(part, window, scale, USUAL) for part in parts]
         self._kept = windows_of_motion(parts, window)
-        self._rows = np.concatenate([rows for rows, _ in equations])[self._kept]
-        self._torque = np.concatenate([torque for _, torque in equations])[self._kept]
+        self._rows, self._torque = (
+            array[self._kept] for array in balance_equations(parts, window, scale, USUAL)
+        )
         self._columns: dict[_Wave, Floats] = {}
         self._half = len(self._torque) // 2
 
     def left(self, waves: Sequence[_Wave]) -> float:
         """Sum of squared errors in each half with values of the other one."""
         rows = np.column_stack([self._rows, *(self._column(wave) for wave in waves)])
-        size = np.sqrt((rows**2).sum(axis=0))
-        rows = rows / np.where(size > 0, size, 1.0)
+        rows = of_unit_length(rows)
         total, halves = 0.0, (slice(self._half), slice(self._half, None))
         for fitted, other in (halves, halves[::-1]):
             found, *_ = np.linalg.lstsq(rows[fitted], self._torque[fitted], rcond=1e-8)

@@ -22,11 +22,12 @@ from monitor_core.identification.records.arm_links import Sum, slow_parts, windo
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     USUAL,
-    Part,
+    GridPart,
+    balance_equations,
     integrals,
+    of_unit_length,
     speed_scales,
     window_of,
-    windowed_equations,
 )
 
 _TURNS = np.geomspace(0.3, 2 * np.pi, 40)
@@ -75,13 +76,10 @@ _Found = tuple[dict[str, float], list[Sum], float]
 class _Trial:
     """The torque balance in windows, with the mean angle of each window: a weight hardly changes within one."""
 
-    def __init__(self, parts: Sequence[Part], window: int, angles: Sequence[str], scale: float) -> None:
+    def __init__(self, parts: Sequence[GridPart], window: int, angles: Sequence[str], scale: float) -> None:
         kept = windows_of_motion(parts, window)
-        equations = [windowed_equations(part, window, scale, USUAL) for part in parts]
-        rows = np.concatenate([rows for rows, _ in equations])[kept]
-        size = np.sqrt((rows**2).sum(axis=0))
-        self.rows = rows / np.where(size > 0, size, 1.0)
-        self.torque = np.concatenate([torque for _, torque in equations])[kept]
+        rows, torque = balance_equations(parts, window, scale, USUAL)
+        self.rows, self.torque = of_unit_length(rows[kept]), torque[kept]
         self.angles = dict[str, Floats]()
         for name in angles:
             means = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import eigvals
@@ -41,19 +41,15 @@ class Slip(NamedTuple):
 
     factor: float
     mistake: str
-    signal: Literal["torque", "motion"]
-    """Which signal is in another unit, of those that it can be the likelier one"""
-    unit: float
-    """That unit in SI units"""
 
 
 _SLIPS = (
-    Slip(1000.0, "a torque in N mm or mN m", "torque", 1e-3),
-    Slip(1 / 1000, "a motion in mrad, or a torque in kN m", "motion", 1e-3),
-    Slip(1 / 57.3, "a motion in degrees", "motion", math.pi / 180),
-    Slip(57.3, "a motion divided by 57.3 twice", "motion", 180 / math.pi),
-    Slip(1 / 9.55, "a speed in revolutions per minute", "motion", math.pi / 30),
-    Slip(6.28, "an angle in revolutions", "motion", 2 * math.pi),
+    Slip(1000.0, "a torque in N mm or mN m"),
+    Slip(1 / 1000, "a motion in mrad, or a torque in kN m"),
+    Slip(1 / 57.3, "a motion in degrees"),
+    Slip(57.3, "a motion divided by 57.3 twice"),
+    Slip(1 / 9.55, "a speed in revolutions per minute"),
+    Slip(6.28, "an angle in revolutions"),
 )
 
 
@@ -200,7 +196,7 @@ def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
 def _from_torque(drive: Drive, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
     """A, the column of B (n,) of the torque, C."""
     values = drive.complete(values)
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    A, B, C = drive.matrices(values)
     return A, B[:, drive.of_torque].sum(axis=1), C
 
 

@@ -20,12 +20,14 @@ from monitor_core.drive.structure import Output
 from monitor_core.identification.records.measured_record import Record, segments
 from monitor_core.identification.records.uniform_grid import mean_torque
 
-Term = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"]
+TorqueTerm = Literal[
+    "viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"
+]
 """What takes torque beside the inertia: friction, an offset; powers of the angle, for whatever depends on the pose;
 friction that falls with the speed, and that grows faster than it; a signal of the record, named SIGNAL."""
 SIGNAL = "torque of signals"
-USUAL: tuple[Term, ...] = ("viscous", "coulomb", "offset")
-POSE: tuple[Term, ...] = (*USUAL, "angle", "angle^2", "angle^3")
+USUAL: tuple[TorqueTerm, ...] = ("viscous", "coulomb", "offset")
+POSE: tuple[TorqueTerm, ...] = (*USUAL, "angle", "angle^2", "angle^3")
 """With a weight, whatever its dependence on the pose."""
 
 WINDOWS = 4
@@ -57,7 +59,7 @@ _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 
 
-class Part(NamedTuple):
+class GridPart(NamedTuple):
     """A piece of a record on a regular grid: torque around each sample, motion and signals (N,), interval in s."""
 
     u: Floats
@@ -73,7 +75,7 @@ class Rigid(NamedTuple):
     inertia: float
     """kg m^2, with its standard deviation"""
     sd: float
-    torques: Mapping[Term, float]
+    torques: Mapping[TorqueTerm, float]
     """N m per unit of each term"""
     explained: float
     """part of the variance of the windowed torque that the model explains, 1: all"""
@@ -91,7 +93,7 @@ def rigid_fit(record: Record, speed_scale: float = 1.0) -> Rigid | None:
 
 def rigid_fits(
     records: Sequence[Record],
-    models: Sequence[Sequence[Term]],
+    models: Sequence[Sequence[TorqueTerm]],
     speed_scale: float = 1.0,
     shortest_s: float = 0.0,
     moving: bool = False,
@@ -134,7 +136,7 @@ class Balance(NamedTuple):
 
     inertia: float
     """kg m^2"""
-    torques: Mapping[Term, float]
+    torques: Mapping[TorqueTerm, float]
     """N m per unit of each term"""
 
 
@@ -160,7 +162,7 @@ def unexplained(
     else:
         return None
     _, window = max(fits)
-    rows, torque = _equations(parts, window, speed_scale, terms, least)
+    rows, torque = balance_equations(parts, window, speed_scale, terms, least)
     left = torque - rows @ np.array([balance.inertia, *balance.torques.values()])
     return float(left @ left), float(((torque - torque.mean()) ** 2).sum())
 
@@ -180,7 +182,7 @@ def rms_speed(records: Sequence[Record]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(means) ** 2))) if means else 1.0
 
 
-def windowed_parts(records: Sequence[Record]) -> list[Part]:
+def windowed_parts(records: Sequence[Record]) -> list[GridPart]:
     """The pieces of records between gaps, each on a regular grid."""
     found = [piece for record in records for piece in pieces(record)]
     return [_part(piece) for piece in found if np.count_nonzero(piece.measured) > 1]
@@ -201,8 +203,12 @@ def _ladder(shortest: float, count: int) -> list[int]:
     return lengths
 
 
-def _equations(
-    parts: Sequence[Part], window: int, speed_scale: float, terms: Sequence[Term], least: float | None
+def balance_equations(
+    parts: Sequence[GridPart],
+    window: int,
+    speed_scale: float,
+    terms: Sequence[TorqueTerm],
+    least: float | None = None,
 ) -> tuple[Floats, Floats]:
     """Of all parts that are long enough: see ``windowed_equations``; ``least``: only where the speed is above."""
     rows, torque = [np.zeros((0, 1 + len(terms)))], [np.zeros(0)]
@@ -215,7 +221,13 @@ def _equations(
     return np.concatenate(rows), np.concatenate(torque)
 
 
-def least_speed(parts: Sequence[Part]) -> float | None:
+def of_unit_length(rows: Floats) -> Floats:
+    """Columns of equations scaled to length one, but for those of zeros."""
+    size = np.sqrt((rows**2).sum(axis=0))
+    return np.asarray(rows / np.where(size > 0, size, 1.0))
+
+
+def least_speed(parts: Sequence[GridPart]) -> float | None:
     """Speed below which the axis of these parts stands, at the sensor; None: it seldom does."""
     if not parts:
         return None
@@ -224,17 +236,17 @@ def least_speed(parts: Sequence[Part]) -> float | None:
     return least if np.mean(speed < least) > _OFTEN else None
 
 
-def _least(parts: Sequence[Part], min_speed: float) -> float | None:
+def _least(parts: Sequence[GridPart], min_speed: float) -> float | None:
     """The larger of that speed and ``min_speed``; None: it is zero."""
     return max(least_speed(parts) or 0.0, min_speed) or None
 
 
-def speed_of(part: Part, half: int) -> Floats:
+def speed_of(part: GridPart, half: int) -> Floats:
     """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
     return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
 
 
-def moving_windows(part: Part, window: int, least: float) -> Bools:
+def moving_windows(part: GridPart, window: int, least: float) -> Bools:
     """In which windows (M,) the axis nearly always moves."""
     g = window_of(window, part.h)[0]
     moving = (np.abs(speed_of(part, max(window // 8, 1))) > least).astype(float)
@@ -242,13 +254,13 @@ def moving_windows(part: Part, window: int, least: float) -> Bools:
 
 
 def _fit(
-    parts: Sequence[Part],
+    parts: Sequence[GridPart],
     window: int,
     speed_scale: float,
-    terms: Sequence[Term],
+    terms: Sequence[TorqueTerm],
     least: float | None = None,
 ) -> Rigid | None:
-    rows, torque = _equations(parts, window, speed_scale, terms, least)
+    rows, torque = balance_equations(parts, window, speed_scale, terms, least)
     fewest = _FEWEST_WINDOWS if least is None else _FOR_EACH * WINDOWS * rows.shape[1]
     if len(torque) < fewest:
         return None
@@ -268,7 +280,7 @@ def _fit(
     return Rigid(inertia, sd, dict(zip(terms, torques, strict=True)), explained)
 
 
-def _part(segment: Record) -> Part:
+def _part(segment: Record) -> GridPart:
     """The record on a regular grid: the mean torque is exact, and the motion is almost straight between samples."""
     t = np.linspace(segment.t[0], segment.t[-1], len(segment))
     y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
@@ -276,7 +288,7 @@ def _part(segment: Record) -> Part:
     # Mean of the torques before and after each sample.
     around = np.convolve(u, (0.5, 0.5))[: len(u)]
     signals = {name: _on_grid(t, segment.t, values) for name, values in segment.signals.items()}
-    return Part(around, y, float(t[1] - t[0]), segment.quantity, signals)
+    return GridPart(around, y, float(t[1] - t[0]), segment.quantity, signals)
 
 
 def _on_grid(grid: Floats, t: Floats, values: Floats) -> Floats:
@@ -286,7 +298,7 @@ def _on_grid(grid: Floats, t: Floats, values: Floats) -> Floats:
 
 
 def windowed_equations(
-    part: Part, window: int, speed_scale: float, terms: Sequence[Term]
+    part: GridPart, window: int, speed_scale: float, terms: Sequence[TorqueTerm]
 ) -> tuple[Floats, Floats]:
     """Columns (M, 1 + terms), that of J first; the windowed torque (M,)."""
     g, g1, g2 = window_of(window, part.h)
@@ -309,14 +321,14 @@ def windowed_equations(
     return np.column_stack([inertia, *columns]), over(g, part.u)
 
 
-def integrals(part: Part, weight: Floats, values: Floats) -> Floats:
+def integrals(part: GridPart, weight: Floats, values: Floats) -> Floats:
     """Integrals (M,) of values (N,) of a part, weighted with a window, one after the other."""
     # Few enough overlap that to convolve all samples would take longer.
     windows = sliding_window_view(values, len(weight))[:: (len(weight) - 1) // WINDOWS]
     return np.asarray(part.h * (windows @ weight))
 
 
-def _torque(term: Term, speed: Floats, angle: Floats, speed_scale: float) -> Floats:
+def _torque(term: TorqueTerm, speed: Floats, angle: Floats, speed_scale: float) -> Floats:
     """What a term is proportional to (N,)."""
     if term == "coulomb":
         return np.tanh(speed / speed_scale)
@@ -325,11 +337,11 @@ def _torque(term: Term, speed: Floats, angle: Floats, speed_scale: float) -> Flo
         return np.tanh(speed / speed_scale) * np.exp(-((speed / slow) ** 2))
     if term == "drag":
         return np.abs(speed) * speed
-    powers: Mapping[Term, int] = {"offset": 0, "angle": 1, "angle^2": 2, "angle^3": 3}
+    powers: Mapping[TorqueTerm, int] = {"offset": 0, "angle": 1, "angle^2": 2, "angle^3": 3}
     return np.asarray((angle / max(float(np.abs(angle).max()), 1e-300)) ** powers[term])
 
 
-def resting_torque(rigid: Rigid, part: Part) -> Floats:
+def resting_torque(rigid: Rigid, part: GridPart) -> Floats:
     """What keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
     angle = part.y - part.y[0] if part.quantity == "angle" else np.cumsum(part.y) * part.h
     terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))

@@ -18,7 +18,7 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import (
     AROUND,
     POSE,
-    Part,
+    GridPart,
     least_speed,
     pieces,
     resting_torque,
@@ -88,7 +88,7 @@ def slow_motion(records: Sequence[Record]) -> tuple[float, float]:
     return slowest, float(np.mean(moving < slowest)) if moving.size else 0.0
 
 
-def _mean_speed(part: Part) -> Floats:
+def _mean_speed(part: GridPart) -> Floats:
     """Over about a second (N,)."""
     half = min(max(round(0.5 / part.h), AROUND), max(len(part.y) // 4, 1))
     if part.quantity == "angle":
@@ -110,7 +110,7 @@ def _held(record: Record, slowest: float) -> tuple[Record, int] | None:
     return replace(record, u=u), count
 
 
-def _standing(part: Part, slowest: float) -> Ints:
+def _standing(part: GridPart, slowest: float) -> Ints:
     """Samples at which the axis is slow, as it is around them, and does not travel."""
     slow = np.abs(speed_of(part, AROUND)) < slowest
     samples = np.flatnonzero(np.convolve(~slow, np.ones(2 * _EDGE + 1), mode="same") < 0.5)

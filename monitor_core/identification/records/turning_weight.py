@@ -16,12 +16,13 @@ from monitor_core.identification.records.rigid_body import (
     POSE,
     USUAL,
     WINDOWS,
-    Part,
+    GridPart,
+    balance_equations,
     integrals,
+    of_unit_length,
     rigid_fits,
     speed_scales,
     window_of,
-    windowed_equations,
     windowed_parts,
 )
 
@@ -90,13 +91,11 @@ def _trials(extent: float) -> Floats:
 class _Balance:
     """The torque balance of one mass, beside which a weight with a given ratio is fitted."""
 
-    def __init__(self, parts: list[Part], scale: float) -> None:
+    def __init__(self, parts: list[GridPart], scale: float) -> None:
         self._angles = [np.cumsum(p.y) * p.h if p.quantity == "speed" else p.y - p.y[0] for p in parts]
         self._parts = parts
         self.extent = max(float(np.ptp(angle)) for angle in self._angles) or 1.0
-        equations = [windowed_equations(part, _WINDOW, scale, USUAL) for part in parts]
-        self._rows = np.concatenate([rows for rows, _ in equations])
-        self._torque = np.concatenate([torque for _, torque in equations])
+        self._rows, self._torque = balance_equations(parts, _WINDOW, scale, USUAL)
         self.freedom = max(1.0, len(self._torque) / WINDOWS - self._rows.shape[1] - 2)
         """Independent equations beyond the values that are fitted"""
         self._shapes = [window_of(_WINDOW, part.h)[0] for part in parts]
@@ -106,8 +105,7 @@ class _Balance:
         rows = self._rows
         if ratio:
             rows = np.column_stack([rows, self._over(np.cos, ratio), self._over(np.sin, ratio)])
-        size = np.sqrt((rows**2).sum(axis=0))
-        rows = rows / np.where(size > 0, size, 1.0)
+        rows = of_unit_length(rows)
         found, *_ = np.linalg.lstsq(rows, self._torque, rcond=1e-8)
         residual = self._torque - rows @ found
         return float(residual @ residual)

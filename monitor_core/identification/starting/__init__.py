@@ -16,13 +16,3 @@ from monitor_core.identification.starting.starting_fits import (
     fit_from_scratch,
     fit_from_torque_balance,
 )
-
-__all__ = [
-    "Growth",
-    "best_of",
-    "fit_from",
-    "fit_from_scratch",
-    "fit_from_torque_balance",
-    "grow",
-    "masses_of",
-]

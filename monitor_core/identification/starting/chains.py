@@ -260,7 +260,7 @@ def _lossless(
     """A, b, c from the torque to the speed without dampers but those given; no state that only the angle needs."""
     without = {p.name: 0.0 for p in drive.parameters if p.unit == DAMPING}
     values = {**values, **without, **(dampers or {})}
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    A, B, C = drive.matrices(values)
     torque = drive.of_torque
     b, c = B[:, torque].sum(axis=1), C[0] @ A if drive.output == "angle" else C[0]
     felt = drive.matrix("A", {**values, **dict.fromkeys(without, 1.0)}).any(axis=0) | (c != 0)

@@ -128,11 +128,6 @@ class Growth:
     recommended: int  # the number of masses that the records support
     words: tuple[str, ...]  # why, in sentences
 
-    @property
-    def best(self) -> Grown:
-        """The recommended one."""
-        return self.models[self.recommended - 1]
-
 
 def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
     """The models with their criteria, all for the same N: that of the model whose errors are whitest."""

@@ -57,7 +57,6 @@ class Target:
 class Measured:
     """The response in the records."""
 
-    series: tuple[Regular, ...]  # the records on a grid
     output: Output  # the measured quantity
     arx: Arx  # source of the response
     frequency_hz: Floats  # (F,) where it is known
@@ -99,7 +98,7 @@ def measure(records: Sequence[Record]) -> Measured:
     sd = _relative(arx, f)
     f, sd = f[sd < _SURE], sd[sd < _SURE]
     band = f.size / _POINTS * (known[-1] - known[0]) / nyquist
-    return Measured(series, records[0].quantity, arx, f, sd, 2 * arx.a.size * float(min(band, 1.0)))
+    return Measured(records[0].quantity, arx, f, sd, 2 * arx.a.size * float(min(band, 1.0)))
 
 
 def regular(records: Sequence[Record]) -> tuple[Regular, ...]:

@@ -22,7 +22,7 @@ from typing import Literal, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from monitor_core.arrays import Complexes, Floats
-from monitor_core.identification.greybox.levenberg_marquardt import Normal, minimise
+from monitor_core.identification.greybox.levenberg_marquardt import Normal, Region, minimise
 from monitor_core.identification.starting.response import Measured, Response, Target
 
 Kind = Literal["linear", "log", "both"]
@@ -171,10 +171,9 @@ def _minimum(
     most: int,
 ) -> Found:
     evaluate = _criterion(response, target, kind, centre, prior)
-    bounds = response.start - _FARTHEST, response.start + _FARTHEST
-    steps = np.full(x.size, _LONGEST_STEP), np.full(x.size, np.inf)
+    region = Region(response.start - _FARTHEST, response.start + _FARTHEST, _LONGEST_STEP)
     try:
-        end = minimise(evaluate, np.clip(x, *bounds), bounds, *steps, most)
+        end = minimise(evaluate, np.clip(x, region.lower, region.upper), region, most)
     except ValueError:
         return Found(x, np.inf)
     return Found(end.xi, end.normal.cost)

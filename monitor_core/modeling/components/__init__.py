@@ -2,5 +2,3 @@
 
 from monitor_core.modeling.components.component_kinds import KINDS, Kind, Role, fragment
 from monitor_core.modeling.components.fragments import Fragment, join
-
-__all__ = ["KINDS", "Fragment", "Kind", "Role", "fragment", "join"]

@@ -1,4 +1,4 @@
-"""Units: parsed, written, multiplied; inferred from where a parameter is used, and checked.
+"""Units: parsed, written, multiplied.
 
 Everything is in SI units without prefixes.  Radians are written where they belong, but count as a number: a stiffness
 (N m/rad) and a torque (N m) have the same dimension.
@@ -6,18 +6,13 @@ Everything is in SI units without prefixes.  Radians are written where they belo
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cache
 from types import MappingProxyType
-from typing import NamedTuple
 
-from monitor_core.modeling.components.component_kinds import Role
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.laurent import Laurent, Monomial
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd")
 """The SI base units, in the order in which they are written."""
@@ -172,153 +167,3 @@ _HOUSE: Mapping[tuple[tuple[int, ...], int], str] = MappingProxyType(
         for text in ("kg m^2", "N m/rad", "N m s/rad", "N m", "rad", "rad/s", "rad/s^2", "1")
     }
 )
-
-
-# --- Units of parameters, from where they are used --------------------------------------------------------------------
-
-
-class Use(NamedTuple):
-    """A use of parameters in a component: the expression there, the required unit ("": any), the place, and the role.
-
-    ``role`` is None for an equation of the user's own.  ``number``: what was drawn in the place of an expression.
-    """
-
-    value: Laurent
-    unit: str
-    origin: Origin
-    role: Role | None = None
-    number: float | None = None
-
-    def __str__(self) -> str:
-        role = f"{self.role.name} ({self.role.meaning})" if self.role else ""
-        return " of ".join(part for part in (role, self.origin.component) if part)
-
-    @property
-    def is_name(self) -> bool:
-        """Whether the expression is only the name of a parameter."""
-        return len(self.value.names) == 1 and self.value == Laurent.symbol(next(iter(self.value.names)))
-
-    def meaning(self, component: str) -> str:
-        """What a parameter in it means: inertia of the motor."""
-        place = f"{self.role.meaning if self.role else ''} of the {component}"
-        return place if self.is_name else f"in the {place}: {self.value}"
-
-
-def is_positive(name: str, uses: Iterable[Use], value: float | None) -> bool:
-    """Whether the parameter is a factor, to an odd power, of something positive.
-
-    To an even power, or in a gear ratio, it may be negative if its value is.
-    """
-    for use in uses:
-        if use.role and use.role.positive and use.value.is_unit:
-            ((monomial, coefficient),) = use.value
-            strict = not use.role.signed and dict(monomial)[name] % 2 == 1
-            if coefficient > 0 if strict else value is None or value >= 0:
-                return True
-    return False
-
-
-def is_nonnegative(name: str, uses: Iterable[Use]) -> bool:
-    """Whether the parameter is a factor, to an odd power, of something that is not negative."""
-    for use in uses:
-        if use.role and use.role.nonnegative and use.value.is_unit:
-            ((monomial, coefficient),) = use.value
-            if dict(monomial)[name] % 2 == 1 and coefficient > 0:
-                return True
-    return False
-
-
-def impossible(uses: Iterable[Use], values: Mapping[str, float]) -> Iterator[tuple[Use, Role, float, str]]:
-    """Expressions whose value makes no sense in their role, with that value and what it must be.
-
-    Those in which a value is not known are left out.
-    """
-    for use in uses:
-        if use.role and use.value.names <= values.keys():
-            try:
-                number = float(use.value.value(values))
-            except (ZeroDivisionError, OverflowError):
-                number = math.inf
-            if problem := use.role.problem(number):
-                yield use, use.role, number, problem
-
-
-def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
-    """The unit of every parameter that occurs: as declared, or as its uses require; "" where neither is known.
-
-    A number has no unit, except alone, or as a summand, where it stands for a parameter.
-
-    Args:
-        uses: every parameter of every component.
-        declared: units that the user gave to parameters; "" is none.
-
-    Raises:
-        ModelError: a unit cannot be read, or the uses of a parameter contradict each other.
-    """
-    found = _Found()
-    for name, unit in declared.items():
-        if unit:
-            found.add(name, parse(unit), "declared so")
-    ordered = sorted(uses, key=lambda use: not use.is_name)
-    while sum(found.learn(use) for use in ordered):
-        pass  # a unit found may be the last but one of the next product
-    for use in ordered:
-        found.check(use)
-    names = dict.fromkeys([*declared, *(name for use in ordered for name in sorted(use.value.names))])
-    return {name: str(found.dimension[name]) if name in found.dimension else "" for name in names}
-
-
-class _Found:
-    """The dimensions found so far, and the use that determined each parameter."""
-
-    def __init__(self) -> None:
-        self.dimension: dict[str, Dimension] = {}
-        self.reason: dict[str, str] = {}
-
-    def add(self, name: str, dimension: Dimension, reason: str) -> None:
-        self.dimension[name], self.reason[name] = dimension, reason
-
-    def dimension_of(self, monomial: Monomial) -> Dimension | None:
-        """The dimension of a product, if all of its factors are known."""
-        product = ONE
-        for name, e in monomial:
-            if name not in self.dimension:
-                return None
-            product = product * self.dimension[name] ** e
-        return product
-
-    def target(self, use: Use) -> Dimension | None:
-        """The dimension of every summand: as required, otherwise that of the first known one."""
-        if use.unit:
-            return parse(use.unit)
-        known = (self.dimension_of(monomial) for monomial, _ in use.value if monomial)
-        return next((dimension for dimension in known if dimension), None)
-
-    def learn(self, use: Use) -> bool:
-        """Determine the unknown name of each summand with only one; true if there was any."""
-        target, before = self.target(use), len(self.dimension)
-        for monomial, _ in use.value if target else ():
-            unknown = [(name, e) for name, e in monomial if name not in self.dimension]
-            if target and len(unknown) == 1:
-                self._solve(use, target, monomial, *unknown[0])
-        return len(self.dimension) > before
-
-    def _solve(self, use: Use, target: Dimension, monomial: Monomial, name: str, e: int) -> None:
-        rest = self.dimension_of(tuple(factor for factor in monomial if factor[0] != name)) or ONE
-        dimension = (target / rest).root(e)
-        if dimension is not None:  # else it stays unknown: no unit has this power
-            self.add(name, dimension, str(use))
-
-    def check(self, use: Use) -> None:
-        """Every known summand must have the required dimension."""
-        target = self.target(use)
-        for monomial, _ in use.value if target else ():
-            dimension = self.dimension_of(monomial)
-            if monomial and dimension and dimension != target:
-                raise ModelError(self._conflict(use, monomial, target, dimension), use.origin)
-
-    def _conflict(self, use: Use, monomial: Monomial, target: Dimension | None, actual: Dimension) -> str:
-        reasons = ", ".join(f"{name} is {self.dimension[name]}: {self.reason[name]}" for name, _ in monomial)
-        place = f"its {use.role.name} ({use.role.meaning})" if use.role else str(use.value)
-        product = Laurent([(monomial, Fraction(1))])
-        return f"{place} is in {target}, but {product} is in {actual} ({reasons})"

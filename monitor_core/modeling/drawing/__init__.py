@@ -13,5 +13,3 @@ flat = two_mass.flat()
 
 from monitor_core.modeling.drawing.drawn_components import Part, part
 from monitor_core.modeling.drawing.netlist import Drawing, from_tables
-
-__all__ = ["Drawing", "Part", "from_tables", "part"]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from monitor_core.modeling.components import KINDS, Fragment, fragment, join
 from monitor_core.modeling.components.fragments import End, Joint, connect
-from monitor_core.modeling.components.units import Use
+from monitor_core.modeling.components.uses import Use
 from monitor_core.modeling.drawing.drawn_components import Part, parts_of
 from monitor_core.modeling.drawing.parameter_table import parameters, uses_of
 from monitor_core.modeling.flat import FlatComponent, FlatModel, ModelError, Origin

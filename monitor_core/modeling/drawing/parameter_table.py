@@ -10,7 +10,7 @@ from fractions import Fraction
 from types import MappingProxyType
 
 from monitor_core.modeling.components import Role
-from monitor_core.modeling.components.units import Use, impossible, infer, is_nonnegative, is_positive
+from monitor_core.modeling.components.uses import Use, first_use, impossible, infer, sign_of
 from monitor_core.modeling.drawing.drawn_components import Part
 from monitor_core.modeling.flat import FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
@@ -76,16 +76,15 @@ def _parameter(
     name: str, unit: str, every: Sequence[Use], nominal: Mapping[str, float], meanings: Mapping[str, str]
 ) -> FlatParameter:
     uses = [use for use in every if name in use.value.names]
-    first = next((use for use in uses if use.is_name), uses[0])
+    first = first_use(uses)
     meaning = meanings.get(name) or first.meaning(first.origin.component.replace("_", " "))
     value = nominal.get(name, first.number)
     subject = f"nominal value of {name} ({meaning}) is"
     if value is not None and not (isinstance(value, int | float) and math.isfinite(value)):
         raise ModelError(f"{subject} {value!r}: it must be finite", first.origin)
-    positive = is_positive(name, uses, value)
+    positive, nonnegative = sign_of(name, uses, value)
     if positive and value is not None and value <= 0:
         raise ModelError(f"{subject} {value:g}: it must be greater than zero", first.origin)
-    nonnegative = not positive and is_nonnegative(name, uses)
     return FlatParameter(name, unit, meaning, value, positive, nonnegative, first.origin)
 
 

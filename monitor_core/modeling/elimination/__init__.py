@@ -22,8 +22,6 @@ from monitor_core.modeling.flat import FlatModel, ModelError
 from monitor_core.modeling.laurent import NotLaurentError
 from monitor_core.modeling.statespace import StateSpace
 
-__all__ = ["eliminate"]
-
 
 def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
     """The minimal state space of a drive; ``output`` replaces the drawn quantity of its sensors.

@@ -11,7 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
-Row = dict[str, dict[int, Laurent]]
+Operator = dict[int, Laurent]
+"""Power of s -> coefficient, none of them zero."""
+
+Row = dict[str, Operator]
+"""Variable or input -> operator, none of them empty: their sum is zero."""
 
 
 def merge(total: Laurent, rows: Sequence[Row], drawn: Sequence[str], definitions: dict[str, Laurent]) -> None:
@@ -52,7 +56,7 @@ def _parts(total: Laurent, rows: Sequence[Row], drawn: Sequence[str]) -> list[st
     return sorted(linear, key=lambda name: sum(c != total for _, _, c in _containing(name, rows)))
 
 
-def _containing(name: str, rows: Iterable[Row]) -> Iterator[tuple[dict[int, Laurent], int, Laurent]]:
+def _containing(name: str, rows: Iterable[Row]) -> Iterator[tuple[Operator, int, Laurent]]:
     """The coefficients that a parameter occurs in, each with its operator and power of s."""
     for row in rows:
         for operator in row.values():

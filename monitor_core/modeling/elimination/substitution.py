@@ -16,17 +16,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.modeling.elimination.merging import merge
+from monitor_core.modeling.elimination.merging import Operator, Row, merge
 from monitor_core.modeling.flat import FlatEquation, FlatModel, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 
 # --- Equations as rows of operators: variable -> polynomial in s ------------------------------------------------------
-
-Operator = dict[int, Laurent]
-"""Power of s -> coefficient, none of them zero."""
-
-Row = dict[str, Operator]
-"""Variable or input -> operator, none of them empty: their sum is zero."""
 
 
 def degree(operator: Operator) -> int:

@@ -9,6 +9,4 @@ needs no tolerance, and combinations such as "kT/Jm" are recovered exactly.
 * ``structural``: the result, and the same in words
 """
 
-from monitor_core.modeling.identifiability.structural import Identifiability, structural
-
-__all__ = ["Identifiability", "structural"]
+from monitor_core.modeling.identifiability.structural import structural

@@ -14,8 +14,6 @@ from monitor_core.modeling.modelica.flattening import flatten
 from monitor_core.modeling.modelica.names import check_names, choose, tree_of
 from monitor_core.modeling.modelica.parsing import Source, parse
 
-__all__ = ["Source", "read"]
-
 
 def read(sources: Sequence[Source], model: str | None = None) -> FlatModel:
     """The flat model of a drive written in Modelica.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from monitor_core.modeling.components.units import Use, impossible, infer, is_nonnegative, is_positive, parse
+from monitor_core.modeling.components.units import parse
+from monitor_core.modeling.components.uses import Use, first_use, impossible, infer, sign_of
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.leaves import Part
@@ -48,12 +50,10 @@ def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequen
     symbol, value = values.symbols.get(name), values.nominal.get(name)
     uses = [use for use in every if name in use.value.names]
     if uses and not meaning:
-        first = next((use for use in uses if use.is_name), uses[0])
+        first = first_use(uses)
         meaning = first.meaning(first.origin.component)
     least = plain(symbol.min) if symbol is not None else None
-    bound = least if isinstance(least, int | float) else -1
-    positive = bound > 0 or is_positive(name, uses, value)
-    nonnegative = not positive and (bound >= 0 or is_nonnegative(name, uses))
+    positive, nonnegative = sign_of(name, uses, value, least if isinstance(least, int | float) else -math.inf)
     owner = values.places[name.rpartition(".")[0]] if symbol is None else Origin()
     place = values.place(name) if symbol is not None else replace(owner, component=name)
     return FlatParameter(name, unit, meaning, value, positive, nonnegative, place)

@@ -9,7 +9,7 @@ from pymoca import ast
 
 from monitor_core.modeling.components import KINDS, fragment
 from monitor_core.modeling.components.fragments import End, Fragment, Joint
-from monitor_core.modeling.components.units import Use
+from monitor_core.modeling.components.uses import Use
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modelica.library import BEARING, REFUSED, SIGNAL_SOURCE, Leaf

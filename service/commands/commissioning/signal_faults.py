@@ -11,7 +11,7 @@ from monitor_core.identification import UNITS, Record, Span, held_for, stuck_spa
 from monitor_core.samples import PHYSICAL_LIMITS
 from service.can.left_out import left_out_words
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest, values_of
-from service.ingest.identification_records import Source
+from service.ingest.identification_records import RecordOrigin
 
 _LITTLE = 0.01
 """Of a record: so much of it may be stuck; identification leaves that to its warnings."""
@@ -35,7 +35,7 @@ def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
         yield from _held(checked, record, text)
 
 
-def _beyond(checked: Checked, source: Source, text: str) -> Iterator[str]:
+def _beyond(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
     """Values that no motor reaches, in another unit."""
     lost = source.dropped.get("absurd", 0)
     if lost > _LITTLE * (source.samples + lost):

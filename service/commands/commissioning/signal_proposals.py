@@ -22,7 +22,7 @@ from service.config import Config, NamedAxis, load
 from service.config.commissioned import Correction, corrected
 from service.ingest.axis_records import wanted
 from service.ingest.bus_samples import Ingest
-from service.ingest.identification_records import Loaded, Source
+from service.ingest.identification_records import Loaded, RecordOrigin
 from service.ingest.identification_records import load as load_record
 from service.ingest.records import LogRecord, is_table
 
@@ -228,7 +228,7 @@ def _interval_s(checked: Checked) -> tuple[float, float]:
     return sorted(known)[len(known) // 2]
 
 
-def _receipts(checked: Checked, source: Source) -> tuple[Floats, Floats]:
+def _receipts(checked: Checked, source: RecordOrigin) -> tuple[Floats, Floats]:
     """Times at which the torque or the counter came [s], with or without becoming a sample, and its cycle (N,)."""
     config, bus, signals = checked.config, checked.axis.config.bus, {checked.axis.id: ()}
     assert bus is not None  # else there is no log of it
@@ -267,7 +267,7 @@ def _interval_received(t: Floats, cycle: Floats) -> tuple[float, float]:
     return interval_s, float(np.ptp(earliest) / (t[last] - t[first]))
 
 
-def _crowded(source: Source) -> float:
+def _crowded(source: RecordOrigin) -> float:
     """Frames that came within half an interval after another one, as part of the samples; of torque and motion each."""
     return source.dropped.get("repeated", 0) / 2 / source.samples
 

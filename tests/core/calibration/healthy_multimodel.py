@@ -14,6 +14,7 @@ from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.kernel.compile import entry
+from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import Axes, Plant
 
 Singles = NDArray[np.float32]
@@ -45,7 +46,7 @@ def count(plant: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples:
     g, alarms, seen = np.zeros_like(h), np.zeros(len(limits), np.int64), 0
     while seen < samples:
         chunk = axes.take(CHUNK)
-        _, trace = bank.run_traced(chunk.t_us[:, 0], chunk.u[:, 0], chunk.y[:, 0])
+        _, trace = bank.run_traced(SampleBlock(chunk.t_us[:, 0], chunk.u[:, 0], chunk.y[:, 0]))
         tested = np.isfinite(trace.llr).any(axis=1)
         llr = np.ascontiguousarray(np.maximum(trace.llr[tested], -1e9), np.float32)
         _watch(llr, allowance, h, g, alarms)

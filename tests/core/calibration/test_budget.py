@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
 from monitor_core.calibration.false_alarm_tail import Tail, log_mean_time, tails
-from monitor_core.calibration.healthy_records import OFFSET, Deviations, Scatter, scatter
+from monitor_core.calibration.healthy_records import OFFSET, RecordDeviations, Scatter, scatter
 from monitor_core.calibration.healthy_statistics import allowance, shrink
 from monitor_core.calibration.surrogate_records import Excursions
 from monitor_core.settings import Threshold
@@ -40,10 +40,10 @@ def forgotten(rng: np.random.Generator, memories: int, colour: float = 0.0) -> F
     return np.asarray(lfilter([math.sqrt(1 - LAM**2)], [1, -LAM], e, axis=0)[10 * MEMORY :])
 
 
-def deviations(d: Floats) -> Deviations:
+def deviations(d: Floats) -> RecordDeviations:
     N = len(d)
     t = np.arange(N, dtype=np.int64) * 5000
-    return Deviations("r", t, d, np.full((N, P), 1.4), np.ones((N, P), np.bool_), 0, 0, ())
+    return RecordDeviations("r", t, d, np.full((N, P), 1.4), np.ones((N, P), np.bool_), 0, 0, ())
 
 
 def copies(k: float) -> Excursions:

@@ -1,12 +1,10 @@
 """What is found of faults that begin in a record: as if the whole record had been run with the fault in it."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from monitor_core.arrays import Ints
 from monitor_core.calibration.fault_trials import PROBES, Fault, run_trials
 from monitor_core.calibration.injection import changed_values, equivalent_load, faulty_torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
@@ -77,9 +75,9 @@ def test_a_change_that_is_not_found_is_tried_at_few_onsets(
     never = [Limit(h.cause, h.size, 1e9, 0.0, h.alike) for h in default_hypotheses(MODEL, SETTINGS)]
     samples, run = list[int](), HypothesisBank.run
 
-    def counted(bank: HypothesisBank, t_us: Ints, *block: Any) -> list[Event]:
-        samples.append(len(t_us))
-        return run(bank, t_us, *block)
+    def counted(bank: HypothesisBank, block: SampleBlock) -> list[Event]:
+        samples.append(block.size)
+        return run(bank, block)
 
     monkeypatch.setattr(HypothesisBank, "run", counted)
     faults = [Fault("kT", size) for size in (0.1, 0.3, -0.1)]

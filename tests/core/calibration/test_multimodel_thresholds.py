@@ -38,7 +38,7 @@ def false_alarms(bank: HypothesisBank, plant: Plant, seed: int) -> int:
         chunk = axes.take(4000)
         for k in range(0, 4000, BLOCK):
             rows = slice(k, k + BLOCK)
-            events = bank.run(chunk.t_us[rows, 0], chunk.u[rows, 0], chunk.y[rows, 0])
+            events = bank.run(SampleBlock(chunk.t_us[rows, 0], chunk.u[rows, 0], chunk.y[rows, 0]))
             if any(isinstance(event, ChangeDetected) for event in events):
                 alarms += 1
                 bank.reset()

@@ -9,7 +9,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import Deviations, deviations, scatter
+from monitor_core.calibration.healthy_records import RecordDeviations, deviations, scatter
 from monitor_core.calibration.record_doubts import (
     CalibrationError,
     check_healthy,
@@ -35,14 +35,14 @@ SD = 0.02
 """Of the deviations, in sizes."""
 
 
-def record(rng: np.random.Generator, memories: int = 100) -> Deviations:
+def record(rng: np.random.Generator, memories: int = 100) -> RecordDeviations:
     d = SD * forgotten(rng, memories)
     N = len(d)
     t = np.arange(N, dtype=np.int64) * 5000
-    return Deviations("day.csv", t, d, np.full((N, 2), 1.4 * SD), np.ones((N, 2), np.bool_), 0, 0, ())
+    return RecordDeviations("day.csv", t, d, np.full((N, 2), 1.4 * SD), np.ones((N, 2), np.bool_), 0, 0, ())
 
 
-def changed(healthy: Deviations, at: int, i: int, step: float) -> Deviations:
+def changed(healthy: RecordDeviations, at: int, i: int, step: float) -> RecordDeviations:
     """The estimate moves to a new value within a memory."""
     d: Floats = healthy.d.copy()
     after = np.arange(len(d) - at)
@@ -85,7 +85,7 @@ def test_nominal_values_of_another_axis(seed: int) -> None:
         check_healthy(MODEL, SETTINGS, [off])
 
 
-def shortened(healthy: Deviations) -> Deviations:
+def shortened(healthy: RecordDeviations) -> RecordDeviations:
     return replace(
         healthy,
         t_us=healthy.t_us[: 12 * MEMORY],
@@ -94,11 +94,11 @@ def shortened(healthy: Deviations) -> Deviations:
     )
 
 
-def without_P0(healthy: Deviations) -> Deviations:
+def without_P0(healthy: RecordDeviations) -> RecordDeviations:
     return replace(shortened(healthy), tested=np.zeros((12 * MEMORY, 2), np.bool_), seeding=12 * MEMORY)
 
 
-def without_excitation(healthy: Deviations) -> Deviations:
+def without_excitation(healthy: RecordDeviations) -> RecordDeviations:
     tested = healthy.tested.copy()
     tested[500:, 1] = False
     return replace(healthy, tested=tested, confounded=("fm is not observed",))
@@ -123,7 +123,7 @@ def test_time_that_a_gate_leaves_out_does_not_count(seed: int) -> None:
     ],
 )
 def test_records_that_are_too_short_or_do_not_move(
-    spoiled: Callable[[Deviations], Deviations], words: str
+    spoiled: Callable[[RecordDeviations], RecordDeviations], words: str
 ) -> None:
     with pytest.raises(CalibrationError, match=words) as caught:
         check_records(MODEL, SETTINGS, [spoiled(record(np.random.default_rng(1)))])

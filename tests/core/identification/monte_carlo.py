@@ -131,7 +131,7 @@ def _records(seeds: Sequence[int], kp: float, ki: float, slow: float) -> list[Re
     wanted = np.stack([multisine(rng, SAMPLES, INTERVAL_S, BAND_HZ, rms) for rng in rngs], axis=1)
     v, w = (np.stack([rng.standard_normal(SAMPLES) for rng in rngs], axis=1) for _ in range(2))
     values = DRIVE.complete(REFERENCE_VALUES)
-    A, B, C = (DRIVE.matrix(which, values) for which in ("A", "B", "C"))
+    A, B, C = DRIVE.matrices(values)
     Ad, Bd = zero_order_hold(A, B[:, [TORQUE_AT]], INTERVAL_S)
     x, total = np.zeros((len(A), len(rngs))), np.zeros(len(rngs))
     # A disturbance held over each interval is that of the model to within T / h.

@@ -6,24 +6,18 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.greybox.levenberg_marquardt import UNDAMPED, End, Normal, minimise
-
-ENDLESS = np.full(2, np.inf)
+from monitor_core.identification.greybox.levenberg_marquardt import UNDAMPED, End, Normal, Region, minimise
 
 
 def search(
     evaluate: Callable[[Floats], Normal],
     start: tuple[float, ...],
     most: int,
-    upper: Floats | None = None,
-    longest: Floats | None = None,
-    clipped: Floats | None = None,
+    upper: Floats | float = np.inf,
+    longest: Floats | float = np.inf,
+    clipped: Floats | float = np.inf,
 ) -> End:
-    """Without bounds and limits of the step but those given."""
-    endless = np.full(len(start), np.inf)
-    bounds = -endless, endless if upper is None else upper
-    steps = (endless if limit is None else limit for limit in (longest, clipped))
-    return minimise(evaluate, np.array(start), bounds, next(steps), next(steps), most)
+    return minimise(evaluate, np.array(start), Region(-np.inf, upper, longest, clipped), most)
 
 
 def rosenbrock(xi: Floats) -> Normal:
@@ -124,7 +118,7 @@ def test_a_linear_problem_is_solved_by_one_undamped_step(seed: int) -> None:
         eps = y - J @ xi
         return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 40)
 
-    end = minimise(linear, 9 * y[:2], (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 9, damping=UNDAMPED)
+    end = minimise(linear, 9 * y[:2], Region(), 9, damping=UNDAMPED)
     assert end.converged
     assert len(seen) == 2
     np.testing.assert_allclose(end.xi, np.linalg.lstsq(J, y, rcond=None)[0], rtol=1e-9, atol=1e-10)

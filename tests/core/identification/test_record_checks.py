@@ -12,7 +12,6 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
 from monitor_core.identification.records import (
-    Finding,
     Known,
     Record,
     has_wrong_sign,
@@ -21,6 +20,7 @@ from monitor_core.identification.records import (
     shown_inertia,
     suspicions,
 )
+from monitor_core.identification.records.measured_record import Finding
 from monitor_core.identification.records.motion_checks import antiresonance_s, rigid_inertia
 from monitor_core.identification.records.rigid_body import Rigid, rigid_fit
 from monitor_core.identification.records.sample_checks import outliers

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.identification import IdentificationOptions, Problem, Quality, identify
+from monitor_core.identification import IdentificationOptions, Problem, identify
 from monitor_core.identification.records.rigid_body import speed_scales
 from monitor_core.identification.records.standstill import find_standstill
+from monitor_core.identification.verdict import Quality
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import H, healthy, picks
 

@@ -10,7 +10,7 @@ import pytest
 from monitor_core.identification import shown_inertia
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import Term, rigid_fits
+from monitor_core.identification.records.rigid_body import TorqueTerm, rigid_fits
 from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight, lifts
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import picks
@@ -100,7 +100,7 @@ def test_friction_of_an_axis_that_stands_is_no_weight(seed: int) -> None:
     problem = Problem(
         chain(1, "angle"), {**values(1), **names, "fa": 0.0, "gc": 0.0, "gs": 0.0}, ("fc",), speed_scale=1.0
     )
-    usual: tuple[Term, ...] = ("viscous", "coulomb", "offset")
+    usual: tuple[TorqueTerm, ...] = ("viscous", "coulomb", "offset")
     with_stops, without = (rigid_fits([record], [usual], 1.0, moving=moving)[0] for moving in (False, True))
     assert with_stops is not None
     assert without is not None

@@ -63,7 +63,7 @@ def response(
     drive: Drive, values: Mapping[str, complex], u: NDArray[np.generic], h: float
 ) -> NDArray[np.complex128]:
     """Output for inputs (N, m): the exponential of the system with its inputs as states, and no derivative anywhere."""
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))  # type: ignore[arg-type]
+    A, B, C = drive.matrices(values)  # type: ignore[arg-type]
     n, m = B.shape
     M = np.zeros((n + m, n + m), dtype=complex)
     M[:n, :n], M[:n, n:] = A, B

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.modeling.components import Role
-from monitor_core.modeling.components.units import BASE, ONE, Dimension, Use, infer, parse
+from monitor_core.modeling.components.units import BASE, ONE, Dimension, parse
+from monitor_core.modeling.components.uses import Use, infer
 from monitor_core.modeling.drawing import parameter_table
 from monitor_core.modeling.flat import ModelError, Origin
 

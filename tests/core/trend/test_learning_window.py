@@ -15,7 +15,8 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
-from monitor_core.trend import PARTS, SKIPPED, Kept, LearningWindow, Reading, WindowDoubt, WindowError
+from monitor_core.trend import PARTS, Kept, LearningWindow, Reading, WindowDoubt, WindowError
+from monitor_core.trend.learning_window import SKIPPED
 from tests.core.test_honesty import settings_for
 
 MODEL = reference_model("speed")

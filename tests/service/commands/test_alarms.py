@@ -15,7 +15,8 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
 from service.client import Client, ClientError, Remark
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
-from service.store.journal import Entry, Journal
+from service.store.alarm_entries import Entry
+from service.store.journal import Journal
 from tests.service.command_line import as_json, axiswatch, refused, shown
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
 

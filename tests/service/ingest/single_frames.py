@@ -9,16 +9,14 @@ import numpy as np
 from monitor_core.kernel.compile import entry
 from monitor_core.sampling import (
     DROP_REASONS,
-    SAMPLE,
-    VALUE,
     counted_interval_s,
     counter_clock,
     cyclic_clock,
     cyclic_interval_s,
     new_meter,
 )
-from monitor_core.sampling.controller_clocks import GIVEN, READY, count_time, read_cycle, release_held
-from monitor_core.sampling.pairing import MOTION, NO_TIME, TORQUE, add_pair, add_value, flush_pairing
+from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE, count_time, read_cycle, release_held
+from monitor_core.sampling.pairing import MOTION, NO_TIME, SAMPLE, TORQUE, add_pair, add_value, flush_pairing
 from monitor_core.sampling.stamp_meter import frame_received, sample_timed
 from service.ingest.axis_input import pairing_of
 from service.ingest.timestamp_jitter import Clock, Stamps, stamps_of

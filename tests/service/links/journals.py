@@ -9,10 +9,11 @@ from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
 from service.config.schema_links import AlarmLimits
 from service.links.delivery import Delivery, LinkName, Message
+from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import Note
-from service.store.journal import Entry, Journal
+from service.store.journal import Journal
 from service.store.outbox import Outbox
-from service.texts import now_us
+from service.texts.instants import now_us
 
 AXIS, SECOND = "demo.axis1", 1_000_000
 NOON_US = 1_772_366_400_000_000

@@ -39,7 +39,7 @@ from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from service.store.tokens import TOKENS_FILE, Scope, TokenFile
-from service.texts import now_us
+from service.texts.instants import now_us
 from tests.end_to_end.processes import wait_for
 from tests.service.links.journals import just_raised, record
 from tests.service.links.test_mqtt import free_port

@@ -19,7 +19,7 @@ from service.simulation.axis import Reading
 from service.simulation.robot import Fault, Moment
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
-from service.texts import episode_words
+from service.texts.alarm_words import episode_words
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 
 BROKEN_S, ENDS_S = 12.0, 20.0

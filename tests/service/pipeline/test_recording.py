@@ -15,7 +15,7 @@ from service.pipeline import recording as recording_module
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.recording import Extracts, FrameRing, Recording, RecordingFolder
 from service.simulation.robot import Fault
-from service.texts import microseconds
+from service.texts.instants import microseconds
 from tests.end_to_end.processes import demo_config, wait_for
 from tests.service.pipeline.robots import START_US, blocks, demo, replayed
 

@@ -6,14 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Evidence, Name
+from monitor_core.detection import Alarm, Crossing, Name
+from monitor_core.detection.cusum.cusum_evidence import Evidence
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AxisMonitor
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
+from service.store.alarm_entries import Entry
 from service.store.checkpoints import AxisState, Checkpoints
-from service.store.journal import Entry, Journal
+from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, changed, demo
 from tests.service.store.quarantine import quarantined
 
@@ -128,7 +130,7 @@ def test_the_journal_decides_on_an_alarm_of_the_checkpoint(
     assert restored.changes == unrecorded
     assert restored.open == tuple(AxisAlarm(AXIS, alarm) for alarm in open_ if not unrecorded)
     if open_ == (NEWER,):
-        ((_, updated),) = found.by_id[AXIS].apply([Crossing("fm", "up", 70, 65, 0.02, 0.001)])
+        ((_, updated),) = found.by_id[AXIS].apply([Crossing("fm", "up", 70, 65)])
         assert updated.crossings == 10
 
 
@@ -141,7 +143,7 @@ def test_an_alarm_that_ended_after_the_checkpoint_is_reopened_and_no_row_overlap
     """
     first = replace(OPEN, stage="named", updated_us=25)
     monitors.by_id[AXIS].adopt([first])
-    assert monitors.by_id[AXIS].apply([Crossing("kT", "up", 40, 35, 0.1, 0.01)]) == []
+    assert monitors.by_id[AXIS].apply([Crossing("kT", "up", 40, 35)]) == []
     save(monitors, checkpoints)
     journal.record([Entry(AXIS, "N m s/rad", 0.06, alarm) for alarm in (first, replace(first, ended_us=50))])
     found, _ = again(tmp_path, checkpoints, journal)

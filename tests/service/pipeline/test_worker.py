@@ -31,12 +31,13 @@ from service.pipeline.worker import (
     Worker,
 )
 from service.simulation.robot import Fault
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint, Checkpoints
 from service.store.database import StoreError
 from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from tests.end_to_end.processes import wait_for
 from tests.service.ingest.test_can_logs import fill_the_disk
 from tests.service.pipeline.robots import Waiting, blocks, changed, demo

@@ -22,7 +22,7 @@ from service.config import load
 from service.config.axis_settings import axis_settings
 from service.config.drive_sources import model_called
 from service.config.drives import axis_model
-from service.ingest.calibration_records import Source
+from service.ingest.calibration_records import SamplesOrigin
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
 from tests.conftest import ROOT
@@ -99,7 +99,7 @@ def by_hand() -> Calibration:
         MultiModelCalibration(limits, _by_bank()),
     )  # fmt: skip
     return Calibration(
-        axis, result, (Source("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
+        axis, result, (SamplesOrigin("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
         Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate healthy.csv"), "multimodel",
     )  # fmt: skip
 

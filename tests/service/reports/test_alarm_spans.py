@@ -11,7 +11,7 @@ from monitor_core.detection import Alarm
 from service.pipeline.alarm_recording import as_recorded
 from service.reports.replay_course import Timeline, TimeUnit
 from service.reports.replay_result import ReplayedAxis
-from service.store.journal import Entry
+from service.store.alarm_entries import Entry
 
 S = 1_000_000
 FOUND = Alarm(

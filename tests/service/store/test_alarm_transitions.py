@@ -10,7 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from monitor_core.detection import Alarm
+from monitor_core.detection import Alarm, Cause, Doubt
+from monitor_core.detection.alarm import Direction
 from monitor_core.monitoring import (
     AlarmEvent,
     AlarmLife,
@@ -18,11 +19,12 @@ from monitor_core.monitoring import (
     AlarmState,
     AlarmTransitionError,
     ShelfEndError,
-    replayed,
 )
+from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import MIGRATION, Note
 from service.store.database import StoreError
-from service.store.journal import MIGRATIONS, Entry, Journal, UnknownAlarmError
+from service.store.journal import MIGRATIONS, Journal, UnknownAlarmError
+from tests.core.test_alarm_life_cycle import replayed
 
 S, E = AlarmState, AlarmEvent
 AXIS, SECOND = "demo.axis1", 1_000_000
@@ -304,6 +306,44 @@ def test_the_first_alarm_of_a_robot_is_first_out_while_others_that_followed_are_
     end("cell.a", 100)
     assert marks()[first] == (False, None)
     assert marks()[second] == (False, first)  # it was not first, though it is the only one now
+
+
+def test_axes_of_a_robot_that_show_the_same_payload_name_each_other(journal: Journal) -> None:
+    """A load that is up is a torque constant that is down, where that may be a payload; within ten minutes."""
+    payload = Cause("kT", 0.97, ("load",))
+
+    def raised(axis: str, second: int, name: str, way: Direction, *causes: Cause, doubt: Doubt = "") -> None:
+        at = second * SECOND
+        named = replace(
+            RAISED,
+            parameter=name,
+            direction=way,
+            stage="named",
+            causes=causes,
+            raised_us=at,
+            updated_us=at,
+            doubt=doubt,
+        )
+        journal.record([Entry(axis, "1", 1.0, named)])
+
+    raised("cell.a", 1000, "kT", "down", payload)
+    raised("cell.b", 1100, "load", "up", Cause("load", 0.99))
+    raised("cell.c", 1200, "inertia", "up", Cause("inertia", 0.99))
+    raised("cell.d", 1001, "kT", "up", payload)  # a lighter one
+    raised("cell.e", 1001, "kT", "down", Cause("kT", 0.99))  # bears no weight
+    raised("cell.f", 1001, "fm", "up", Cause("fm", 0.9), Cause("load", 0.1))
+    raised("cell.g", 1001, "kT", "down", payload, doubt="several")
+    raised("cell.h", 1700, "load", "up", Cause("load", 0.99))  # later: of b and c, but not of a
+    raised("cell2.a", 1001, "kT", "down", payload)  # another robot
+    raised("cell.a", 1002, "inertia", "up", Cause("inertia", 0.99))  # of the same axis
+
+    found = {(a.axis, a.parameter): a.same_payload for a in journal.query()[0]}
+    assert found[("cell.a", "kT")] == found[("cell.a", "inertia")] == ("cell.b", "cell.c")
+    assert found[("cell.b", "load")] == ("cell.a", "cell.c", "cell.h")
+    assert found[("cell.h", "load")] == ("cell.b", "cell.c")
+    others = {axis: axes for (axis, _), axes in found.items() if axis[-1] in "defg" or axis == "cell2.a"}
+    assert set(others.values()) == {()}
+    assert len(others) == 5
 
 
 def test_the_first_of_a_group_is_first_out_whatever_their_robots(journal: Journal) -> None:

@@ -9,9 +9,10 @@ import pytest
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
+from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import Note
 from service.store.epochs import Configured, Epoch, EpochPlan, EpochValue
-from service.store.journal import Entry, Journal
+from service.store.journal import Journal
 
 AXIS = "cell.a3"
 FIRST = Configured(AXIS, "{}", "as built", (EpochValue("fm", "N m s/rad", 0.06),))

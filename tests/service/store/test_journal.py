@@ -11,9 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection import Alarm, Cause, Direction, Name
+from monitor_core.detection import Alarm, Cause, Name
+from monitor_core.detection.alarm import Direction
+from service.store.alarm_entries import Entry
 from service.store.database import StoreError, StoreInUseError
-from service.store.journal import MIGRATIONS, Entry, Journal
+from service.store.journal import MIGRATIONS, Journal
 
 ROOT = Path(__file__).resolve().parents[3]
 

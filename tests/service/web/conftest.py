@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import pytest
 from fastapi import FastAPI
@@ -16,13 +16,13 @@ from fastapi.testclient import TestClient
 from monitor_core.detection import Alarm, Cause, Name, Reach
 from monitor_core.monitoring import (
     AxisStatus,
-    DetectorStatus,
     NotTested,
     Observation,
     ParameterStatus,
     ParameterTrend,
     Status,
 )
+from monitor_core.monitoring.axis_status import DetectorStatus
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.config import load
@@ -39,13 +39,14 @@ from service.pipeline.snapshot import (
     LinkSnapshot,
     Snapshot,
 )
+from service.store.alarm_entries import Entry as JournalEntry
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
-from service.store.journal import Entry as JournalEntry
-from service.store.journal import Journal, RecordedAlarm
+from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
-from service.web.app_state import AppState
+from service.web.app_state import AppState, Latest
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import Certificate, serve
@@ -274,6 +275,7 @@ class _SharedState:
 
     stage: Stage
     access, reports, extracts = Access(), None, None
+    prepared: ClassVar[list[Latest]] = []
     journal = property(lambda self: self.stage.journal)
     history = property(lambda self: self.stage.history)
     live = property(lambda self: self.stage.live)

@@ -9,8 +9,9 @@ from playwright.sync_api import Page, Route, expect
 from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring import AlarmEvent, AlarmRules
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.store.alarm_entries import Entry
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.journal import Entry, RecordedAlarm
 from tests.service.web.conftest import Stage
 from tests.service.web.page_parts import alarm_row, tile
 

@@ -11,8 +11,9 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
 from service.links.mqtt import state_body
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.store.alarm_entries import Entry
+from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import CONFIGURATION, Note
-from service.store.journal import Entry, RecordedAlarm
 from tests.service.web.conftest import NOON_US, Stage
 
 HOUR_US = 3_600_000_000

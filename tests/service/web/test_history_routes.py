@@ -16,7 +16,7 @@ from fastapi.testclient import TestClient
 
 from service.pipeline.history_recording import HistoryRecording
 from service.store.history_rows import QUANTITIES
-from service.texts import iso
+from service.texts.instants import iso
 from service.web.history_routes import MOST_READERS, MOST_WAITING
 from tests.service.web.conftest import HISTORY_TIMES, Stage, point_values, serving
 

@@ -15,7 +15,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.pipeline.live_signals import LENGTH_S, PATIENCE_S, LiveSignals
 from service.pipeline.snapshot import MonitoredDrive
-from service.texts import iso
+from service.texts.instants import iso
 from tests.service.web.conftest import NOON_US, Stage
 
 SIGNALS = "/api/v1/axes/demo.axis1/signals"

@@ -108,7 +108,7 @@ function advice(alarm: AlarmRecord, meaning: string, heat: Axis["heat"]): string
   if (alarm.stage === "changed") return [...words, t.advice.wait];
   if (["model", "sign", "still"].includes(alarm.doubt)) return [...words, t.advice.sensor, t.advice.order];
   if (SENSOR.test(alarm.parameter)) words.push(t.advice.sensor);
-  if (PAYLOAD.test(alarm.parameter)) words.push(t.advice.payload);
+  if (PAYLOAD.test(alarm.parameter) || alarm.same_payload.length > 0) words.push(t.advice.payload);
   words.push(t.advice.inspect(meaning ? `${alarm.parameter} (${meaningOf(meaning)})` : causeName(alarm.parameter)));
   if (FRICTION.test(meaning) && heat === null) words.push(t.advice.cold);
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];

@@ -73,15 +73,16 @@ export function Bar({ p }: { p: Parameter }) {
   // A nominal value of zero has no percentage: then the bar is five tolerances wide on each side.
   const half = p.nominal ? HALF_WIDTH * Math.abs(p.nominal) : 5 * (p.tolerance || 1);
   const place = (d: number): number => Math.min(1, Math.max(0, 0.5 + d / (2 * half)));
-  const part = (from: number, to: number) => ({ left: `${100 * place(from)}%`, width: `${100 * (place(to) - place(from))}%` });
+  const part = (from: number, to: number) => ({ "margin-left": `${100 * place(from)}%`, width: `${100 * (place(to) - place(from))}%` });
   const d = p.status === "waiting" ? null : deviationOf(p);
   const sd = p.standard_deviation ?? 0;
+  const thick = p.status === "alarm" ? 6 : 4; // of the tick [px]
   return (
     <span class={`bar ${kindOf(p)}`} aria-hidden="true">
       <i class="zone" style={part(-(p.tolerance ?? 0), p.tolerance ?? 0)} />
       <i class="middle" />
       {d !== null && <i class="band" style={part(d - Z95 * sd, d + Z95 * sd)} />}
-      {d !== null && <i class="tick" style={{ left: `${100 * Math.min(0.985, Math.max(0.015, place(d)))}%` }} />}
+      {d !== null && <i class="tick" style={{ "margin-left": `clamp(0px, ${100 * place(d)}% - ${thick / 2}px, 100% - ${thick}px)`, width: `${thick}px` }} />}
     </span>
   );
 }

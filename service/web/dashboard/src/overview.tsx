@@ -14,6 +14,9 @@ import { useInTurns } from "./turns";
 
 const LINES = 3; // alarms above the tiles
 const MARGIN = 8; // below the tiles [px]
+const BESIDE = 14; // a name in a small tile: its margins [px]
+const MARK = 20;
+const BOLD = 1.15; // times the width
 
 export function Overview() {
   const live = useLive();
@@ -121,6 +124,7 @@ function Tiles({ items }: { items: Item[] }) {
   const [place, size] = usePlace();
   const parameters = Math.max(1, ...items.map((item) => item.axis.parameters.length));
   const layout = layoutOf(items.length, parameters, size.width, size.height);
+  const room = Math.floor((size.width + GAP) / layout.columns) - GAP - BESIDE;
   const drawn = useInTurns(items, idOf, sameItem);
   const move = (event: KeyboardEvent): void => {
     const links = [...(place.current?.querySelectorAll<HTMLElement>("a.tile") ?? [])];
@@ -135,10 +139,32 @@ function Tiles({ items }: { items: Item[] }) {
       style={{ "gap": `${GAP}px`, "grid-template-columns": `repeat(${layout.columns}, minmax(0, 1fr))`, "--bar": `${layout.bar}px`, "--zoom": layout.zoom }}>
       {items.map((item) => (
         <Tile key={item.axis.id} item={drawn.get(item.axis.id) ?? item} known={drawn.has(item.axis.id)}
-          wide={layout.wide} age={layout.wide ? ageText(ageOf(item.axis, live)) : ""} />
+          wide={layout.wide} room={room} age={layout.wide ? ageText(ageOf(item.axis, live)) : ""} />
       ))}
     </ul>
   );
+}
+
+const widths = new Map<string, number>();
+
+/** The width of a name in a small tile [px]. To ask for the font has all styles computed: each name is measured once. */
+function widthOf(name: string): number {
+  let width = widths.get(name);
+  if (width === undefined) {
+    const pen = document.createElement("canvas").getContext("2d");
+    if (pen) pen.font = `12px ${getComputedStyle(document.body).fontFamily}`;
+    widths.set(name, (width = pen?.measureText(name).width ?? 0));
+  }
+  return width;
+}
+
+/** The end of a name, which tells axes apart, as much as there is room for. A box of CSS that cuts would be a layer: where
+ * layers lie in a tile, Chromium paints all tiles again when their order changes. */
+function endOf(name: string, room: number): string {
+  const width = widthOf(name);
+  if (width <= room) return name;
+  const letters = [...name];
+  return `…${letters.slice(letters.length - Math.max(1, Math.floor((letters.length * (room - widthOf("…"))) / width))).join("")}`;
 }
 
 const ageText = (age: number | null): string => (age === null ? t.noSample : t.lastSample(span(age)));
@@ -154,16 +180,18 @@ interface TileProps {
   /** Whether its turn has come; before that it is a name in its place. */
   known: boolean;
   wide: boolean;
+  /** For the name on a small one [px]. */
+  room: number;
   age: string;
 }
 
 /** An axis that has not changed is not drawn again. */
 class Tile extends Component<TileProps> {
   override shouldComponentUpdate = (next: TileProps): boolean => !sameTile(this.props, next);
-  override render = ({ item, known, wide, age }: TileProps) => drawnTile(item, known, wide, age);
+  override render = (props: TileProps) => drawnTile(props);
 }
 
-function drawnTile(item: Item, known: boolean, wide: boolean, age: string) {
+function drawnTile({ item, known, wide, room, age }: TileProps) {
   const { axis, need, alarms } = item;
   const words = needText(item) || epochWords(axis) || t.needs.normal;
   // A wide one says all this in its own text.
@@ -173,7 +201,9 @@ function drawnTile(item: Item, known: boolean, wide: boolean, age: string) {
       <a class={`tile ${need} prio-${alarms[0]?.priority ?? "none"}`} href={axisLink(axis.id)} aria-label={label} title={axis.id}>
         <span class="head">
           {alarms[0] ? <AlarmMark alarm={alarms[0]} /> : <NeedMark need={need} />}
-          <span class="name"><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></span>
+          <span class="name">
+            {wide ? <><bdi class="robot">{axis.robot}</bdi><bdi>.{axis.name}</bdi></> : <bdi>{endOf(axis.id, need === "normal" ? room : (room - MARK) / (alarms[0] ? BOLD : 1))}</bdi>}
+          </span>
           {wide && <span class="state">{words === epochWords(axis) ? t.epochs.state[axis.epoch.state] : words}</span>}
         </span>
         {wide && <Age {...{ item, age }} />}
@@ -189,7 +219,7 @@ const sameItem = (a: Item, b: Item): boolean =>
   a.axis === b.axis && a.need === b.need && a.alarms.length === b.alarms.length && a.alarms.every((alarm, i) => alarm === b.alarms[i]);
 
 function sameTile(a: TileProps, b: TileProps): boolean {
-  return a.wide === b.wide && a.age === b.age && a.known === b.known && sameItem(a.item, b.item);
+  return a.wide === b.wide && a.room === b.room && a.age === b.age && a.known === b.known && sameItem(a.item, b.item);
 }
 
 function WideRow({ p }: { p: Item["axis"]["parameters"][number] }) {

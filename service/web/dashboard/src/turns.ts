@@ -2,7 +2,7 @@
 // once would keep the page from answering to keys.
 import { useEffect, useRef, useState } from "preact/hooks";
 
-const AT_ONCE = 30;
+const AT_ONCE = 20;
 
 /** What is to be drawn of each item, by its name; so few that they take no time are drawn at once. */
 export function useInTurns<T>(items: T[], nameOf: (item: T) => string, same: (a: T, b: T) => boolean): Map<string, T> {

@@ -53,7 +53,7 @@ function historyOf(n: number[], estimate: Numbers, others: Record<string, Number
 
 describe("an alarm in a sentence", () => {
   const fm = alarmOf("a", {
-    stage: "named", size: 0.018, size_sd: 0.001, nominal: 0.06, unit: "N m s/rad", kind: "step", doubt: "", reaches: [], inside_calibration: true,
+    stage: "named", size: 0.018, size_sd: 0.001, nominal: 0.06, unit: "N m s/rad", kind: "step", doubt: "", reaches: [], inside_calibration: true, same_payload: [],
     causes: [{ parameter: "fm", probability: 0.99, alike: [] }], words: "as the daemon says it",
   });
   const changed = (changes: object): Alarm => ({ ...fm, ...changes }) as unknown as Alarm;
@@ -76,6 +76,8 @@ describe("an alarm in a sentence", () => {
     expect(alarmSentence(changed({ size: null, direction: "down" }))).toContain("fm liegt unter dem Nennwert, um wie viel");
     expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc", "torque scale"] }] })))
       .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert; gleich sähe aus: fc oder Maßstab des Moments`);
+    expect(alarmSentence(changed({ same_payload: ["arm.2", "arm.3"] })))
+      .toMatch(/Nennwert; arm\.2, arm\.3 zur selben Zeit ebenso: eine andere Nutzlast ist wahrscheinlicher/);
     expect(alarmSentence(changed({ parameter: "delay", size: 0.0005, nominal: 0 }))).toContain("kommt 0,5 ms zu spät");
     expect(alarmSentence(changed({ parameter: "delay", size: null, nominal: 0 }))).toContain("kommt zu spät, um wie viel");
     expect(alarmSentence(changed({ doubt: "still", inside_calibration: false }))).toMatch(/keine Bewegung.*; außerhalb/);

@@ -1,16 +1,15 @@
 """The alarms of an axis: raised, named, corrected, merged, doubted, ended, reopened; with evidence written by hand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Direction, Evidence, Name
-from monitor_core.detection.alarm import MODEL_ERROR
+from monitor_core.detection import Alarm, Crossing, Name
+from monitor_core.detection.alarm import MODEL_ERROR, Direction
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
-from monitor_core.detection.cusum.cusum_evidence import CusumEvent
+from monitor_core.detection.cusum.cusum_evidence import CusumEvent, Evidence
 from monitor_core.detection.onset import Past
-from monitor_core.monitoring import AlarmChange, AlarmTracker
+from monitor_core.monitoring import AlarmChange
+from monitor_core.monitoring.alarm_tracker import AlarmTracker
 
 NAMES = ("kT", "1/Ja", "fm")
 TOLERANCE = 4.2
@@ -32,7 +31,7 @@ class Book(AlarmTracker):
 
 
 def crossing(parameter: str, time_us: int, direction: Direction = "up") -> Crossing:
-    return Crossing(parameter, direction, time_us, time_us - 5, 1.0, 0.1)
+    return Crossing(parameter, direction, time_us, time_us - 5)
 
 
 def evidence(
@@ -179,7 +178,7 @@ def test_a_name_is_corrected_when_later_evidence_rules_it_out() -> None:
 
 def test_crossings_of_its_own_and_evidence_update_the_size() -> None:
     book, _ = named(10.0, 0.0, 0.0)
-    (e,) = book.take(replace(crossing("kT", 25), size=11.0))
+    (e,) = book.take(crossing("kT", 25))
     assert (e.crossings, e.stage, e.updated_us) == (2, "named", 25)
     assert e.size == pytest.approx(10.0)
     (e,) = book.take(evidence(40, 12.0, 0.0, 0.0))

@@ -131,10 +131,10 @@ def test_a_crossing_delays_the_end() -> None:
 
 def test_an_alarm_turns_with_its_parameter_and_keeps_what_it_was_called() -> None:
     monitor = AxisMonitor(MODEL, CERTAIN)
-    up = Crossing("fm", "up", 10, 5, 0.1, 0.01)
+    up = Crossing("fm", "up", 10, 5)
     ((_, raised),) = monitor.apply([up])
     assert raised == Alarm("fm", "up", 5, 10, 10, None, None, None, 1)
-    ((_, turned),) = monitor.apply([replace(up, direction="down", time_us=20, onset_us=15, size=-0.1)])
+    ((_, turned),) = monitor.apply([replace(up, direction="down", time_us=20, onset_us=15)])
     assert (turned.direction, turned.size, turned.crossings, turned.raised_us) == ("down", None, 2, 10)
     assert turned.past == (Name(20, "changed", "fm", "up"),)
     assert turned.first == raised.first == ("fm", "up")

@@ -68,8 +68,8 @@ def test_what_conditions_do_is_no_fault(column: int, by: float, turns: float, se
     rng = np.random.default_rng(seed)
     shift = course(column, by, turns)
     u, y = axis(rng, shift, {}, N)
-    assert not bank().run(T, u, y, shift=shift)
-    assert any(isinstance(event, ChangeDetected) for event in bank().run(T, u, y))
+    assert not bank().run(SampleBlock(T, u, y, shift=shift))
+    assert any(isinstance(event, ChangeDetected) for event in bank().run(SampleBlock(T, u, y)))
 
 
 def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
@@ -77,7 +77,7 @@ def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shift, at = course(FM, -0.5), N // 2
     u, y = axis(rng, shift, {"kT": 0.75}, at)
-    events = bank().run(T, u, y, shift=shift)
+    events = bank().run(SampleBlock(T, u, y, shift=shift))
     named = [event for event in events if isinstance(event, CauseIdentified)]
     print([event.shares[0] for event in events if isinstance(event, ChangeDetected | CauseIdentified)])
     assert T[at] < named[0].time_us < T[at] + 5_000_000
@@ -90,7 +90,8 @@ def test_steps_too_small_to_be_followed_change_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     u, y = axis(rng, np.zeros((N, 3)), {}, N)
     small = 0.4 * FOLLOWED * PLANT.model.scale * np.ones((N, 1))
-    (_, plain), (_, moved) = bank().run_traced(T, u, y), bank().run_traced(T, u, y, shift=small)
+    samples = SampleBlock(T, u, y)
+    (_, plain), (_, moved) = (bank().run_traced(block) for block in (samples, samples._replace(shift=small)))
     assert np.array_equal(plain.g, moved.g, equal_nan=True)
 
 
@@ -105,7 +106,7 @@ def test_a_saved_state_of_before_has_nominal_values_that_do_not_move() -> None:
 
 def test_wrong_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match="shift of shape"):
-        bank().run(T, np.zeros(N), np.zeros(N), shift=np.zeros((N, 2)))
+        bank().run(SampleBlock(T, np.zeros(N), np.zeros(N), shift=np.zeros((N, 2))))
 
 
 def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
@@ -114,7 +115,7 @@ def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
     shift = course(FM, -0.5, 2.0)
     u, y = axis(rng, shift, {}, N)
     t, shift, u, y = T[: N // 4], shift[: N // 4], u[: N // 4], y[: N // 4]
-    assert bank().run(t, u, y), "not followed, they alarm"
+    assert bank().run(SampleBlock(t, u, y)), "not followed, they alarm"
 
     def beside() -> MultiModelDetector:
         return MultiModelDetector(PLANT.model, PLANT.settings, Limits(720_000.0))

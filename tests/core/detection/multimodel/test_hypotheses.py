@@ -19,6 +19,7 @@ from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.predictors import FARTHEST, SHORTEST
 from monitor_core.kernel.tables import GAINS
 from monitor_core.monitoring import AxisBatch
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, conditioned, seeds
@@ -37,7 +38,7 @@ def held(model: AxisModel, s: Settings, rec: Experiment) -> Floats:
 
 
 def predicted(model: AxisModel, s: Settings, hypothesis: Hypothesis, rec: Experiment) -> Floats:
-    _, trace = HypothesisBank(model, s, [hypothesis]).run_traced(*rec)
+    _, trace = HypothesisBank(model, s, [hypothesis]).run_traced(SampleBlock(*rec))
     return np.asarray(trace.eps[:, 0])
 
 
@@ -120,7 +121,7 @@ def test_the_usual_intervals_give_what_any_interval_gives(case: Case, interval_u
         bank = HypothesisBank(case.model, s, some)
         if shortest_us is not None:
             bank._predictors.axis[SHORTEST] = shortest_us
-        _, trace = bank.run_traced(*rec)
+        _, trace = bank.run_traced(SampleBlock(*rec))
         return np.asarray(trace.eps)
 
     found, expected = innovations(), innovations(NEVER_USUAL)
@@ -164,10 +165,9 @@ def test_blocks_may_end_anywhere_and_a_saved_bank_goes_on(
     rec = record(seed, case, SAMPLES, jitter=0.3 * (seed % 2), gaps=1, true=drawn(case, seed))
     block = conditioned(seed, case, rec)
     at_once, parts = lively(case), lively(case)
-    expected, found = at_once.run(*rec, block.shift, block.gate), []
+    expected, found = at_once.run(block), []
     for start, stop in pairwise([0, *sorted(cuts), SAMPLES]):
-        t_us, u, y, shift, gate, *_ = block.select(slice(start, stop))
-        found += parts.run(t_us, u, y, shift, gate)
+        found += parts.run(block.select(slice(start, stop)))
         if saved:
             again = lively(case)
             again.from_arrays({name: array.copy() for name, array in parts.to_arrays().items()})
@@ -208,7 +208,7 @@ def test_a_closed_gate_tests_nothing_nor_do_unknown_conditions(seed: int) -> Non
     rec, gate = record(seed, case, SAMPLES), np.arange(SAMPLES) < SAMPLES // 2
     unknown = np.where(gate[:, np.newaxis], 0.0, np.full(len(case.monitored), np.nan))
     for conditions in ({"gate": gate}, {"shift": unknown}):
-        _, trace = lively(case, np.inf).run_traced(*rec, **conditions)
+        _, trace = lively(case, np.inf).run_traced(SampleBlock(*rec, **conditions))
         assert np.isfinite(trace.llr[SAMPLES // 2 - 5]).any()
         assert np.isnan(trace.llr[gate.argmin() :]).all()
         assert np.isfinite(trace.eps[gate.argmin() :]).all()
@@ -218,7 +218,7 @@ def test_a_lone_outlier_is_no_evidence(seed: int) -> None:
     case = CASES[0]
     rec, bank = record(seed, case, SAMPLES), lively(case, np.inf)
     rec.y[100] += 1000.0
-    _, trace = bank.run_traced(*rec)
+    _, trace = bank.run_traced(SampleBlock(*rec))
     assert np.isnan(trace.llr[100]).all()
     assert np.isfinite(trace.llr[101, :-2]).all()
 
@@ -228,8 +228,8 @@ def test_an_outlier_may_be_the_first_sample(seed: int) -> None:
     case = CASES[0]
     rec, late = record(seed, case, SAMPLES), lively(case, np.inf)
     rec.y[0] += 100.0
-    _, found = lively(case, np.inf).run_traced(*rec)
-    _, expected = late.run_traced(rec.t_us[3:], rec.u[3:], rec.y[3:])
+    _, found = lively(case, np.inf).run_traced(SampleBlock(*rec))
+    _, expected = late.run_traced(SampleBlock(rec.t_us[3:], rec.u[3:], rec.y[3:]))
     np.testing.assert_array_equal(found.eps[4:], expected.eps[1:])
 
 
@@ -240,7 +240,7 @@ def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> Non
     wild = Hypothesis("wild", K=tuple(-30.0 * np.array(s.gain(len(case.model.drive.states)))))
     rec = record(seed, case, 2000)
     alone, beside = (HypothesisBank(case.model, s, hypotheses) for hypotheses in ([other], [other, wild]))
-    (_, expected), (_, found) = (bank.run_traced(*rec) for bank in (alone, beside))
+    (_, expected), (_, found) = (bank.run_traced(SampleBlock(*rec)) for bank in (alone, beside))
     most = FARTHEST * np.sqrt(s.lam0)
     started_anew = (abs(found.eps[1:-1, 1]) > 1e-3 * most) & (abs(found.eps[2:, 1]) < 1e-6 * most)
     assert started_anew.sum() > 3

@@ -27,7 +27,8 @@ from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
-from monitor_core.monitoring import AlarmTracker, AxisMonitor, Fleet
+from monitor_core.monitoring import AxisMonitor, Fleet
+from monitor_core.monitoring.alarm_tracker import AlarmTracker
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME
@@ -327,7 +328,7 @@ def test_a_size_that_was_read_a_tenth_off_is_put_right_and_nothing_else_is_found
     bank = detector(seed).bank
     bank.adopt({"kT": wrong}, None)
     t_us, u, y = experiment(seed, {"kT": 0.8}, samples=40_000, fault_at=0)
-    named = [event for event in bank.run(t_us, u, y) if isinstance(event, CauseIdentified)]
+    named = [event for event in bank.run(SampleBlock(t_us, u, y)) if isinstance(event, CauseIdentified)]
     assert {event.shares[0].cause for event in named} == {"kT"}
     (size,) = bank.standing.to_array()[:, 1]
     assert abs(size - np.log(0.8)) < abs(wrong - np.log(0.8)) / 3

@@ -57,7 +57,7 @@ def events_of(
     for k in seeds:
         bank.reset()
         rec = experiment(k, fault, samples=samples)
-        yield rec, bank.run(*rec)
+        yield rec, bank.run(SampleBlock(*rec))
 
 
 # Shares of 3000 seeds each: named right 0.99 at least, missed 0.02 at most; the median is 1.1 to 1.3 times the limit.
@@ -101,7 +101,7 @@ def test_the_onset_and_its_latest_time_are_read_off_the_evidence(bank: Hypothesi
     """g of the likeliest hypothesis was last 0 at the onset, and last below SURE at the end of its interval."""
     bank.reset()
     rec = experiment(seed, {"kT": 1.2}, samples=1600)
-    events, trace = bank.run_traced(*rec)
+    events, trace = bank.run_traced(SampleBlock(*rec))
     change = next(event for event in events if isinstance(event, ChangeDetected))
     g = trace.g[: int(np.searchsorted(rec[0], change.time_us)) + 1]
     own = g[:, int(g[-1].argmax())]
@@ -137,7 +137,7 @@ def first_name(bank: HypothesisBank, rec: Experiment) -> str:
     """The cause that is named first; what comes later is not run."""
     bank.reset()
     for k in range(0, len(rec.y), 100):
-        events = bank.run(rec.t_us[k : k + 100], rec.u[k : k + 100], rec.y[k : k + 100])
+        events = bank.run(SampleBlock(rec.t_us[k : k + 100], rec.u[k : k + 100], rec.y[k : k + 100]))
         for event in events:
             if isinstance(event, CauseIdentified):
                 return event.shares[0].cause
@@ -203,7 +203,7 @@ def test_faults_of_sensors_are_named(fault: str, bank: HypothesisBank, seed: int
     for k in range(seed, seed + 3):
         bank.reset()
         rec = SENSOR_FAULTS[fault](experiment(k, samples=2500))
-        named = [e for e in bank.run(*rec) if isinstance(e, CauseIdentified)]
+        named = [e for e in bank.run(SampleBlock(*rec)) if isinstance(e, CauseIdentified)]
         names.append(named[-1].shares[0].cause if named else "")
     print(f"{fault}: {names}")
     assert sum(name == fault.removesuffix(" back") for name in names) >= 2
@@ -224,7 +224,7 @@ def test_a_second_change_is_seen_and_the_end_of_both(bank: HypothesisBank, seed:
     for k in range(seed, seed + 3):
         bank.reset()
         rec = two_faults(k)
-        events = bank.run(*rec)
+        events = bank.run(SampleBlock(*rec))
         at = [(e.time_us * 1e-6, e.shares[0].cause) for e in events if isinstance(e, CauseIdentified)]
         over = [e.cause for e in events if isinstance(e, CauseEnded)]
         print(at, over)
@@ -266,7 +266,7 @@ def test_a_nominal_value_that_may_be_off_turns_no_change_into_a_larger_one(seed:
     bank = HypothesisBank(model, replace(plain, model_error=error), h=H_FOR_A_DAY, allowance=allowance)
     for k in range(seed, seed + 3):
         bank.reset()
-        events = bank.run(*experiment(k, {"1/Ja": 1.3}, samples=FAULT_AT + 1000))
+        events = bank.run(SampleBlock(*experiment(k, {"1/Ja": 1.3}, samples=FAULT_AT + 1000)))
         (first, *_, last) = [event.shares[0] for event in events if isinstance(event, CauseIdentified)]
         assert first.cause == last.cause == "1/Ja"
         assert last.size == pytest.approx(math.log(1.3), abs=0.05)
@@ -280,7 +280,9 @@ def test_what_a_change_leaves_unexplained_is_no_evidence_of_a_second_one(seed: i
     healthy, stands = (HypothesisBank(model, settings, found) for _ in range(2))
     stands.adopt({"kT": size}, None)
     nominally = HypothesisBank(replace(model, nominal={**model.nominal, "kT": 1.1}), settings, found)
-    of_change, left, plain = (bank.run_traced(*rec)[1].llr[1000:] for bank in (healthy, stands, nominally))
+    of_change, left, plain = (
+        bank.run_traced(SampleBlock(*rec))[1].llr[1000:] for bank in (healthy, stands, nominally)
+    )
     lost = np.mean(plain[:, 1] - left[:, 1])
     assert lost == pytest.approx(MODEL_ERROR**2 * np.mean(of_change[:, 0]), rel=0.2)
 
@@ -288,7 +290,7 @@ def test_what_a_change_leaves_unexplained_is_no_evidence_of_a_second_one(seed: i
 def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> None:
     """At h = 8 there are false alarms, one in a quarter of a minute; none of them may stand for ever."""
     bank = bank_of("speed", 8.0, seed)
-    events = bank.run(*experiment(seed, samples=30_000, fault_at=20_000))
+    events = bank.run(SampleBlock(*experiment(seed, samples=30_000, fault_at=20_000)))
     changed, over = (sum(isinstance(e, kind) for e in events) for kind in (ChangeDetected, CauseEnded))
     print(f"{changed} alarms, {over} over")
     assert changed > 3

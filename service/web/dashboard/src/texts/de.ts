@@ -92,7 +92,7 @@ const VAGUE = 5;
 const SURE = 0.95;
 const LIKELY = 0.9;
 
-// --- Wie im Dienst (service/texts.py) ---------------------------------------------------------------------------------
+// --- Wie im Dienst (service/texts) ------------------------------------------------------------------------------------
 
 /** Jede mit der längsten Zeit, die in ihr angegeben wird, in Sekunden. */
 const SPANS: [number, string, number][] = [
@@ -170,7 +170,9 @@ function sentence(alarm: Alarm, unit: string): string | null {
   const drifts = alarm.kind === "drift" ? `, und driftet nach ${alarm.direction === "up" ? "oben" : "unten"}` : "";
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
   const same = alike.length > 0 ? `; gleich sähe aus: ${alike.map((name) => (name === "load" ? "eine andere Nutzlast" : nameOf(name))).join(" oder ")}` : "";
-  return `${which}${words}${drifts}${same}${outside}`;
+  const also = alarm.same_payload.length === 0 ? ""
+    : `; ${alarm.same_payload.join(", ")} zur selben Zeit ebenso: eine andere Nutzlast ist wahrscheinlicher als je ein Fehler`;
+  return `${which}${words}${drifts}${same}${also}${outside}`;
 }
 
 const CAUSES: Record<string, string> = {

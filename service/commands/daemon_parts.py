@@ -1,0 +1,263 @@
+"""The parts of the daemon: opened, restored and connected."""
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import structlog
+
+from monitor_core.wording import sentence
+from service.can.bus import blf_channels
+from service.can.frame_recorder import FrameRecorder
+from service.commands.plant_links import PlantLinks
+from service.commands.signal_handling import stopped_by_signals
+from service.config import Config
+from service.config.schema_links import LinksConfig
+from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
+from service.pipeline.bus_readers import BusReaders
+from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.reloading import Part, Reloading
+from service.pipeline.snapshot import Snapshot
+from service.pipeline.wall_clock import WallClock
+from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
+from service.pipeline.worker import Compiled, Worker
+from service.store.checkpoints import Checkpoints
+from service.store.history_store import Bounds, HistoryStore, Resolution
+from service.store.journal import Journal
+from service.texts.instants import now_us
+from service.web.access import Access
+from service.web.app_state import AppState
+
+if TYPE_CHECKING:
+    from service.links.running import Links
+
+ALARMS_FILE, CHECKPOINTS_FILE, HISTORY_FILE = "alarms.sqlite", "checkpoints.sqlite", "history.sqlite"
+"""In the state directory."""
+
+log = structlog.get_logger(__name__)
+
+
+class DaemonParts:
+    """What the daemon consists of, connected; the stack closes all of it, the last one first."""
+
+    def __init__(self, config: Config, record: Path | None, stop: threading.Event, stack: ExitStack) -> None:
+        self.config = config
+        self.state = _opened(config, stack)
+        begun = self.state.begun
+        self.core = FramePipeline(config, begun.axes)
+        self.compiled = _in_background(config, stack)
+        self.buses = BusReaders(config, self.core.ingests)
+        stack.callback(self.buses.close)
+        self.extracts = _extracts(config)
+        recording = Recording(FrameRecorder(record) if record else None, self.extracts)
+        stack.callback(recording.close)
+        monitors = self.core.monitors
+        self.saver = Checkpointer(
+            self.state.checkpoints, monitors, config.service.checkpoint_interval_s, None, now_us
+        )
+        clock = WallClock()
+        alarms, messages = _restored(config, monitors, self.state, self.saver, clock)
+        intakes = self.buses.intakes(self.core.ingests, recording)
+        self.worker = Worker(
+            config,
+            self.core,
+            intakes,
+            recording,
+            alarms,
+            self.state.history,
+            self.saver,
+            self.compiled,
+            clock,
+            messages,
+            stop.set,
+        )
+        epochs = self.state.journal.epochs
+        self.baselines = Baselines(config.axes, begun.axes, monitors, self.worker, epochs, now_us)
+        stack.enter_context(stopped_by_signals(stop))
+        stack.callback(self.worker.stop)
+        stack.callback(self.baselines.stop)
+        stack.callback(self.buses.close)
+        self.links = _links(config, self.state.journal, lambda: self.worker.snapshot, self.extracts)
+        stack.callback(self.links.stop)
+
+    def start(self) -> None:
+        """Begin: readers, worker, history, links, and what was going on with epochs."""
+        self.buses.start(self.worker.frames_arrived)
+        self.worker.start()
+        self.state.history.start()
+        self.links.start()
+        self.baselines.start()
+
+    def reloading(self, further: Sequence[Part]) -> Reloading:
+        """What takes over another configuration; ``further``: what else is exchanged."""
+        return Reloading(
+            self.config,
+            self.core,
+            self.worker,
+            self.baselines,
+            self.buses,
+            self.state.journal,
+            self.state.checkpoints,
+            self.saver,
+            now_us,
+            further,
+        )
+
+    def app_state(self, access: Access, stop: threading.Event) -> AppState:
+        """What the web reads of them."""
+        worker, baselines = self.worker, self.baselines
+        return AppState(
+            lambda: worker.snapshot,
+            self.state.journal,
+            access,
+            extracts=self.extracts,
+            history=self.state.history,
+            links=self.links.snapshots,
+            acknowledge=lambda number, note: baselines.between_blocks(
+                lambda: worker.acknowledge(number, note)
+            ),
+            baselines=baselines,
+            stopping=stop.is_set,
+            live=self.core.live,
+        )
+
+    def problems(self) -> dict[str, str | None]:
+        """Why files of the state directory cannot be written now, by their names."""
+        snapshot = self.worker.snapshot
+        waiting = snapshot.alarms.waiting
+        words = sentence("alarms wait", "{alarms} alarms are not recorded yet", alarms=waiting)
+        return {
+            ALARMS_FILE: words if waiting else None,
+            CHECKPOINTS_FILE: self.saver.problem,
+            HISTORY_FILE: snapshot.history.problem,
+        }
+
+
+class _State(NamedTuple):
+    """What is in the state directory, and the epochs that are in force."""
+
+    journal: Journal
+    checkpoints: Checkpoints
+    history: HistoryRecording
+    begun: AtStart
+
+
+def _opened(config: Config, stack: ExitStack) -> _State:
+    """The files of the state directory, until the stack is left."""
+    kept = config.service
+    journal = Journal(kept.state_dir / ALARMS_FILE)
+    stack.callback(journal.close)
+    checkpoints = Checkpoints(kept.state_dir / CHECKPOINTS_FILE)
+    stack.callback(checkpoints.close)
+    ages_s: dict[Resolution, float] = {
+        "raw": kept.history_raw_days * 86400,
+        "minute": kept.history_minute_days * 86400,
+        "hour": kept.history_hour_days * 86400,
+        "day": kept.history_day_days * 86400,
+    }
+    bounds = Bounds(ages_s, kept.history_mb * 1e6)
+    history = HistoryRecording(
+        lambda: HistoryStore(kept.state_dir / HISTORY_FILE, bounds), kept.history_interval_s
+    )
+    stack.callback(history.stop)
+    return _State(journal, checkpoints, history, at_start(config.axes, journal.epochs, now_us()))
+
+
+def _restored(
+    config: Config, monitors: AxisMonitors, state: _State, saver: Checkpointer, clock: WallClock
+) -> tuple[Alarms, tuple[str, ...]]:
+    """The alarms of the journal, as the restored monitors have them; and what happened, for the operator."""
+    resume(monitors, state.journal.epochs, state.begun.epochs)
+    restored = restore(monitors, state.checkpoints, state.journal, now_us())
+    saver.saved_us = restored.checkpoint_us
+    known = quantities(monitors.by_id)
+    rules = alarm_rules(config.axes, known)
+    state.journal.obey(rules, now_us())
+    state.journal.group(alarm_groups(config.axes))
+    alarms = Alarms(state.journal, known, rules=rules, wall=clock)
+    alarms.adopt(restored.open)
+    alarms.record(restored.changes)
+    messages = (*state.begun.messages, *restored.messages, *begun_again(monitors))
+    for message in messages:
+        log.warning("start", message=message)
+    return alarms, messages
+
+
+def _links(
+    config: Config,
+    journal: Journal,
+    snapshot: Callable[[], Snapshot],
+    extracts: Extracts | None,
+) -> PlantLinks:
+    def recording_of(t_us: int) -> str | None:
+        return None if extracts is None else extracts.folder.holding(t_us)
+
+    def make(links: LinksConfig) -> "Links":
+        from service.links.running import Links
+
+        return Links(links, config.service.state_dir, journal, snapshot, recording_of)
+
+    return PlantLinks(config.links, make)
+
+
+def _extracts(config: Config) -> Extracts | None:
+    """What writes the frames around alarms, unless the configuration leaves no room for them."""
+    kept = config.service
+    if not kept.recordings_mb:
+        return None
+    folder = RecordingFolder(
+        kept.state_dir / "recordings",
+        round(kept.recordings_mb * 1e6),
+        blf_channels(config.bus) if kept.recording_format == "blf" else None,
+    )
+    return Extracts(folder, kept.recording_before_s, kept.recording_after_s, now_us)
+
+
+def needs_cyclic_clock(config: Config) -> bool:
+    """Whether the clock of an axis is fitted to its cycles, as it has no sample counter."""
+    return any(axis.config.time.clock == "cyclic" for axis in config.axes)
+
+
+_LONGEST_LOAD_S = 5.0
+"""For which a stop waits for a kernel that is being loaded."""
+
+
+def _in_background(config: Config, stack: ExitStack) -> Compiled:
+    """Compile the kernel, or load it from its cache, during the start: that of the estimates first.
+
+    In parallel both would be slower where there are two processors.  This uses separate monitors: those of the worker
+    are used by one thread only.
+    """
+    compiled = Compiled(Future(), Future())
+    filler = EARLY if EARLY.begun else CacheFiller()
+
+    def compile_kernel() -> None:
+        try:
+            monitors = AxisMonitors(config.axes)
+            shapes = {batch_shape(lanes) for lanes in monitors.batch_sizes}
+            if needs_cyclic_clock(config):
+                shapes.add(Shape.CYCLIC_CLOCK)
+            if filler.fill(shapes):
+                monitors.compile()
+                compiled.estimates.set_result(None)
+            if filler.fill({Shape.MULTIMODEL} if monitors.multimodel else ()):
+                monitors.compile_multimodel()
+                compiled.multimodel.set_result(None)
+        except BaseException as error:
+            for done in compiled:
+                if not done.done():
+                    done.set_exception(error)
+
+    thread = threading.Thread(target=compile_kernel, name="compiler", daemon=True)
+    thread.start()
+    # What it loads has finalizers: at the end of the program Python goes through their list, which must not grow then.
+    stack.callback(thread.join, _LONGEST_LOAD_S)
+    stack.callback(filler.stop)
+    return compiled

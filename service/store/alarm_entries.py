@@ -1,0 +1,191 @@
+"""How an alarm of a monitor enters the journal: as a new row or an older one goes on, with the transitions due."""
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import (
+    AlarmEvent,
+    AlarmLife,
+    AlarmRules,
+    AlarmState,
+    Transition,
+    due,
+    is_present,
+    transition,
+)
+from service.store.alarm_table import LISTS, NAMES, OWN, RecordedAlarm, Value, alarm_by_id, select_alarms
+from service.store.alarm_transitions import SERVICE, Note, take
+from service.store.axis_services import removal
+
+
+class Entry(NamedTuple):
+    """An alarm of an axis, to be recorded; the rules are those of its parameter."""
+
+    axis: str
+    unit: str
+    nominal: float
+    alarm: Alarm
+    rules: AlarmRules = AlarmRules()
+    promised: int = 0
+    """The id that a new alarm gets: it was shown before the disk took it; 0: the next one"""
+    acknowledged: Note | None = None
+    """Who has acknowledged it before the disk took it"""
+
+
+def record_entry(connection: sqlite3.Connection, entry: Entry) -> int:
+    """Insert or update the alarm of an entry, with the transitions that are due; returns its id."""
+    known = _known(connection, entry)
+    alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
+    life = AlarmLife() if known is None else known.life
+    rules, removed_by = removal(connection, entry.axis, entry.rules)
+    if known is not None and _is_named_anew(known, entry.alarm):
+        e = entry.alarm
+        at_us = e.past[-1].until_us if e.past else e.updated_us
+        take(connection, alarm_id, [transition(life, AlarmEvent.NAME)], Note(at_us, SERVICE))
+    for change, note in lived(life, _courses(known, entry.alarm, rules), rules, entry.acknowledged):
+        take(connection, alarm_id, [change], note, removed_by)
+        life = change.after
+    if life.active and not life.hidden:
+        _shelve_with_others(connection, alarm_id, life)
+    return alarm_id
+
+
+def lived(
+    life: AlarmLife, courses: Iterable[tuple[bool, int]], rules: AlarmRules, acknowledged: Note | None
+) -> Iterator[tuple[Transition, Note]]:
+    """The transitions of an alarm whose cause is there or not, each since a time, and which a person acknowledges."""
+    for present, at_us in courses:
+        if acknowledged is not None and acknowledged.at_us < at_us and life.state in _OPEN_TO_ACKNOWLEDGE:
+            yield (change := transition(life, AlarmEvent.ACKNOWLEDGE)), acknowledged
+            life, acknowledged = change.after, None
+        for change in due(life, present, rules):
+            yield change, Note(at_us, SERVICE)
+            life = change.after
+    if acknowledged is not None and life.state in _OPEN_TO_ACKNOWLEDGE:
+        yield transition(life, AlarmEvent.ACKNOWLEDGE), acknowledged
+
+
+_OPEN_TO_ACKNOWLEDGE = (AlarmState.UNACKNOWLEDGED, AlarmState.RETURNED, AlarmState.LATCHED)
+
+
+def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None:
+    """The alarm that the entry belongs to: the same alarm, or else an open one of the same name.
+
+    A forecast is something else than a change of the same parameter, and belongs only to itself.  So does an alarm that
+    has ended, so that recording it again cannot end a later one, and an alarm that has been renamed: another one of
+    that name is about to end.
+    """
+    e = entry.alarm
+    parameter, direction = e.first
+    values: dict[str, Value] = {
+        "axis": entry.axis,
+        "parameter": parameter,
+        "direction": direction,
+        "raised": e.raised_us,
+        "forecast": e.kind == "forecast",
+    }
+    itself = (
+        "WHERE axis = :axis AND first_parameter = :parameter AND first_direction = :direction"
+        " AND raised_us = :raised AND (kind = 'forecast') = :forecast ORDER BY id DESC LIMIT 1"
+    )
+    found = select_alarms(connection, itself, values)
+    if not found and e.ended_us is None and e.stage == "changed":
+        alike = (
+            "WHERE axis = :axis AND parameter = :parameter AND direction = :direction AND ended_us IS NULL"
+            " AND kind <> 'forecast' LIMIT 1"
+        )
+        found = select_alarms(connection, alike, values)
+    return found[0] if found else None
+
+
+def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
+    e = entry.alarm
+    values = _columns_of(entry) | {"crossings": e.crossings}
+    values |= dict(zip(("first_parameter", "first_direction"), e.first, strict=True))
+    if entry.promised and alarm_by_id(connection, entry.promised) is None:
+        values["id"] = entry.promised
+    places = ", ".join(f":{name}" for name in values)
+    cursor = connection.execute(f"INSERT INTO alarm ({', '.join(values)}) VALUES ({places})", values)
+    assert cursor.lastrowid is not None
+    return cursor.lastrowid
+
+
+def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) -> int:
+    e = entry.alarm
+    changed = _columns_of(entry)
+    if known.raised_us != e.raised_us:
+        # The first onset and time are kept: a monitor that lost its state raises the same alarm again.
+        changed = {name: changed[name] for name in ("updated_us", "ended_us", "size", "size_sd")}
+    else:
+        del changed["raised_us"]
+    texts = [f"{name} = :{name}" for name in changed]
+    texts.append("crossings = max(crossings, :again)")
+    values = changed | {"again": e.crossings, "id": known.id}
+    connection.execute(f"UPDATE alarm SET {', '.join(texts)} WHERE id = :id", values)
+    return known.id
+
+
+def _columns_of(entry: Entry) -> dict[str, Value]:
+    """The columns that may change between records; crossings only grow."""
+    e = entry.alarm
+    own: dict[str, Value] = {
+        "axis": entry.axis,
+        "unit": entry.unit,
+        "nominal": entry.nominal,
+        "priority": entry.rules.priority,
+    }
+    shared = [name for name in NAMES if name not in {"crossings", *OWN, *LISTS}]
+    lists: dict[str, Value] = {name: json.dumps(getattr(e, name)) for name in LISTS}
+    return own | {name: getattr(e, name) for name in shared} | lists
+
+
+def _is_named_anew(known: RecordedAlarm, e: Alarm) -> bool:
+    """Whether the cause of an alarm has been found since its last record, or is another one than was found."""
+    same = known.raised_us == e.raised_us and e.stage == "named"
+    return same and any(
+        getattr(known, n) != getattr(e, n) for n in ("stage", "parameter", "direction", "doubt")
+    )
+
+
+def _courses(known: RecordedAlarm | None, e: Alarm, rules: AlarmRules) -> Iterator[tuple[bool, int]]:
+    """Whether the cause was there, and since when, from the last record to this one.
+
+    Less than the off-delay without it does not count, nor does its end before the off-delay is over.
+    """
+    if known is None:
+        yield True, e.raised_us
+    again, same = e.reopened_us, known is None or known.raised_us == e.raised_us
+    if again is not None and same and (known is None or known.reopened_us != again):
+        away_us = None
+        if known is not None:
+            away_us = known.updated_us if known.ended_us is None else known.ended_us
+        if known is None or not is_present(known.life, away_us, again, rules):
+            yield False, again
+            yield True, again
+    if e.ended_us is None:
+        yield True, e.updated_us
+    elif not rules.off_delay_s:
+        yield False, e.ended_us
+
+
+def _shelve_with_others(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife) -> None:
+    """Shelve an alarm while another one of its axis, parameter and direction is shelved."""
+    alarm = alarm_by_id(connection, alarm_id)
+    assert alarm is not None
+    for other in shelved_alike(connection, alarm, alarm.updated_us)[:1]:
+        change = transition(life, AlarmEvent.SHELVE, other.shelved_until_us)
+        comment = f"as alarm {other.id}, which is shelved"
+        take(connection, alarm_id, [change], Note(alarm.updated_us, SERVICE, comment))
+
+
+def shelved_alike(connection: sqlite3.Connection, alarm: RecordedAlarm, now_us: int) -> list[RecordedAlarm]:
+    """The other alarms of its axis, parameter and direction that are shelved, the longest first."""
+    alike = (
+        "WHERE axis = ? AND parameter = ? AND direction = ? AND (kind = 'forecast') = ? AND id <> ?"
+        " AND state = 'shelved' AND shelved_until_us > ? ORDER BY shelved_until_us DESC"
+    )
+    name: list[Value] = [alarm.axis, alarm.parameter, alarm.direction, alarm.kind == "forecast"]
+    return select_alarms(connection, alike, [*name, alarm.id, now_us])

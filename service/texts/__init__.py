@@ -1,0 +1,1 @@
+"""Sentences that several parts of the service share: alarms, untested parameters, long-term trends; times."""

@@ -1,0 +1,178 @@
+"""An alarm in one sentence, with its certainty."""
+
+import math
+from collections.abc import Sequence
+
+from monitor_core.detection import (
+    INERTIA,
+    OUTPUT_NOISE,
+    OUTPUT_OFFSET,
+    OUTPUT_SCALE,
+    OUTPUT_SIGN,
+    OUTPUT_STUCK,
+    TORQUE_LOST,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
+    TORQUE_SIGN,
+    TORQUE_STUCK,
+    Alarm,
+    Cause,
+    Doubt,
+)
+from monitor_core.drive import DELAY, LOAD
+from monitor_core.wording import listed
+from service.texts.trend_words import reach_words
+
+SURE_CAUSE = 0.95
+"""A cause that is likelier needs no second one beside it."""
+
+Z95 = 1.96
+"""Half the width of an interval with a probability of 95 %, in standard deviations"""
+_VAGUE = 5.0
+"""Standard deviation over size, from which on an interval says nothing"""
+
+DOUBTS: dict[Doubt, str] = {
+    "several": "more than one parameter has changed, or none of them; nearest is {parameter}: {fact}",
+    "model": "the model no longer holds, as if a sensor were wrong; nearest is {parameter}: {fact}",
+    "sign": "the motion does not follow the torque, as if one of them had changed its sign or were stuck",
+    "still": "no motion follows the torque: the sensor or the axis is stuck, or the drive is off",
+}
+
+SENSORS = {
+    TORQUE_SIGN: "the measured torque has changed its sign",
+    OUTPUT_SIGN: "the measured motion has changed its sign",
+    TORQUE_STUCK: "the measured torque is stuck: it stays the same while another one acts",
+    TORQUE_LOST: "the torque that acts is not the measured one: its signal is lost, or another one",
+    OUTPUT_STUCK: "the measured motion is stuck: it repeats itself in every digit",
+    TORQUE_SCALE: "the torque that acts is {share} % {more} than the measured one, by its scale",
+    OUTPUT_SCALE: "the measured motion is {share} % {more} than the true one, by its scale",
+    TORQUE_OFFSET: "the torque that acts is {amount} {unit} {more} than the measured one, always",
+    OUTPUT_OFFSET: "the measured motion is {amount} {unit} {more} than the true one, always",
+    OUTPUT_NOISE: "the measured motion is noisier than it was, by {share} %",
+}
+"""Faults of sensors, which the multi-model detector may name."""
+
+
+def episode_words(e: Alarm, nominal: float, unit: str, same_payload: Sequence[str] = ()) -> str:
+    """An alarm in words, with its certainty: "kT or fm, 60:40; kT is ..".
+
+    ``same_payload``: the other axes whose alarms the same change of the payload explains.
+    """
+    also = ""
+    if same_payload:
+        verb = "shows" if len(same_payload) == 1 else "show"
+        likelier = "another payload is likelier than a fault of each"
+        also = f"; {listed(same_payload)} {verb} the same at that time: {likelier}"
+    outside = "; raised outside the conditions of the calibration" if e.inside_calibration is False else ""
+    return f"{_episode_words(e, nominal, unit)}{also}{outside}"
+
+
+def _episode_words(e: Alarm, nominal: float, unit: str) -> str:
+    if e.stage == "changed":
+        return f"something has changed, at first sight {e.parameter}; cause and size are not known yet"
+    size = e.size
+    if size is None:
+        size = -math.inf if e.direction == "down" else math.inf
+    fact = alarm_words(e.parameter, size, nominal, unit, math.nan if e.size_sd is None else e.size_sd)
+    if e.reaches:
+        return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
+    if e.doubt:
+        return DOUBTS[e.doubt].format(parameter=e.parameter, fact=fact)
+    drifts = f", and drifts {e.direction}" if e.kind == "drift" else ""
+    return f"{_which(e.causes)}{fact}{drifts}{_alike(e.parameter, e.causes)}"
+
+
+def _alike(parameter: str, causes: tuple[Cause, ...]) -> str:
+    alike = next((cause.alike for cause in causes if cause.parameter == parameter), ())
+    others = ["another payload" if name == LOAD else name for name in alike]
+    return f"; {' or '.join(others)} would look the same" if alike else ""
+
+
+def _which(causes: tuple[Cause, ...]) -> str:
+    """Empty where the cause is certain, otherwise "kT or fm, 60:40; "."""
+    if not causes or causes[0].probability >= SURE_CAUSE:
+        return ""
+    likely = causes[:3]
+    shares = ":".join(f"{100 * cause.probability:.0f}" for cause in likely)
+    return f"{' or '.join(cause.parameter for cause in likely)}, {shares}; "
+
+
+def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd: float = math.nan) -> str:
+    """An alarm in words: "fm is 0.018 N m s/rad (30 %, 26 to 34) above its nominal value".
+
+    Args:
+        parameter: its name, or that of a fault of a sensor.
+        size: its estimate minus its nominal value, in ``unit``; infinite: not known.
+        nominal: its nominal value, in ``unit``.
+        unit: "1" for a ratio.
+        size_sd: standard deviation of the size, for the interval with a probability of 95 %; not finite: not known.
+    """
+    if parameter == DELAY:
+        return _skew(size, nominal)
+    if parameter == LOAD:
+        return _load(size)
+    if parameter == INERTIA:
+        return _inertia(size)
+    amount, more = _digits(abs(size)), "less" if size < 0 else "more"
+    if parameter in SENSORS:
+        share = _digits(abs(100 * size))
+        return SENSORS[parameter].format(share=share, amount=amount, unit=unit, more=more)
+    side = "below" if size < 0 else "above"
+    if not math.isfinite(size):
+        return f"{parameter} is {side} its nominal value, by how much is not known"
+    amount += "" if unit == "1" else f" {unit}"
+    scale = 100 / abs(nominal) if nominal else 1.0
+    known = ", ".join(
+        [
+            *([f"{_digits(scale * abs(size))} %"] if nominal else []),
+            *_interval(scale * abs(size), scale * size_sd),
+        ]
+    )
+    return f"{parameter} is {amount}{f' ({known})' if known else ''} {side} its nominal value"
+
+
+def _interval(size: float, sd: float) -> list[str]:
+    """Where the size is with a probability of 95 %; empty: not known, hardly known, or not to be told from the size."""
+    low, high = _digits(size - Z95 * sd), _digits(size + Z95 * sd)
+    return [f"{low} to {high}"] if sd < _VAGUE * size and low != high else []
+
+
+def _skew(size: float, nominal: float) -> str:
+    """Torque and motion are no longer synchronous: because of the bus, or of the current loop of the drive."""
+    now = nominal + size
+    if nominal:
+        way, acts = "later than usual" if size > 0 else "earlier than usual", _ms(now)
+    else:
+        way, acts = "late" if size > 0 else "early", "that much"
+    if not math.isfinite(size):
+        return f"the torque frame is {way}, by how much is not known"
+    side = "after" if now > 0 else "before"
+    return f"the torque frame is {_ms(size)} {way}: the torque acts {acts} {side} its sample"
+
+
+def _load(size: float) -> str:
+    """Another payload: a change of the operation, and no fault of the drive."""
+    more = "less" if size < 0 else "more"
+    by = f"{_digits(abs(100 * size))} % {more}" if math.isfinite(size) else more
+    return (
+        f"the axis carries {by} weight than at its commissioning: another payload, and no fault of its drive"
+    )
+
+
+def _inertia(size: float) -> str:
+    """As a payload changes an axis that bears no weight."""
+    larger = "smaller" if size < 0 else "larger"
+    by = f"{_digits(abs(100 * size))} % {larger}" if math.isfinite(size) else larger
+    than = f"{by} than at its commissioning"
+    return f"the inertia that the axis moves is {than}: another payload, and no fault of its drive"
+
+
+def _ms(seconds: float) -> str:
+    return f"{_digits(1000 * abs(seconds))} ms"
+
+
+def _digits(value: float) -> str:
+    """Two significant digits, as a size is hardly ever known better; all digits of a whole number."""
+    if not math.isfinite(value):
+        return "?"
+    return f"{value:.0f}" if abs(value) >= 10 else f"{value:.2g}"

@@ -1,0 +1,69 @@
+"""Parameters that are not tested: why, and what would help."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from monitor_core.monitoring import AxisStatus, NotTested
+from monitor_core.wording import listed
+
+
+def not_tested_sentences(
+    untested: Mapping[NotTested, Sequence[str]], status: AxisStatus, gated_by: str = ""
+) -> Iterator[str]:
+    """A sentence for each reason: "fm and fc are not tested: .. Needed: ..".
+
+    Args:
+        untested: names of the parameters by reason.
+        status: of their axis.
+        gated_by: the operating condition that excluded the last sample.
+    """
+    uncertain = listed(untested.get(NotTested.UNCERTAIN, ("another parameter",)))
+    for reason, names in untested.items():
+        why, needed = (text.format(uncertain=uncertain) for text in _not_tested(reason, status, gated_by))
+        yield f"{listed(names)} {'is' if len(names) == 1 else 'are'} not tested: {why}. Needed: {needed}"
+
+
+def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[str, str]:
+    """Why parameters are not tested, and what would help."""
+    if reason is NotTested.SEEDING and status.remedy is not None:
+        r = status.remedy
+        why = f"P(0) is not found yet, {r.left_s:.3g} of {r.seeding_s:.3g} s of motion are missing"
+        needed = f"{r.record_s:.3g} s of motion"
+        if r.memory_s is not None and r.memory_s < r.memory_now_s:
+            joint = " and joint_state = true" if r.joint_state else ""
+            needed += f"; or memory_s = {r.memory_s:g}{joint}, for which the motion so far suffices"
+        return why, needed
+    if reason is NotTested.NOT_OBSERVED and status.confounded:
+        return f"{_WHY[reason]} ({'; '.join(status.confounded)})", _NEEDED[reason]
+    if reason is NotTested.CONDITIONS and gated_by:
+        return f"{_WHY[reason]} ({gated_by})", _NEEDED[reason]
+    return _WHY[reason], _NEEDED[reason]
+
+
+_MORE_MOTION = "motion that accelerates and has several speeds within memory_s, or a longer memory_s"
+_FEWER = "to take {uncertain} out of `monitor`"
+_WHY: dict[NotTested, str] = {
+    NotTested.NO_SAMPLE: "no sample has been received",
+    NotTested.SETTLING: "the predictor is settling after a start, a gap or lost samples",
+    NotTested.CONDITIONS: "operating conditions exclude the samples",
+    NotTested.WARM_UP: "how warm the axis is after a start or a pause is not known yet; its friction tells",
+    NotTested.UNIDENTIFIABLE: "the record of the nominal values does not determine them",
+    NotTested.SEEDING: "P(0) was found only shortly before the end",
+    NotTested.NOT_OBSERVED: "the motion contains almost no information",
+    NotTested.UNCERTAIN: "within memory_s the motion contains so little information that a change by the whole size"
+    " would not be found",
+    NotTested.BLOCKED: "P(0) is not found, because {uncertain} cannot be determined within memory_s",
+    NotTested.NO_THRESHOLD: "the multi-model detector has no threshold",
+}
+_NEEDED: dict[NotTested, str] = {
+    NotTested.NO_SAMPLE: "torque and motion of this axis; `axiswatch listen` shows what is received",
+    NotTested.SETTLING: "samples without gaps for longer than settling_time_s",
+    NotTested.CONDITIONS: "samples at which every gate is open and every signal is known and within its range",
+    NotTested.WARM_UP: "some memories (memory_s) of motion",
+    NotTested.UNIDENTIFIABLE: "nominal values from a record of several speeds and accelerations, or from `axiswatch"
+    " identify --fix` with one of them, which is then held at its value in the configuration",
+    NotTested.SEEDING: "a longer record",
+    NotTested.NOT_OBSERVED: _MORE_MOTION,
+    NotTested.UNCERTAIN: f"{_MORE_MOTION}, or {_FEWER}",
+    NotTested.BLOCKED: f"{_FEWER}, or {_MORE_MOTION}",
+    NotTested.NO_THRESHOLD: "another calibration, `axiswatch calibrate`",
+}
