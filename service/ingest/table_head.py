@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
@@ -194,6 +195,7 @@ def plain(cell: str, decimal_mark: str) -> str:
     return "" if _OTHER_MARK[decimal_mark] in cell else cell.replace(decimal_mark, ".")
 
 
+@lru_cache(1 << 18)  # a record is read several times, and a time may have a row for each signal
 def seconds_of(cell: str, day_first: bool = False) -> float | None:
     """Seconds since 1970, or since midnight where it is a time of day; None: the cell holds neither.
 
