@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -69,6 +70,8 @@ def run_daemon(
     access = access_of(config, insecure)
     if access.danger is not None:
         log.warning("access", message=access.danger)
+    # Each of the many parts of a large answer waits so long for the interpreter while the worker computes.
+    sys.setswitchinterval(0.001)
     with ExitStack() as stack:
         parts = DaemonParts(config, record, stop, stack)
         parts.compiled.multimodel.add_done_callback(

@@ -28,7 +28,7 @@ _NO_SHELF = described(400, "The end of the shelf is not in the future, or more t
 _NO_PAGE = described(400, "No page has given this cursor, or since is not before until")
 _NO_RANGE = described(400, "since is not before until")
 _LARGEST_ID = 2**63 - 1
-_CURSOR = re.compile(r"(-?[0-9]{1,18})(?:\.([0-9]{1,18}))?")
+_CURSOR = re.compile(r"(?:(-?[0-9]{1,18})\.)?([0-9]{1,18})")
 _WEEK_US = 7 * 86_400_000_000
 _EARLIEST_US, _LATEST_US = -62_135_596_800_000_000, 253_402_300_799_999_999
 """Of the years 1 to 9999 in UTC, which a time of the API can be in"""
@@ -169,7 +169,7 @@ def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
     found = _CURSOR.fullmatch(cursor)
     if found is None:
         raise HTTPException(400, "this is no cursor: it must be the `next` of a page")
-    return (0, (int(found[1]), int(found[2]))) if found[2] else (max(0, int(found[1])), None)
+    return (0, (int(found[1]), int(found[2]))) if found[1] else (int(found[2]), None)
 
 
 def _actions(state: AppState) -> APIRouter:

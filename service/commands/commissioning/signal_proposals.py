@@ -158,7 +158,7 @@ def _explained(motion: Record, torque: Floats) -> float:
         return 0.0
     record = replace(motion, u=torque)
     fit = rigid_fit(record, speed_scales([record])[1])
-    return max(0.0, fit.explained) if fit is not None and fit.inertia > 0 else 0.0
+    return 0.0 if fit is None else max(0.0, fit.explained)  # of either sign, which is looked at afterwards
 
 
 def _torque_of(axis: NamedAxis, partner: NamedAxis) -> Iterator[Correction]:

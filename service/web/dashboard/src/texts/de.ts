@@ -190,7 +190,7 @@ const NO_TOKEN = "ungeschützt: Jeder, dessen Rechner diese Adresse erreicht, da
 const CLOCK = "Die Uhr dieses Rechners wurde um {by_s}";
 const CLOCK_AFTER = "gestellt; {at} ist die erste Zeit danach. Ein Alarm von vorher endet so lange nach seiner Auslösung, wie er gedauert hat";
 
-/** Sätze des Dienstes nach ihrer Art; tests/service/test_sentences.py hält sie und ihre Werte gleich. */
+/** Sätze des Dienstes nach ihrer Art; tests/service/texts/test_sentences.py hält sie und ihre Werte gleich. */
 const SENTENCES: Record<string, string> = {
   "not observed": "{name} ist nicht beobachtet",
   alike: "{first} und {last} sind nicht zu unterscheiden",
