@@ -158,9 +158,12 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
         for words in (*looked.doubts, *(() if ask else looked.faults)):
             console.print(f"{axis_id}: {words}.", markup=False)
     if proposed and not ask:
+        console.print(
+            f"Take all with: {command} --yes", markup=False
+        )  # the box of an error would break the line
         raise typer.BadParameter(
             f"{len(proposed)} proposed {'changes' if len(proposed) > 1 else 'change'}, and nobody to ask:"
-            f" {'; '.join(proposed)}. Take all with: {command} --yes",
+            f" {'; '.join(proposed)}",
             param_hint="--yes",
         )
     return {

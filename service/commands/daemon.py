@@ -21,6 +21,7 @@ from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.pipeline.recording import Extracts
 from service.pipeline.reloading import Reloaded, ReloadError
+from service.pipeline.replay_reports import ReplayReports
 from service.texts.instants import now_us
 from service.web.access import Access
 from service.web.app import create_app
@@ -99,6 +100,11 @@ def run_daemon(
             ready(url)
 
         state = parts.app_state(access, stop)
+        if parts.extracts is not None:
+            folder, named = parts.extracts.folder, "" if file is None else str(file)
+            replays = ReplayReports(folder, lambda: reloading.config, named, state.journal.epochs)
+            stack.callback(replays.stop)
+            state = replace(state, replays=replays)
         if file is not None:
             state = replace(
                 state,

@@ -98,7 +98,7 @@ def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step:
 def _from_table(record: Path, output: Path) -> None:
     """Write a configuration for a table."""
     from service.commands.proposed_configuration import table_lines
-    from service.ingest.column_roles import role_of, roles
+    from service.ingest.column_roles import roles
     from service.ingest.records import is_table
     from service.ingest.table_files import open_table
 
@@ -108,12 +108,6 @@ def _from_table(record: Path, output: Path) -> None:
             param_hint="FILE",
         )
     table = open_table(record)
-    if table.keys is not None and role_of(table.keys[0]) == "time":
-        time, axis = table.keys
-        raise RecordError(
-            f'{record} has, for each "{time}", a row for each "{axis}"; make it one row for each "{time}", with columns'
-            " for torque and motion of each axis, such as torque_1, angle_1, torque_2 (a pivot table does so)"
-        )
     columns, interval_s, faults = _read(table)
     fault = "".join(f"; {why}" for why in [*faults.values()][:1])
     if not any(map(len, columns.values())):
@@ -125,8 +119,9 @@ def _from_table(record: Path, output: Path) -> None:
         raise RecordError(
             f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{fault}"
         )
+    interval_s = found.interval_s or interval_s
     lines = table_lines(found, record.name, interval_s)
-    words = [*_summary(found, interval_s), *(f"not used: {why}" for why in faults.values())]
+    words = [*table.taken, *_summary(found, interval_s), *(f"not used: {why}" for why in faults.values())]
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 
 
@@ -246,7 +241,8 @@ def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str
 
 
 def _summary(found: TableRoles, interval_s: float | None) -> Iterator[str]:
-    unknown = "" if interval_s else "; put their interval into sample_interval_s, which nothing shows"
+    apart = f", {interval_s:.4g} s apart" if interval_s else ""
+    unknown = apart or "; put their interval into sample_interval_s, which nothing shows"
     yield f"time: {found.time or f'no column; rows are taken as evenly spaced{unknown}'}"
     for axis in found.axes:
         yield (

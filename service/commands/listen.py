@@ -15,10 +15,12 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
+from monitor_core.sampling import compile_stream
 from service.can.bus_reader import CanReader
 from service.can.frames import FrameBlock
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Seconds, configuration
+from service.commands.progress import announced
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.ingest.bus_samples import Carried, Ingest, Values
@@ -104,6 +106,7 @@ def live_buses(
         DescriptionError, IngestError: the configuration cannot be used.
     """
     opened = list[LiveBus]()
+    announced("compiling what reads the frames, once after an installation", compile_stream)
     try:
         for bus in config.bus:
             ingest = Ingest(config, bus.name, carried)

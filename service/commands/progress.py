@@ -1,5 +1,6 @@
 """Progress on the error stream, bars if that is a terminal; and a task in a thread that reports its progress."""
 
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -20,6 +21,7 @@ from rich.progress import (
 
 T = TypeVar("T")
 _POLL_S = 0.2
+_SOON_S = 1.0
 
 
 @contextmanager
@@ -40,6 +42,17 @@ def steps_bar(name: str) -> Iterator[Callable[[str, float, float], None]]:
             progress.update(task, completed=done, total=total, description=f"{name}: {step}")
 
         yield update
+
+
+def announced(what: str, work: Callable[[], T]) -> T:
+    """The result of work that is mostly done at once; where it takes a while, it is said what that is."""
+    with ThreadPoolExecutor(1) as pool:
+        task = pool.submit(work)
+        if not wait([task], _SOON_S).done:
+            print(f"{what} ...", file=sys.stderr, flush=True)
+            with steps_bar(what):
+                wait([task])
+    return task.result()
 
 
 class AxesBars:

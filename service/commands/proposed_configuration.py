@@ -23,11 +23,10 @@ _BUS = "can0"
 
 
 def table_lines(found: TableRoles, record: str, interval_s: float | None) -> Iterator[str]:
-    """The file for a table; ``interval_s``: between its rows, where a variable of the record says it."""
+    """The file for a table; ``interval_s``: between its rows, where the record shows it."""
     yield f"# Proposed by `axiswatch init` from {record}."
     yield "# Check units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
-    interval_s = found.interval_s or interval_s
     yield from _robot_lines({axis.name: [*_column_lines(found, axis, interval_s)] for axis in found.axes})
 
 

@@ -140,7 +140,9 @@ def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxy
     unit_names = {name: unit_of(name, units.get(name, "")) for name in columns}
     values = _sound({name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2})
     time, unit_s = _time(values, unit_names)
-    interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s if time is not None else None
+    interval_s = (
+        _interval_of_rows(values) if time is None else float(np.nanmedian(np.diff(values[time]))) * unit_s
+    )
     moving = {name: v for name, v in values.items() if name != time and changes(v)}
     t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
@@ -188,6 +190,7 @@ def changes(v: Floats) -> bool:
 _UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _RISES = 0.99
 """Of the steps of a time: a few rows may be there twice."""
+_FEWEST_STEPS = 4
 _LONGEST_S = 0.5
 """A longer interval of a drive's samples is none in seconds."""
 
@@ -207,6 +210,15 @@ def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str |
     if unit == 1.0:
         unit = next((u for u in (1.0, 1e-3, 1e-6) if interval * u < _LONGEST_S), 1e-9)
     return name, unit
+
+
+def _interval_of_rows(values: Mapping[str, Floats]) -> float | None:
+    """The interval of the rows, where a time in seconds has no parts of them: as many rows are in each second."""
+    for name, v in values.items():
+        steps = np.flatnonzero(np.diff(v) != 0) + 1
+        if role_of(name) == "time" and len(steps) >= _FEWEST_STEPS and (np.diff(v[steps]) == 1).all():
+            return (len(steps) - 1) / float(steps[-1] - steps[0])
+    return None
 
 
 # --- Torque and motion of each axis -----------------------------------------------------------------------------------

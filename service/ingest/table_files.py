@@ -8,6 +8,8 @@ from __future__ import annotations
 import csv
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -22,13 +24,18 @@ from monitor_core.arrays import Floats
 from monitor_core.wording import did_you_mean
 from service.can.left_out import too_many
 from service.can.user_errors import RecordError
-from service.ingest.table_head import is_number, read_head, seconds_of
+from service.ingest.column_roles import role_of
+from service.ingest.table_head import is_number, plain, read_head, seconds_of
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _ROWS = 8192
 _BLOCK_BYTES = 1 << 20
 _MOST_COLUMNS = 100
 """Of a matrix, to be columns of a table"""
+_MOST_SIGNALS = 1000
+_ALONE = 0.5
+"""Of the times: with one signal only, so that signals have times of their own"""
+_UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
@@ -45,8 +52,10 @@ def open_table(path: Path) -> Table:
     Raises:
         RecordError: the file cannot be read or is not what its suffix says.
     """
-    kinds: tuple[type[CsvTable], type[ParquetTable], type[MatTable]] = CsvTable, ParquetTable, MatTable
-    return kinds[TABLE_SUFFIXES.index(path.suffix.lower())](path)
+    if path.suffix.lower() == TABLE_SUFFIXES[0]:
+        table = CsvTable(path)
+        return table if table.keys is None else LongTable(path, table, *table.keys)
+    return ParquetTable(path) if path.suffix.lower() == TABLE_SUFFIXES[1] else MatTable(path)
 
 
 def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:
@@ -83,11 +92,18 @@ class CsvTable:
         """The columns there are"""
         self.units = self._head.units
         """Of the columns, by name, where a line below the names has them"""
-        keys = self._head.keys()
-        self.keys = None if keys is None else (self.names[keys[0]], self.names[keys[1]])
-        """Two columns, the first of which has each value once for each value of the second, as a time and an axis"""
-        self._decimal = self._head.decimal_mark
+        self._decimal, self._day_first = self._head.decimal_mark, self._head.day_first
+        self.taken = self._head.taken
+        """What the table leaves open, and how it is taken, in words"""
         self._dates = self._head.dates(self.names)
+        self.keys = self._head.keys({*self._dates, *(name for name in self.names if role_of(name) == "time")})
+        """The time, and the column that names what a row holds, where a time has several rows; else None"""
+        self.texts = [name for name in self.names if self.keys and self._head.is_text(name)]
+        """The columns of texts, where a time has several rows"""
+        self.unit = next((name for name in self.texts if name.lower() in _UNIT_NAMES), None)
+        """The column of units, where a time has several rows"""
+        self.labels: dict[str, float] = {}
+        """The texts that name what a row holds, and its unit, with their numbers in these columns of ``rows``"""
         self.left_out: list[str] = []
         """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
 
@@ -107,20 +123,24 @@ class CsvTable:
                     read += batch.num_rows
                     yield Rows(columns, min(1.0, file.tell() / size))
                 return
-            except pa.ArrowException as error:
-                fault = RecordError(f"{self._path}: {error}")
-        yield from self._sound_rows(names, read, fault)
+            except pa.ArrowException:
+                pass  # a line that is to be named, or separators of thousands
+        yield from self._sound_rows(names, read)
 
     def _column(self, name: str, batch: pa.RecordBatch) -> Floats:
-        if name not in self._dates:
-            return _numbers(batch.column(name))
-        cells = batch.column(name).to_pylist()
+        column = batch.column(name)
+        if not pa.types.is_string(column.type):
+            return _numbers(column)
+        cells = column.fill_null("").dictionary_encode()
         try:
-            return np.array([self._number(name, cell or "") for cell in cells], np.float64)
+            known = np.array(
+                [self._number(name, cell or "") for cell in cells.dictionary.to_pylist()], np.float64
+            )
         except ValueError as error:
             raise pa.ArrowInvalid(str(error)) from None
+        return np.asarray(known[cells.indices.to_numpy()])
 
-    def _sound_rows(self, names: Sequence[str], skipped: int, fault: RecordError) -> Iterator[Rows]:
+    def _sound_rows(self, names: Sequence[str], skipped: int) -> Iterator[Rows]:
         """The rows that can be read after the first ones, line by line; slower, and only where arrow fails."""
         found, torn, read, cells = list[str](), list[str](), 0, list[list[float]]()
         for line, row, ends in self._lines():
@@ -136,8 +156,6 @@ class CsvTable:
             if len(cells) == _ROWS:
                 yield self._block(names, cells)
                 cells = []
-        if not found and not torn:
-            raise fault
         if too_many(len(found), read, ended=True):
             raise RecordError(f"{self._path}, {found[0]}")
         self.left_out = [*found, *torn]
@@ -176,7 +194,7 @@ class CsvTable:
             ),
             pc.ParseOptions(delimiter=self._head.delimiter),
             pc.ConvertOptions(
-                column_types={n: pa.string() if n in self._dates else pa.float64() for n in names},
+                column_types={n: pa.string() if self._as_text(n) else pa.float64() for n in names},
                 include_columns=list(names),
                 null_values=_EMPTY,
                 strings_can_be_null=True,
@@ -190,24 +208,34 @@ class CsvTable:
             return f"{len(row)} cells in a table of {len(self.names)} columns"
         for name in names:
             cell = row[self.names.index(name)]
-            if cell not in _EMPTY and not self._is_number(cell) and not self._is_date(name, cell):
+            if not (
+                cell in _EMPTY or self._is_key(name) or self._is_number(cell) or self._is_date(name, cell)
+            ):
                 hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
                 hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
                 kind = "date" if name in self._dates else "number"
                 return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
         return ""
 
+    def _as_text(self, name: str) -> bool:
+        return name in self._dates or self._is_key(name)
+
+    def _is_key(self, name: str) -> bool:
+        return self.keys is not None and name in (self.keys[1], self.unit)
+
     def _is_number(self, cell: str) -> bool:
-        return is_number(cell.replace(self._decimal, "."))
+        return is_number(plain(cell, self._decimal))
 
     def _is_date(self, name: str, cell: str) -> bool:
-        return name in self._dates and seconds_of(cell) is not None
+        return name in self._dates and seconds_of(cell, self._day_first) is not None
 
     def _number(self, name: str, cell: str) -> float:
         if cell in _EMPTY:
             return float("nan")
-        seconds = seconds_of(cell) if name in self._dates else None
-        return float(cell.replace(self._decimal, ".")) if seconds is None else seconds
+        if self._is_key(name):
+            return self.labels.setdefault(cell, len(self.labels))
+        seconds = seconds_of(cell, self._day_first) if name in self._dates else None
+        return float(plain(cell, self._decimal)) if seconds is None else seconds
 
 
 def _numbers(column: pa.Array[Any]) -> Floats:
@@ -223,10 +251,77 @@ def _numbers(column: pa.Array[Any]) -> Floats:
     return scale * np.asarray(numbers.to_numpy(zero_copy_only=False), np.float64)
 
 
+class LongTable:
+    """A CSV file with a row for each time and each signal or axis, read as one with a row for each time.
+
+    The columns are the signals; where rows hold several numbers, as of an axis, they are called torque_A1, angle_A1.
+    """
+
+    has_names = True
+
+    def __init__(self, path: Path, table: CsvTable, time: str, key: str) -> None:
+        self._path, self._table, self._time, self._key = path, table, time, key
+        self._units: dict[str, str] = {}
+        self.taken = (*table.taken, f'a "{time}" has a row for each "{key}"')
+
+    @property
+    def left_out(self) -> Sequence[str]:
+        """See CsvTable."""
+        return self._table.left_out
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The time, and the columns that the rows of each time make."""
+        return tuple(self._columns)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the columns, by name, where the rows have them."""
+        return self._units if self._columns else {}
+
+    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+        """See CsvTable."""
+        total = len(self._columns[self._time])
+        for i in range(0, total, _ROWS):
+            block = {name: self._columns[name][i : i + _ROWS] for name in names}
+            yield Rows(block, min(1.0, (i + _ROWS) / total))
+
+    @cached_property
+    def _columns(self) -> Mapping[str, Floats]:
+        left = {self._time, self._key, *self._table.texts}
+        values = [name for name in self._table.names if name not in left]
+        wanted = [self._time, self._key, *values, *filter(None, [self._table.unit])]
+        blocks = [rows.columns for rows in self._table.rows(wanted)]
+        read = {name: np.concatenate([np.zeros(0), *(block[name] for block in blocks)]) for name in wanted}
+        texts = {code: text for text, code in self._table.labels.items()}
+        signals = [code for code in texts if (read[self._key] == code).any()]
+        if len(signals) > _MOST_SIGNALS:
+            raise RecordError(f'{self._path}: {len(signals)} signals, by their names in column "{self._key}"')
+        # In their order in the file: times of day begin again at midnight.
+        _, first, number, counts = np.unique(
+            read[self._time], return_index=True, return_inverse=True, return_counts=True
+        )
+        if len(values) == 1 and len(signals) > 1 and np.mean(counts == 1) > _ALONE:
+            raise RecordError(
+                f'{self._path}: each "{self._key}" has times of its own, so that torque and motion are not of one'
+                " time; export them with a common interval"
+            )
+        row = np.argsort(np.argsort(first))[number]
+        columns = {self._time: read[self._time][np.sort(first)]}
+        for value, code in product(values, signals):
+            mine, column = read[self._key] == code, np.full(len(first), np.nan)
+            column[row[mine]] = read[value][mine]
+            name = texts[code] if len(values) == 1 else f"{value}_{texts[code]}"
+            columns[name] = column
+            if self._table.unit is not None and len(values) == 1:
+                self._units[name] = texts.get(read[self._table.unit][mine][0], "")
+        return columns
+
+
 class ParquetTable:
     """A Parquet file."""
 
-    has_names, left_out, units, keys = True, list[str](), dict[str, str](), None
+    has_names, left_out, units, taken = True, list[str](), dict[str, str](), tuple[str, ...]()
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -269,7 +364,7 @@ class MatTable:
     The second column of a matrix is called matrix(:,2).
     """
 
-    has_names, left_out, units, keys = True, list[str](), dict[str, str](), None
+    has_names, left_out, units, taken = True, list[str](), dict[str, str](), tuple[str, ...]()
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -319,5 +414,5 @@ def _flat(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
                 yield from ((f"{above}{name}(:,{k})", column) for k, column in enumerate(value.T, 1))
 
 
-Table = CsvTable | ParquetTable | MatTable
+Table = CsvTable | LongTable | ParquetTable | MatTable
 """A file with columns, of any kind"""

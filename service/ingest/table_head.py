@@ -8,8 +8,9 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
@@ -24,9 +25,22 @@ _DECIMAL_COMMA, _DECIMAL_POINT = (
     re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*"),
     re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*"),
 )
-_GERMAN_DAY = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4}),?\s+")
+_OTHER_MARK = {".": ",", ",": "."}
+_GROUPED = {
+    mark: re.compile(
+        rf"\s*[-+]?[1-9]\d{{0,2}}([{other} '\u2019\xa0\u202f])\d{{3}}(?:\1\d{{3}})*(?:[{mark}]\d*)?\s*"
+    )
+    for mark, other in _OTHER_MARK.items()
+}
+"""Numbers with separators of thousands, by the decimal mark: 1,234 or 1'234.5, and 1.234 or 1 234,5"""
+_THREE_DIGITS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+_DAY = re.compile(r"(\d\d?)([./])(\d\d?)\2(\d{4}),?\s+")
+_YEAR_FIRST = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)")
+_HALF_DAY = re.compile(r"\s*([AP])\.?M\.?$", re.IGNORECASE)
+_ONE_DIGIT_HOUR = re.compile(r"(?<!\d)(?<!:)(?=\d:\d\d)")
 _BEFORE_ZONE = re.compile(r"\s+(?=([-+]\d\d:?\d\d|Z)$)")
 _FEWEST_TIMES = 3
+_MONTHS, _HALF_HOURS = 12, 12
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\ufffd]")
 _REMARK = ("#", "%")
 
@@ -47,29 +61,79 @@ class Head(NamedTuple):
     """The first rows"""
 
     @property
+    def _cells(self) -> list[str]:
+        return [cell for row in self.sample for cell in row]
+
+    @property
     def decimal_mark(self) -> str:
         """Of the numbers in the first rows."""
-        cells = [cell for row in self.sample for cell in row]
+        cells = self._cells
+        for mark, other in _OTHER_MARK.items():
+            if any((mark in c or c.count(other) > 1) and _GROUPED[mark].fullmatch(c) for c in cells):
+                return mark
         commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
         return "," if commas and not any(_DECIMAL_POINT.fullmatch(cell) for cell in cells) else "."
+
+    @property
+    def day_first(self) -> bool:
+        """Whether 01/02/2026 is taken as the first of February: as the rows tell, else with a clock of 24 hours."""
+        days = self._slashed_days
+        if any(int(second) > _MONTHS for _, second in days):
+            return False
+        return any(int(first) > _MONTHS for first, _ in days) or not any(map(_HALF_DAY.search, self._cells))
+
+    @property
+    def _slashed_days(self) -> list[tuple[str, str]]:
+        found = filter(None, map(_DAY.match, self._cells))
+        return [(day[1], day[3]) for day in found if day[2] == "/"]
+
+    @property
+    def taken(self) -> tuple[str, ...]:
+        """What the first rows leave open, and how it is taken."""
+        words, days, cells = list[str](), self._slashed_days, self._cells
+        if days and max(int(number) for day in days for number in day) <= _MONTHS:
+            order = "day/month" if self.day_first else "month/day"
+            words.append(f"dates such as {'/'.join(days[0])}/... are taken as {order}/year")
+        commas = (
+            [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)] if self.decimal_mark == "," else []
+        )
+        if commas and all(map(_THREE_DIGITS.fullmatch, commas)):
+            words.append(
+                f"{commas[0]} is taken as {commas[0].replace(',', '.')}; if commas separate thousands, leave them out"
+            )
+        return tuple(words)
 
     def dates(self, names: Sequence[str]) -> set[str]:
         """The columns that hold dates or times of day in the first rows."""
         return {name for row in self.sample for name, cell in zip(names, row, strict=False) if _is_date(cell)}
 
-    def keys(self) -> tuple[int, int] | None:
-        """Places of two columns, the first of which has each value in a row for each value of the second; else None."""
-        columns = list(zip(*(row for row in self.sample if len(row) == self.width), strict=True))
-        for time, cells in enumerate(columns):
+    def keys(self, times: Collection[str]) -> tuple[str, str] | None:
+        """A time and a name of what a row holds, where a time has several rows, one for each signal or axis; else None.
+
+        ``times``: columns that may be the time.  The rows come by their times, or those of a signal together: then one
+        column has numbers beside the time, and others have texts.
+        """
+        cells_of = zip(*(row for row in self.sample if len(row) == self.width), strict=True)
+        columns = dict(zip(self.names or (), cells_of, strict=False))
+        for time in (name for name in columns if name in times):
+            cells = columns[time]
             ends = [k for k in range(1, len(cells)) if cells[k] != cells[k - 1]]
             size = ends[0] if len(ends) >= _FEWEST_TIMES else 1
-            if size == 1 or ends != list(range(size, len(cells), size)):
-                continue
-            for key, names in enumerate(columns):
-                each = {tuple(sorted(names[end - size : end])) for end in ends}
-                if len(each) == 1 and len(set(*each)) == size:
-                    return time, key
+            if size > 1 and ends == list(range(size, len(cells), size)):
+                for key, names in columns.items():
+                    each = {tuple(sorted(names[end - size : end])) for end in ends}
+                    if len(each) == 1 and len(set(*each)) == size:
+                        return time, key
+            texts = [name for name in columns if name != time and self.is_text(name)]
+            if texts and len(columns) - len(texts) == 2:
+                return time, max(texts, key=lambda name: len(set(columns[name])))
         return None
+
+    def is_text(self, name: str) -> bool:
+        """Whether a column holds nothing but texts in the first rows."""
+        at = (self.names or ()).index(name)
+        cells = [row[at] for row in self.sample if at < len(row) and row[at]]
+        return bool(cells) and not any(is_number(cell.replace(",", ".")) or _is_date(cell) for cell in cells)
 
 
 def read_head(path: Path) -> Head:
@@ -124,18 +188,37 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def seconds_of(cell: str) -> float | None:
-    """Seconds since 1970, or since midnight where it is a time of day; None: the cell holds neither."""
-    text = _BEFORE_ZONE.sub("", _GERMAN_DAY.sub(_iso_day, cell.strip()))
+def plain(cell: str, decimal_mark: str) -> str:
+    """A number as ``float`` reads it: with a decimal point, without separators of thousands; empty: it is none."""
+    if _GROUPED[decimal_mark].fullmatch(cell):
+        cell = re.sub(f"[^-+\\d{decimal_mark}]", "", cell)
+    return "" if _OTHER_MARK[decimal_mark] in cell else cell.replace(decimal_mark, ".")
+
+
+@lru_cache(1 << 18)  # a record is read several times, and a time may have a row for each signal
+def seconds_of(cell: str, day_first: bool = False) -> float | None:
+    """Seconds since 1970, or since midnight where it is a time of day; None: the cell holds neither.
+
+    ``day_first``: 01/02/2026 is the first of February.
+    """
+    text, half, hours = cell.strip(), _HALF_DAY.search(cell.strip()), 0
+    text = _HALF_DAY.sub("", text)
+    text = _DAY.sub(lambda day: _iso_day(day, day_first), _YEAR_FIRST.sub(r"\1-\2-\3", text, count=1))
+    text = _ONE_DIGIT_HOUR.sub("0", _BEFORE_ZONE.sub("", text), count=1)
     try:
         date = datetime.fromisoformat(text if "-" in text[:10] else f"1970-01-01 {text}")
     except ValueError:
         return None
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+    if half is not None:
+        if date.hour > _HALF_HOURS:
+            return None
+        hours = date.hour % _HALF_HOURS - date.hour + (_HALF_HOURS if half[1] in "pP" else 0)
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp() + 3600 * hours
 
 
-def _iso_day(day: re.Match[str]) -> str:
-    return f"{day[3]}-{day[2]:0>2}-{day[1]:0>2} "
+def _iso_day(day: re.Match[str], day_first: bool) -> str:
+    first, second = (day[1], day[3]) if day[2] == "." or day_first else (day[3], day[1])
+    return f"{day[4]}-{second:0>2}-{first:0>2} "
 
 
 def _encoding(start: bytes) -> str:

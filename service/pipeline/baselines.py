@@ -298,7 +298,7 @@ class Baselines:
             try:
                 content = from_files(self._configured[axis_id], nominal, thresholds)
             except EpochValuesError as error:
-                raise BaselineError(str(error)) from None
+                raise BaselineError(error.args[0]) from None
             plan = EpochPlan(axis_id, "files", content, self._fingerprint(axis_id), (), None, verify_s)
             return self._take_over(plan, self.epochs.next_number(axis_id), note)
 

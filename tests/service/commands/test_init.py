@@ -10,7 +10,7 @@ import pytest
 from service.config import load
 from service.ingest.column_roles import role_of
 from tests.service.command_line import refused, shown
-from tests.service.commands.test_commission import table
+from tests.service.commands.commissioning.test_commission import table
 
 
 @pytest.fixture
@@ -55,6 +55,17 @@ def test_values_alone(record: Path) -> None:
     assert (b.torque.column, b.motion.column, b.torque.factor) == ("4", "5", 1)
     assert a.time.factor == 0.001
     assert a.sample_interval_s == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize("cell", ["02.03.2026 08:00:{:02}", "{}"])
+def test_times_without_parts_of_a_second_tell_the_interval(record: Path, cell: str) -> None:
+    """Spreadsheets show dates so: there are as many rows in each second."""
+    head, *lines = record.read_text("utf-8").splitlines()
+    rows = [",".join([cell.format(k // 200), line.partition(",")[2]]) for k, line in enumerate(lines)]
+    record.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    assert "rows are taken as evenly spaced, 0.005 s apart" in shown("init", record)
+    first, _ = load(Path("axis.toml")).axes
+    assert (first.config.time.column, first.config.sample_interval_s) == (None, 0.005)
 
 
 @pytest.mark.parametrize("faulty_rows", [0, 30])
@@ -164,11 +175,22 @@ def test_mistakes(record: Path, words: list[str], message: str) -> None:
     assert message in refused("init", *words)
 
 
-def test_a_row_for_each_time_and_axis_is_refused(record: Path) -> None:
+@pytest.mark.parametrize(
+    ("head", "line", "names"),
+    [
+        ("time,axis,torque,angle", "{0:.3f},A{1},{2},{3}\n", ("torque_A", "angle_A")),
+        ("time,name,value", "{0:.3f},torque{1},{2}\n{0:.3f},angle{1},{3}\n", ("torque", "angle")),
+    ],
+)
+def test_a_table_with_a_row_for_each_axis_or_signal(
+    record: Path, head: str, line: str, names: tuple[str, str]
+) -> None:
     rows = np.loadtxt(record, delimiter=",", skiprows=1)
-    lines = [f"{row[0]:.3f},A{k},{row[2 * k - 1]},{row[2 * k]}\n" for row in rows for k in (1, 2)]
-    record.write_text("time,axis,torque,angle\n" + "".join(lines), encoding="utf-8")
-    assert 'a row for each "axis"; make it one row for each "time"' in refused("init", record)
+    lines = [line.format(row[0], k, row[2 * k - 1], row[2 * k]) for row in rows for k in (1, 2)]
+    record.write_text(f"{head}\n" + "".join(lines), encoding="utf-8")
+    text = shown("init", record)
+    for k in (1, 2):
+        assert f"axis{k}: torque {names[0]}{k}, angle {names[1]}{k}: sure" in text
 
 
 @pytest.mark.parametrize(

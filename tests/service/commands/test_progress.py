@@ -1,8 +1,13 @@
 """Progress of several axes: bars on a terminal, else a line where one enters a phase."""
 
+import sys
+from io import StringIO
+from threading import Event
+
 import pytest
 
-from service.commands.progress import axes_bars
+from service.commands import progress
+from service.commands.progress import announced, axes_bars
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -37,3 +42,26 @@ def test_on_a_terminal_there_is_a_bar_for_each_axis(
     for words in ("cell.a1: calibrate: faults", "43%", "cell.a2: waits", "0%"):
         assert words in err
     assert "..." not in err
+
+
+class _Noticed(StringIO):
+    """An error stream that says when something is written."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.event = Event()
+
+    def write(self, text: str) -> int:
+        self.event.set()
+        return super().write(text)
+
+
+def test_what_takes_a_while_is_announced(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = _Noticed()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(progress, "_SOON_S", 30.0)
+    assert announced("compiling", lambda: 7) == 7
+    assert stream.getvalue() == ""
+    monkeypatch.setattr(progress, "_SOON_S", 0.0)
+    assert announced("compiling", lambda: stream.event.wait(30)) is True  # it ends when the line is there
+    assert stream.getvalue() == "compiling ...\n"

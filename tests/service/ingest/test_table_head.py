@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from datetime import UTC, date, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.io
 
-from service.ingest.table_files import CsvTable, MatTable
+from service.can.user_errors import RecordError
+from service.ingest.table_files import CsvTable, LongTable, MatTable, open_table
 from service.ingest.table_head import head_of, seconds_of
 
 ROWS = ["0.000,1.5,2.5", "0.005,1.6,2.6", "0.010,1.7,2.7"]
@@ -83,7 +85,11 @@ def test_decimal_commas_in_quotes(tmp_path: Path) -> None:
         ("02.03.2026 06:59:30,5", 1772434770.5),
         ("2.3.2026, 06:59:30.5", 1772434770.5),
         ("00:00:30,25", 30.25),
-        ("03/02/2026 06:59:30", None),
+        ("2026/03/02 6:59:30.5", 1772434770.5),
+        ("3/2/2026 6:59:30.5 AM", 1772434770.5),
+        ("03/02/2026 06:59:30.5 p.m.", 1772477970.5),
+        ("12:00:01 AM", 1.0),
+        ("13:00:01 PM", None),
         ("1.5", None),
     ],
 )
@@ -101,10 +107,99 @@ def test_dates_beside_decimal_commas(tmp_path: Path, day: str) -> None:
     assert rows.columns["u"].tolist() == [1.5, 1.6, 1.7]
 
 
-@pytest.mark.parametrize(("names", "found"), [("ABC", (1, 2)), ("ABA", None)])
-def test_rows_for_each_time_and_axis(names: str, found: tuple[int, int] | None) -> None:
-    rows = [f"{3 * k + n},{k},{name},{k * n % 7}\n" for k in range(5) for n, name in enumerate(names)]
-    assert head_of(["nr,t,axis,u\n", *rows]).keys() == found
+@pytest.mark.parametrize(
+    ("dates", "words", "second"),
+    [
+        (("01/02/2026 10:00:00 AM", "01/02/2026 10:00:01 AM"), "taken as month/day/year", (2026, 1, 2)),
+        (("01/02/2026 10:00:00", "01/02/2026 10:00:01"), "taken as day/month/year", (2026, 2, 1)),
+        (("01/13/2026 10:00:00", "01/13/2026 10:00:01"), "", (2026, 1, 13)),
+        (("12/02/2026 11:59:59 PM", "13/02/2026 12:00:00 AM"), "", (2026, 2, 12)),
+    ],
+)
+def test_which_number_of_a_date_is_the_month(
+    tmp_path: Path, dates: tuple[str, str], words: str, second: tuple[int, int, int]
+) -> None:
+    """By its size, else by the clock; where the size leaves it open it is said."""
+    read = table(tmp_path / "a.csv", "t,u\n" + "".join(f"{date},1.5\n" for date in dates))
+    (rows,) = read.rows(["t"])
+    assert np.diff(rows.columns["t"]).tolist() == [1.0]
+    assert datetime.fromtimestamp(rows.columns["t"][0], UTC).date() == date(*second)
+    assert [words in taken for taken in read.taken] == ([True] if words else [])
+
+
+@pytest.mark.parametrize(
+    ("cells", "numbers", "taken"),
+    [
+        (["0.5;1,234.5", "1;-1,234,567"], [1234.5, -1234567.0], []),
+        (["0,5;1.234,5", "1;1.234"], [1234.5, 1234.0], []),
+        (["0.5;1 234.5", "1;1'234"], [1234.5, 1234.0], []),
+        (["0.5;1,234", "1;12"], [1234.0, 12.0], []),
+        (["2;1,234", "3;12"], [1.234, 12.0], ["1,234 is taken as 1.234"]),
+        (["0,5;1,234", "1;12,5"], [1.234, 12.5], []),
+    ],
+)
+def test_separators_of_thousands(
+    tmp_path: Path, cells: list[str], numbers: list[float], taken: list[str]
+) -> None:
+    read = table(tmp_path / "a.csv", "t;u\n" + "\n".join(cells) + "\n")
+    assert [v for rows in read.rows(["u"]) for v in rows.columns["u"].tolist()] == numbers
+    assert read.left_out == []
+    assert [words.partition(";")[0] for words in read.taken] == taken
+
+
+ROWS_OF_TIMES = [f"{3 * k + n},{k},{name},{k * n % 7}" for k in range(5) for n, name in enumerate("ABC")]
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "names"),
+    [
+        ("nr,t,axis,u", ROWS_OF_TIMES, ("t", "nr_A", "nr_B", "nr_C", "u_A", "u_B", "u_C")),
+        ("t,name,u", [row.partition(",")[2] for row in ROWS_OF_TIMES], ("t", "A", "B", "C")),
+        ("t,name,unit,u", [row.partition(",")[2].replace("A", "A,s") for row in ROWS_OF_TIMES[::3]], ("t", "A")),
+        ("x,axis,y,u", ROWS_OF_TIMES, None),
+        ("t,u,y", ROWS, None),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("by_name", [False, True])
+def test_rows_for_each_time_and_signal(
+    tmp_path: Path, head: str, rows: list[str], names: tuple[str, ...] | None, by_name: bool
+) -> None:
+    """By the times; a single number of each row also by the names, as a melted table has it."""
+    if by_name and head.count(",") == 2:
+        rows = sorted(rows, key=lambda row: row.split(",")[1])
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    read = open_table(tmp_path / "a.csv")
+    assert isinstance(read, LongTable) == (names is not None)
+    assert tuple(read.names) == (names or tuple(head.split(",")))
+    if names is not None and "C" in names[-1]:
+        (columns,) = read.rows(names)
+        assert columns.columns["t"].tolist() == [0, 1, 2, 3, 4]
+        assert columns.columns[names[-1]].tolist() == [0, 2, 4, 6, 1]
+
+
+def test_units_of_signals_in_a_column(tmp_path: Path) -> None:
+    lines = [
+        f"{k},{name},{unit},{k}" for k in range(5) for name, unit in (("M1", "Nm"), ("n1", "rpm"), ("s", ""))
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(["t,name,unit,value", *lines]) + "\n", encoding="utf-8")
+    assert dict(open_table(tmp_path / "a.csv").units) == {"M1": "Nm", "n1": "rpm", "s": ""}
+
+
+def test_signals_with_times_of_their_own_are_refused(tmp_path: Path) -> None:
+    lines = [f"{k + shift},{name},{k}" for k in range(9) for name, shift in (("M1", 0.0), ("n1", 0.5))]
+    (tmp_path / "a.csv").write_text("\n".join(["t,name,value", *lines]) + "\n", encoding="utf-8")
+    with pytest.raises(RecordError, match='each "name" has times of its own'):
+        _ = open_table(tmp_path / "a.csv").names
+
+
+def test_a_value_that_lacks_at_a_time(tmp_path: Path) -> None:
+    """Times of day go on past midnight, in the order of the file."""
+    lines = ["23:59:59,A,1", "23:59:59,B,2", "00:00:00,A,3", "00:00:01,A,5", "00:00:01,B,6"]
+    (tmp_path / "a.csv").write_text("\n".join(["Time,name,value", *lines]) + "\n", encoding="utf-8")
+    (rows,) = open_table(tmp_path / "a.csv").rows(["Time", "A", "B"])
+    assert rows.columns["Time"].tolist() == [86399, 0, 1]
+    assert rows.columns["A"].tolist() == [1, 3, 5]
+    np.testing.assert_array_equal(rows.columns["B"], [2, np.nan, 6])
 
 
 def test_columns_of_a_matrix(tmp_path: Path) -> None:

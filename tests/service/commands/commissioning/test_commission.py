@@ -287,5 +287,6 @@ def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
     assert result.exit_code == MISTAKE
     words = " ".join(result.stderr.replace("│", " ").split())
     assert "1 proposed change, and nobody to ask: cell.a1: sample_interval_s = 0.005" in words
-    assert f"axiswatch commission {record} --config {config} --budget 1y --output made --yes" in words
+    command = f"axiswatch commission {record} --config {config} --budget 1y --output made --yes"
+    assert f"Take all with: {command}" in result.stdout.splitlines()
     assert not list((folder / "made").iterdir())

@@ -14,7 +14,7 @@ from service.commands.commissioning.axis_commissioning import Order, commission_
 from service.commands.commissioning.signal_proposals import exchanged, review
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
-from tests.service.commands.test_commission import AXIS, FEW, VALUES, H, table
+from tests.service.commands.commissioning.test_commission import AXIS, FEW, VALUES, H, table
 
 ROBOT = "[[robot]]\nname = 'cell'\n"
 NOMINAL = ", ".join(f"{name} = {value}" for name, value in VALUES.items())
@@ -104,8 +104,12 @@ def test_a_record_in_which_the_axis_stands_is_left_out(
 
 
 @pytest.mark.parametrize("swap", [False, True])
-def test_axes_with_the_torque_of_each_other(swap: bool, tmp_path: Path, seed: int) -> None:
+@pytest.mark.parametrize("sign", [1, -1])
+def test_axes_with_the_torque_of_each_other(swap: bool, sign: int, tmp_path: Path, seed: int) -> None:
+    """Whether one of the torques has the wrong sign as well or not."""
+
     def change(rows: Floats) -> None:
+        rows[:, 1] *= sign
         if swap:
             rows[:, [1, 3]] = rows[:, [3, 1]]
 
