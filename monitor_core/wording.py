@@ -38,6 +38,16 @@ def joined(parts: Sequence[str], separator: str = "; ") -> Sentence:
     return words
 
 
+def replaced(text: str, old: str, new: str) -> str:
+    """A text with another part; a sentence is still of its kind, and its values have that part, too."""
+    found = text.replace(old, new)
+    if not isinstance(text, Sentence):
+        return found
+    words = Sentence(found)
+    words.kind, words.values = text.kind, {n: replaced(v, old, new) for n, v in text.values.items()}
+    return words
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """A suggestion for an unknown name, and what there is: 'did you mean "port"? There is host, port'."""
     names = list(known)

@@ -57,7 +57,7 @@ mf4_tests() {
       >"$(echo "$over"/lib/python*/site-packages)/axiswatch.pth" && .venv/bin/python -m pip --python "$over/bin/python" \
       install --quiet --require-hashes -r requirements-mf4.lock && touch "$over/.ready" || return 1
   fi
-  PYTHONPATH=$PWD "$over/bin/python" -m pytest -q -m mf4 tests/service/ingest/test_mf4.py
+  PYTHONPATH=$PWD "$over/bin/python" -m pytest -q -m mf4 tests/service/can/test_mf4.py
 }
 logs=''
 if [ $# = 0 ]; then

@@ -134,9 +134,18 @@ def calibrate(
         limits = pending(step("multi-model detector"))
     bank = MultiModelCalibration(limits, trials(limits.own)[0]) if limits else None
     return CalibrationResult(
-        model, calibrated, options.budget_s, within_s, statistics.scatter, rate, statistics.allowance, caught, onsets,
-        sum(float(r.t_us[-1] - r.t_us[0]) * 1e-6 for r in records), bank,
-    )  # fmt: skip
+        model=model,
+        settings=calibrated,
+        budget_s=options.budget_s,
+        within_s=within_s,
+        scatter=statistics.scatter,
+        rates=rate,
+        allowance=statistics.allowance,
+        caught=caught,
+        onsets=onsets,
+        records_s=sum(float(r.t_us[-1] - r.t_us[0]) * 1e-6 for r in records),
+        bank=bank,
+    )
 
 
 def _thresholds(

@@ -131,20 +131,20 @@ def _identify(
     if options.memories_s:
         memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
     return IdentificationResult(
-        problem,
-        estimate,
-        own,
-        validated,
-        bode_of(estimate, None if options.unknown else problem, records),
-        colour_of(estimate, options.monitored or estimate.problem.free, records),
-        growth,
-        options,
-        verdict,
-        held,
-        outlook(estimate, options.monitored, records, memory_s, options.sizes),
-        memory_s,
-        warm_up,
-        standstill,
+        start=problem,
+        estimate=estimate,
+        estimation=own,
+        validation=validated,
+        bode=bode_of(estimate, None if options.unknown else problem, records),
+        colour=colour_of(estimate, options.monitored or estimate.problem.free, records),
+        growth=growth,
+        options=options,
+        verdict=verdict,
+        held=held,
+        watched=outlook(estimate, options.monitored, records, memory_s, options.sizes),
+        memory_s=memory_s,
+        warm_up=warm_up,
+        standstill=standstill,
     )
 
 

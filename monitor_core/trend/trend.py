@@ -193,18 +193,18 @@ def _summary(
     change, change_sd = _moments(own, m.mean.sum(1), changed)
     began = float(own @ m.at) if kinds["steady"] < 0.5 else m.begin
     return Trend(
-        entries[-1].end_us,
-        entries[0].start_us,
-        kinds,
-        level,
-        level_sd,
-        slope,
-        slope_sd,
-        zero_us + round(began * 1e6),
-        change,
-        change_sd,
-        scatter * size,
-        m,
+        time_us=entries[-1].end_us,
+        since_us=entries[0].start_us,
+        probability=kinds,
+        level=level,
+        level_sd=level_sd,
+        slope=slope,
+        slope_sd=slope_sd,
+        change_us=zero_us + round(began * 1e6),
+        change=change,
+        change_sd=change_sd,
+        scatter=scatter * size,
+        mixture=m,
     )
 
 

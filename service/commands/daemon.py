@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -20,6 +21,7 @@ from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.pipeline.recording import Extracts
 from service.pipeline.reloading import Reloaded, ReloadError
+from service.pipeline.replay_reports import ReplayReports
 from service.texts.instants import now_us
 from service.web.access import Access
 from service.web.app import create_app
@@ -68,6 +70,8 @@ def run_daemon(
     access = access_of(config, insecure)
     if access.danger is not None:
         log.warning("access", message=access.danger)
+    # Each of the many parts of a large answer waits so long for the interpreter while the worker computes.
+    sys.setswitchinterval(0.001)
     with ExitStack() as stack:
         parts = DaemonParts(config, record, stop, stack)
         parts.compiled.multimodel.add_done_callback(
@@ -96,6 +100,11 @@ def run_daemon(
             ready(url)
 
         state = parts.app_state(access, stop)
+        if parts.extracts is not None:
+            folder, named = parts.extracts.folder, "" if file is None else str(file)
+            replays = ReplayReports(folder, lambda: reloading.config, named, state.journal.epochs)
+            stack.callback(replays.stop)
+            state = replace(state, replays=replays)
         if file is not None:
             state = replace(
                 state,

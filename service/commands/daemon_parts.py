@@ -18,7 +18,7 @@ from service.config import Config
 from service.config.schema_links import LinksConfig
 from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.baselines import AtStart, Baselines, at_start, begun_again, resume
+from service.pipeline.baselines import AtStart, Baselines, at_start, note_begun_again, resume
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
@@ -184,8 +184,9 @@ def _restored(
     alarms = Alarms(state.journal, known, rules=rules, wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
-    messages = (*state.begun.messages, *restored.messages, *begun_again(monitors))
-    for message in messages:
+    note_begun_again(monitors)
+    messages = (*state.begun.messages, *restored.messages)
+    for message in (*messages, *monitors.begun_again):
         log.warning("start", message=message)
     return alarms, messages
 

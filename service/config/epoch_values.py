@@ -111,7 +111,7 @@ def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:
         found = found_in(NominalFile, nominal, Path("nominal.toml"))
         tests = None if thresholds is None else found_in(ThresholdsFile, thresholds, Path("thresholds.toml"))
     except FoundFileError as error:
-        raise EpochValuesError(str(error)) from None
+        raise EpochValuesError(error.args[0]) from None
     _checked(_with(axis, nominal={}, nominal_file=found, thresholds_file=tests), axis)
     return _written(nominal={}, nominal_file=found, thresholds_file=tests)
 

@@ -10,8 +10,10 @@ from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from monitor_core.wording import sentence
 from service.config.former_keys import RENAMED_KEYS
 from service.config.problems import dotted, shown
+from service.texts.mistake_words import at_place
 
 FORMAT = 1
 """Of these files; a later one may mean something else."""
@@ -65,17 +67,18 @@ def found_in(schema: type[_F], text: str, path: Path) -> _F:
     try:
         content = tomllib.loads(text)
     except ValueError as error:
-        raise FoundFileError(f"{path} is no TOML: {error}") from None
+        raise FoundFileError(sentence("no TOML", "{path} is no TOML: {why}", path=path, why=error)) from None
     for key in _keys(content):
         if (change := RENAMED_KEYS.get(key)) is not None:
-            raise FoundFileError(f"{path}: {key}: is now called {change}")
+            words = "{path}: {key}: is now called {change}"
+            raise FoundFileError(sentence("key renamed", words, path=path, key=key, change=change))
     try:
         return schema.model_validate({**content, "path": path})
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key, value = dotted(first["loc"]), first["input"]
         given = "" if isinstance(value, dict | FoundTable) else f" = {shown(value)}"
-        raise FoundFileError(f"{path}: {key}{given}: {first['msg'].removeprefix('Value error, ')}") from None
+        raise FoundFileError(at_place(f"{path}: {key}{given}", first)) from None
 
 
 def _keys(content: object) -> Iterator[str]:

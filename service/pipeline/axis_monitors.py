@@ -181,6 +181,12 @@ class AxisMonitors:
                 block = block._replace(gate=inside if block.gate is None else block.gate & inside)
         return block, more
 
+    @property
+    def begun_again(self) -> tuple[str, ...]:
+        """Messages about learning windows that run, of which nothing could be restored."""
+        running = (epoch.learning for epoch in self.epochs.values())
+        return tuple(learning.again for learning in running if learning is not None and learning.again)
+
     def operating(self, axis_id: str) -> Operating | None:
         """The operating conditions of an axis; None: it has none."""
         return self._operating.get(axis_id)

@@ -6,7 +6,7 @@ monitor.  A process that is killed between the two finds the new epoch when it s
 """
 
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
@@ -175,12 +175,13 @@ def resume(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch]
             monitors.epochs[epoch.axis].learning = Learning(epoch.number, window)
 
 
-def begun_again(monitors: AxisMonitors) -> Iterable[str]:
-    """Messages about the windows of ``resume`` of which nothing could be restored."""
+def note_begun_again(monitors: AxisMonitors) -> None:
+    """Let the windows of ``resume`` of which nothing could be restored have a message, for as long as they run."""
     for axis_id, epoch in monitors.epochs.items():
         if epoch.learning is not None and not epoch.learning.window.done_s:
             words = "{axis}: the learning window of epoch {epoch} begins again"
-            yield sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
+            again = sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
+            epoch.learning = epoch.learning._replace(again=again)
 
 
 class Baselines:
@@ -297,7 +298,7 @@ class Baselines:
             try:
                 content = from_files(self._configured[axis_id], nominal, thresholds)
             except EpochValuesError as error:
-                raise BaselineError(str(error)) from None
+                raise BaselineError(error.args[0]) from None
             plan = EpochPlan(axis_id, "files", content, self._fingerprint(axis_id), (), None, verify_s)
             return self._take_over(plan, self.epochs.next_number(axis_id), note)
 

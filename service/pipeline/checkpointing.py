@@ -66,7 +66,7 @@ def states_of(
             lambda arrays: multimodel.bank.from_arrays(arrays),
         )
     if epoch.learning is not None:
-        number, window = epoch.learning
+        number, window, _ = epoch.learning
         key = f"learning window 1 for epoch {number} of {window.length_s:g} s {monitor.key}"
         name = f"{axis_id} (learning window)"
         yield SavedState("learning", name, key, window.to_arrays, window.from_arrays)

@@ -47,6 +47,8 @@ class Learning(NamedTuple):
 
     number: int
     window: LearningWindow
+    again: str = ""
+    """Message that nothing of it could be restored; empty: that is not so"""
 
 
 class EpochProgress:

@@ -90,7 +90,7 @@ class RecordingFolder:
 
     Args:
         path: it is made when the first file is written.
-        most_bytes: the oldest files are removed where all take more.
+        most_bytes: the oldest files are removed, with their reports, where all take more.
         blf_channels: the files are .blf, where buses have these numbers; None: candump logs, with their names.
     """
 
@@ -113,6 +113,10 @@ class RecordingFolder:
         """The extract of that name, if there is one."""
         path = self.path / name
         return path if _NAME.fullmatch(name) and path.is_file() else None
+
+    def report(self, name: str, alarm_id: int) -> Path:
+        """Where the report of the replay of an extract is, for an alarm; it is removed with the extract."""
+        return self.path / f"{Path(name).stem}-alarm{alarm_id}.html"
 
     def holding(self, t_us: int, files: Iterable[Path] | None = None) -> str | None:
         """Name of the oldest extract with the frames of that time, among these files, or all; None: there is none."""
@@ -159,11 +163,15 @@ class RecordingFolder:
 
     def _remove_oldest(self) -> None:
         files = self.files()
-        sizes = [file.stat().st_size for file in files]
+        reports = [list(self.path.glob(f"{file.stem}-alarm*.html")) for file in files]
+        sizes = [
+            sum(f.stat().st_size for f in (file, *own)) for file, own in zip(files, reports, strict=True)
+        ]
         while len(files) > 1 and sum(sizes) > self._most_bytes:  # the newest stays
-            files[0].unlink(missing_ok=True)
+            for file in (files[0], *reports[0]):
+                file.unlink(missing_ok=True)
             log.info("the oldest recording is removed, all take too much", file=files[0].name)
-            del files[0], sizes[0]
+            del files[0], reports[0], sizes[0]
 
 
 @dataclass(slots=True)

@@ -21,7 +21,7 @@ from service.config.drive_sources import Modelled, model_of_axis
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.baselines import Baselines, at_start, begun_again, resume
+from service.pipeline.baselines import Baselines, at_start, note_begun_again, resume
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.worker import BusIntake, Worker
@@ -199,11 +199,12 @@ class Reloading:
                 ingest.change([axis for axis in axes if axis.config.bus == name], in_force.keys())
             self._worker.change(axes, made)
             self._worker.adopt(restored.open, restored.changes)
+            note_begun_again(made)
             return restored.messages
 
         messages = self._baselines.between_blocks(exchange)
         self._baselines.configure(new.axes, axes)
-        for message in (*begun.messages, *messages, *begun_again(made)):
+        for message in (*begun.messages, *messages, *made.begun_again):
             log.warning("reload", message=message)
         log.info("reloaded", axes=len(axes), changed=[*in_force], removed=[*removed], opened=[*ingests])
 

@@ -440,4 +440,5 @@ class Worker:
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)
         problems = (problem for problem in now if problem)
-        return (*compiling, *problems, *self._messages, *history.messages)
+        again = self._pipeline.monitors.begun_again
+        return (*compiling, *problems, *self._messages, *again, *history.messages)

@@ -4,9 +4,11 @@ import re
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query
+from fastapi.responses import FileResponse
 from starlette.exceptions import HTTPException
 
 from monitor_core.monitoring import AlarmEvent
+from service.pipeline.replay_reports import NoReplayError
 from service.store.alarm_statistics import STALE_S
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -16,6 +18,8 @@ from service.web import models, views
 from service.web.access import Scope, needs
 from service.web.app_state import AppState
 from service.web.problem_details import UnknownResourceError, described
+from service.web.recording_routes import NO_FRAMES_KEPT
+from service.web.report_pages import PAGE_HEADERS
 
 _NOT_FOUND = described(404, "It does not exist")
 _NO_JOURNAL = described(503, "The alarm journal cannot be read or written")
@@ -24,7 +28,7 @@ _NO_SHELF = described(400, "The end of the shelf is not in the future, or more t
 _NO_PAGE = described(400, "No page has given this cursor, or since is not before until")
 _NO_RANGE = described(400, "since is not before until")
 _LARGEST_ID = 2**63 - 1
-_CURSOR = re.compile(r"(-?[0-9]{1,18})(?:\.([0-9]{1,18}))?")
+_CURSOR = re.compile(r"(?:(-?[0-9]{1,18})\.)?([0-9]{1,18})")
 _WEEK_US = 7 * 86_400_000_000
 _EARLIEST_US, _LATEST_US = -62_135_596_800_000_000, 253_402_300_799_999_999
 """Of the years 1 to 9999 in UTC, which a time of the API can be in"""
@@ -150,10 +154,7 @@ def router(state: AppState) -> APIRouter:
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
         """One alarm of the journal, with all that has happened to it."""
-        found = _unrecorded(state, alarm_id) or state.journal.get(alarm_id)
-        if found is None:
-            raise _unknown(state, alarm_id)
-        return _record(state, found)
+        return _record(state, _known(state, alarm_id))
 
     api.include_router(_actions(state))
     return api
@@ -168,7 +169,7 @@ def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
     found = _CURSOR.fullmatch(cursor)
     if found is None:
         raise HTTPException(400, "this is no cursor: it must be the `next` of a page")
-    return (0, (int(found[1]), int(found[2]))) if found[2] else (max(0, int(found[1])), None)
+    return (0, (int(found[1]), int(found[2]))) if found[1] else (int(found[2]), None)
 
 
 def _actions(state: AppState) -> APIRouter:
@@ -208,6 +209,32 @@ def _actions(state: AppState) -> APIRouter:
         """Show an alarm again, and all others of its axis, parameter and direction."""
         return act(alarm_id, AlarmEvent.UNSHELVE, who, body)
 
+    @api.post(
+        "/report", summary="Make the replay report of an alarm", status_code=202,
+        responses=described(409, "It has no recording, or another report is being made"),
+    )  # fmt: skip
+    def make_report(alarm_id: AlarmId, _who: Caller) -> models.AlarmRecord:
+        """Replay its recording, with the nominal values of then, in a process that gives way to all others."""
+        found = _known(state, alarm_id)
+        if state.replays is None:
+            raise HTTPException(409, NO_FRAMES_KEPT)
+        try:
+            state.replays.begin(found)
+        except NoReplayError as error:
+            raise HTTPException(409, error.args[0]) from None
+        return _record(state, found)
+
+    @api.get(
+        "/report", summary="The replay report of an alarm", response_class=FileResponse,
+        responses=described(404, "It does not exist"),
+    )  # fmt: skip
+    def report(alarm_id: AlarmId) -> FileResponse:
+        """A page for the maintenance file, once it was made; without scripts, and with its pictures in it."""
+        page = None if state.replays is None else state.replays.page(_known(state, alarm_id))
+        if page is None or not page.is_file():
+            raise HTTPException(404, f"there is no report of alarm {alarm_id}; POST makes it")
+        return FileResponse(page, media_type="text/html", filename=page.name, headers=PAGE_HEADERS)
+
     @api.post("/comment", summary="Comment on an alarm")
     def comment(alarm_id: AlarmId, body: models.AlarmComment, who: Caller) -> models.AlarmRecord:
         """Add a comment, the number of a work order, or both, to any alarm."""
@@ -219,7 +246,15 @@ def _actions(state: AppState) -> APIRouter:
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
     recording = None if state.recordings is None else state.recordings.holding(found.since_us)
     transitions = state.journal.transitions(found.id) if found.recorded else ()
-    return views.alarm_record(found, transitions, state.now_us(), recording)
+    report = None if state.replays is None else state.replays.state(found)
+    return views.alarm_record(found, transitions, state.now_us(), recording, report)
+
+
+def _known(state: AppState, alarm_id: int) -> RecordedAlarm:
+    found = _unrecorded(state, alarm_id) or state.journal.get(alarm_id)
+    if found is None:
+        raise _unknown(state, alarm_id)
+    return found
 
 
 def _unrecorded(state: AppState, alarm_id: int) -> RecordedAlarm | None:

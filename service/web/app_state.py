@@ -11,6 +11,7 @@ from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
+from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -55,6 +56,8 @@ class AppState:
     """The last seconds of the axes"""
     setup: RobotSetup | None = None
     """The configuration and its robot; None: neither is shown"""
+    replays: ReplayReports | None = None
+    """Reports of replays; None: none are made"""
     prepared: "list[Latest]" = field(default_factory=list)
     """Answers that take long: the worker makes them, and nobody waits for them, nor for the interpreter meanwhile"""
 

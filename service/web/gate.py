@@ -25,7 +25,7 @@ log = structlog.get_logger(__name__)
 
 MOST_BODY_BYTES = 64 * 1024
 """Of a request; those of the API are much smaller."""
-_NO_ROOM = f"the body of a request may have {MOST_BODY_BYTES} bytes"
+_NO_ROOM = sentence("body too large", "the body of a request may have {most} bytes", most=MOST_BODY_BYTES)
 LONGEST_REQUEST_S = 30.0
 """Until its body has arrived and its answer has begun."""
 LONGEST_CHANGE_S = 120.0

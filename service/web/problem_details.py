@@ -7,6 +7,8 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
+from monitor_core.wording import Sentence, joined
+from service.texts.mistake_words import at_place
 from service.web.models import Problem, sentence_bodies
 
 MEDIA_TYPE = "application/problem+json"
@@ -35,14 +37,16 @@ def mistakes(errors: Sequence[Any]) -> str:
 
     Without the values: not each can be written as JSON (NaN, half a character), and there may be secrets among them.
     """
-    return "; ".join(map(_mistake, errors))
+    found = [_mistake(error) for error in errors]
+    known = all(isinstance(words, Sentence) for words in found)
+    return joined(found) if known else "; ".join(found)
 
 
 def _mistake(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
         return f"the body is no JSON: {error['ctx']['error']}, at character {error['loc'][-1]}"
     place = ".".join(map(str, error["loc"][1:])) or str(error["loc"][0])
-    return f"{place}: {error['msg'].removeprefix('Value error, ')}"
+    return at_place(place, error)
 
 
 def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:

@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 from service.config.commissioned import REPORT, pages_of
 
 _PREFIX = "/reports"
-_HEADERS = {
+PAGE_HEADERS = {
     # A report is one file with its styles and pictures in it.  No script, form or frame, and no other source.
     "content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none';"
     " frame-ancestors 'self'; sandbox"
@@ -52,6 +52,6 @@ def router(pages: ReportPages) -> APIRouter:
         path = pages.find(name)
         if path is None:
             raise HTTPException(404)
-        return FileResponse(path, media_type="text/html", headers=_HEADERS)
+        return FileResponse(path, media_type="text/html", headers=PAGE_HEADERS)
 
     return routes

@@ -10,6 +10,7 @@ from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
+from service.pipeline.replay_reports import ReportState
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_statistics import AlarmStatistics
 from service.store.alarm_table import RecordedAlarm
@@ -171,11 +172,18 @@ def alarm(a: RecordedAlarm, now_us: int = 0, recording: str | None = None) -> mo
 
 
 def alarm_record(
-    a: RecordedAlarm, transitions: Iterable[RecordedTransition], now_us: int, recording: str | None
+    a: RecordedAlarm,
+    transitions: Iterable[RecordedTransition],
+    now_us: int,
+    recording: str | None,
+    report: ReportState | None,
 ) -> models.AlarmRecord:
-    """One alarm with its transitions and the name of its recording."""
+    """One alarm with its transitions, the name of its recording, and the state of its report."""
     found = [alarm_transition(t) for t in transitions]
-    return _alarm(models.AlarmRecord, a, now_us, transitions=found, recording=recording)
+    shown = report and models.ReplayReport(
+        **report._asdict(), sentences=models.sentence_bodies((report.problem,))
+    )
+    return _alarm(models.AlarmRecord, a, now_us, transitions=found, recording=recording, report=shown)
 
 
 def alarm_transition(t: RecordedTransition) -> models.AlarmTransition:

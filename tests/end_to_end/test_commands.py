@@ -18,7 +18,7 @@ from tests.end_to_end.processes import (
     demo_config,
     wait_for,
 )
-from tests.service.commands.test_commission import AXIS, H, configured, table
+from tests.service.commands.commissioning.test_commission import AXIS, H, configured, table
 
 
 def test_demo_shows_a_page_and_its_report_and_names_its_fault(tmp_path: Path) -> None:

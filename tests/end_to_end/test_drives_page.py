@@ -15,8 +15,8 @@ from service.ingest.bus_samples import Ingest
 from tests.conftest import ROOT
 from tests.end_to_end.test_readme import TOML, shown
 from tests.service.command_line import axiswatch, refused
+from tests.service.commands.commissioning.test_commission import table
 from tests.service.commands.live_robots import moving
-from tests.service.commands.test_commission import table
 from tests.service.ingest.plant import fed
 
 _CHANNELS = itertools.count()

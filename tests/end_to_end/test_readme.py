@@ -28,8 +28,8 @@ from tests.end_to_end.processes import (
 )
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
+from tests.service.commands.commissioning.test_commission import table
 from tests.service.commands.live_robots import configured, moving
-from tests.service.commands.test_commission import table
 from tests.service.commands.test_demo import as_shipped
 from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import blocks

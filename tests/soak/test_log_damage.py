@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.service.ingest.log_damage import damaged, log_bytes, read_all
-from tests.service.ingest.test_log_damage import KINDS
+from tests.service.can.log_damage import damaged, log_bytes, read_all
+from tests.service.can.test_log_damage import KINDS
 
 
 @pytest.mark.soak

@@ -9,6 +9,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.identification import UNITS, Record, Span, held_for, stuck_spans
 from monitor_core.samples import PHYSICAL_LIMITS
+from monitor_core.wording import Sentence, sentence
 from service.can.left_out import left_out_words
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest, values_of
 from service.ingest.identification_records import RecordOrigin
@@ -40,10 +41,15 @@ def _beyond(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
     lost = source.dropped.get("absurd", 0)
     if lost > _LITTLE * (source.samples + lost):
         quantity = checked.output
-        yield (
-            f"{lost} values of {text} are beyond {PHYSICAL_LIMITS['torque']:g} N m or"
-            f" {PHYSICAL_LIMITS[quantity]:g} {UNITS[quantity]}, which no motor reaches: set torque.factor and"
-            f" {quantity}.factor, for counts 2 pi / counts of a turn of the motor (data sheet of the encoder)"
+        yield sentence(
+            "values beyond",
+            "{lost} values of {record} are beyond {torque} N m or {motion}, which no motor reaches: set torque.factor"
+            " and {key}.factor, for counts 2 pi / counts of a turn of the motor (data sheet of the encoder)",
+            lost=lost,
+            record=text,
+            torque=f"{PHYSICAL_LIMITS['torque']:g}",
+            motion=f"{PHYSICAL_LIMITS[quantity]:g} {UNITS[quantity]}",
+            key=quantity,
         )
 
 
@@ -52,17 +58,27 @@ def _stuck(checked: Checked, record: Record, text: str) -> Iterator[str]:
         name, values = _name(checked, signal), values_of(record, signal)
         nearly = signal == "motion" and values.size > _FEWEST and _same(values)
         if values.size and (np.ptp(values) == 0 or nearly):
-            throughout = "nearly throughout" if np.ptp(values) else "throughout"
-            yield (
-                f"{name} is {np.median(values):.6g} {throughout} {text}: the axis did not move, or the signal is"
-                " stuck; record the moving axis, and check that this is its signal"
+            yield sentence(
+                "signal constant",
+                "{name} is {value} {throughout} {record}: the axis did not move, or the signal is stuck; record the"
+                " moving axis, and check that this is its signal",
+                name=name,
+                value=f"{np.median(values):.6g}",
+                throughout="nearly throughout" if np.ptp(values) else "throughout",
+                record=text,
             )
             continue
         spans = stuck_spans(record, signal)
         if sum(s.end_s - s.start_s for s in spans) > _LITTLE * record.duration_s:
-            yield (
-                f"{name} is stuck, while the axis moves, {_words(spans)} of {text}: a stuck sensor or a lost"
-                f" connection; record again, or use what is sound of it, {_sound(spans, record, text)}"
+            yield sentence(
+                "signal stuck",
+                "{name} is stuck, while the axis moves, {spans} of {record}: a stuck sensor or a lost connection;"
+                " record again, or use what is sound of it, {sound}",
+                name=name,
+                spans=_words(spans),
+                seconds=f"{sum(s.end_s - s.start_s for s in spans):.2f}",
+                record=text,
+                sound=_sound(spans, record, text),
             )
 
 
@@ -84,16 +100,27 @@ def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:
         else:
             rows = "frames"
             way = f"let the controller send each value once, every {interval} s, and set sample_interval_s to that"
-        yield (
-            f"{_name(checked, 'motion')} changes only in every {_nth(count)} sample of {text}: {signals} {count} times"
-            f" as slowly as the {rows}; {way}"
+        yield sentence(
+            "signal held",
+            "{name} changes only in every {nth} sample of {record}: {signals} {count} times as slowly as the {rows};"
+            " {way}",
+            name=_name(checked, "motion"),
+            nth=_nth(count),
+            record=text,
+            signals=signals,
+            count=count,
+            rows=rows,
+            way=way,
+            interval=interval,
         )
 
 
-def _name(checked: Checked, signal: Signal) -> str:
+def _name(checked: Checked, signal: Signal) -> Sentence:
     source = checked.source(signal)
     place = f"column {source.column}" if checked.in_tables else f"signal {source.signal} of {source.message}"
-    return f"{place} (the {checked.quantity(signal)})"
+    column = source.column if checked.in_tables else f"{source.message}.{source.signal}"
+    words = "{place} (the {quantity})"
+    return sentence("place", words, place=place, signal=column, quantity=checked.quantity(signal))
 
 
 def _words(spans: list[Span]) -> str:
@@ -125,10 +152,11 @@ def unknown_units(checked: Checked) -> Iterator[str]:
     settled = checked.agrees and not all(_counts(signal, checked) for signal in SIGNALS)
     is_current = checked.axis.config.torque.kT_Nm_per_A is not None
     if not (settled or is_current) and _counts("torque", checked):
-        yield (
+        yield sentence(
+            "torque counted",
             "the torque is in whole numbers, as in per mille of the rated torque (CiA 402, object 6077h): set"
             " torque.factor to the rated torque of the name plate / 1000 [N m]; until then all torques, inertias and"
-            " frictions are in that unit, and alarms, in percent, are the same"
+            " frictions are in that unit, and alarms, in percent, are the same",
         )
     if not settled and _counts("motion", checked):
         weighed = any(p.name == "gc" for p in checked.drive.drawn)
@@ -137,21 +165,31 @@ def unknown_units(checked: Checked) -> Iterator[str]:
             if weighed
             else "inertias and frictions are in it, and alarms, in percent, are the same"
         )
-        yield (
-            f"the {checked.output} is in whole numbers, as counts are: set {checked.output}.factor to 2 pi / counts of"
-            f" a turn of the motor (data sheet of the encoder) [rad]; until then {until}"
+        yield sentence(
+            "motion counted",
+            "the {quantity} is in whole numbers, as counts are: set {key}.factor to 2 pi / counts of a turn of the"
+            " motor (data sheet of the encoder) [rad]; until then {until}",
+            quantity=checked.output,
+            key=checked.output,
+            until=until,
         )
     elif not settled and checked.output == "speed" and fastest(checked.records) > FASTEST:
-        yield (
-            f"no motor turns at {fastest(checked.records):.3g} rad/s: set speed.factor to 0.10472 for revolutions per"
-            " minute, 0.0174533 for degrees per second"
+        yield sentence(
+            "speed beyond",
+            "no motor turns at {speed} rad/s: set speed.factor to 0.10472 for revolutions per minute, 0.0174533 for"
+            " degrees per second",
+            speed=f"{fastest(checked.records):.3g}",
         )
     times = checked.times_nominal
     if times is not None and not checked.agrees:
-        yield (
-            f"as one mass the drive shows {times:.3g} times the nominal inertia: check units, the gear ratio and"
-            f" [robot.axis.model.nominal]; if the {checked.output} is that of the arm, {checked.output}.factor is the"
-            " gear ratio, motor over arm"
+        yield sentence(
+            "inertia off",
+            "as one mass the drive shows {times} times the nominal inertia: check units, the gear ratio and"
+            " [robot.axis.model.nominal]; if the {quantity} is that of the arm, {key}.factor is the gear ratio, motor"
+            " over arm",
+            times=f"{times:.3g}",
+            quantity=checked.output,
+            key=checked.output,
         )
 
 

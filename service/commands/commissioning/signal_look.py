@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.wording import sentence
+from monitor_core.wording import replaced, sentence
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.messages import MessageSet
@@ -114,8 +114,11 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
         if not missing and not any(unmoved(axis, loaded)):
             review = first_review(config, axis, str(path))
             # The name of a file that is gone tells nobody anything.
-            problems += [words.replace(str(path), "the last seconds") for words in review.faults]
-            proposals += [f"{c.reason}. -> {c.change}" for c in review.corrections]
+            problems += [replaced(words, str(path), "the last seconds") for words in review.faults]
+            proposals += [
+                sentence("proposal", "{reason}. -> {change}", reason=c.reason, change=c.change)
+                for c in review.corrections
+            ]
             doubts = review.doubts
     return _with_samples(axis, loaded, stamps.scatter_s, problems, proposals, doubts)
 
@@ -172,7 +175,7 @@ def _with_samples(
         problems=problems,
         proposals=proposals,
         doubts=list(doubts),
-        sentences=sentence_bodies([*problems, *proposals]),
+        sentences=sentence_bodies([*problems, *proposals, *doubts]),
     )
 
 

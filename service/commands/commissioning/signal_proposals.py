@@ -12,6 +12,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import Record, rigid_fit, speed_scales, suspicions, wrap_of
+from monitor_core.wording import sentence
 from service.can.messages import find_counter
 from service.commands.commissioning.checked_axis import Checked, moves
 from service.commands.commissioning.signal_faults import faults, unchecked, unknown_units
@@ -208,7 +209,12 @@ def _unit_of_time(checked: Checked) -> Iterator[Correction]:
 def _interval(checked: Checked) -> Iterator[Correction]:
     configured_s, (measured_s, off) = checked.axis.config.sample_interval_s, _interval_s(checked)
     if not math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL + off):
-        reason = f"the samples of the records are {measured_s:.6g} s apart, not {configured_s:g} s"
+        reason = sentence(
+            "samples apart",
+            "the samples of the records are {found} s apart, not {configured} s",
+            found=f"{measured_s:.6g}",
+            configured=f"{configured_s:g}",
+        )
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 
 
@@ -280,15 +286,19 @@ def _bunches(checked: Checked) -> Iterator[Correction]:
         yield Correction(
             ("time", "clock"),
             "cyclic",
-            "frames are received in bunches, so the times of receipt are not those of the samples: the clock of the"
-            " controller is fitted to them",
+            sentence(
+                "bunches",
+                "frames are received in bunches, so the times of receipt are not those of the samples: the clock of the"
+                " controller is fitted to them",
+            ),
         )
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:
     for finding in (f for record in checked.records for f in suspicions(record)):
         if finding.kind == "wrong-sign":
-            reason = f"{finding.sentence} (or turn that of the motion)"
+            words = "{finding} (or turn that of the motion)"
+            reason = sentence("wrong sign", words, finding=finding.sentence)
             yield Correction(("torque", "factor"), -checked.axis.config.torque.factor, reason)
 
 
@@ -301,11 +311,17 @@ def _wrap(checked: Checked) -> Iterator[Correction]:
         record = checked.records[0]
         period = wrap_of((record.y[record.measured] - angle.offset) / angle.factor)
         if period is not None:
-            yield Correction(("angle", "wrap_period"), period, f"the angle starts again after {period:.6g}")
+            reason = sentence("wraps", "the angle starts again after {period}", period=f"{period:.6g}")
+            yield Correction(("angle", "wrap_period"), period, reason)
         return
     for period, words in _TURNS.items():
         if math.isclose(angle.wrap_period, period) and abs(angle.factor) == 1:
-            reason = f"an angle that starts again after {period:g} is in {words}"
+            reason = sentence(
+                "unit of turn",
+                "an angle that starts again after {period} is {unit}",
+                period=f"{period:g}",
+                unit=f"in {words}",
+            )
             yield Correction(("angle", "factor"), angle.factor * 2 * math.pi / period, reason)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from monitor_core.identification import TurningWeight, is_about_nominal, turning_weight
+from monitor_core.wording import Sentence, sentence
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest
 from service.config.commissioned import Correction
 from service.ingest.unit_names import unit_in
@@ -46,7 +47,14 @@ def by_name(checked: Checked) -> Iterator[Correction]:
         if unit is None or unit.factor is None or abs(checked.factor(signal)) != 1 or unit.factor == 1:
             continue
         place = "the column" if checked.in_tables else "the description of the bus"
-        reason = f"{place} says that the {quantity} is in {unit.words}: {checked.unit_text(signal)}"
+        reason = sentence(
+            "unit in name",
+            "{place} says that the {quantity} is in {words}: {text}",
+            place=place,
+            quantity=quantity,
+            words=unit.words,
+            text=checked.unit_text(signal),
+        )
         yield Correction(checked.key(signal), checked.factor(signal) * unit.factor, reason)
 
 
@@ -61,14 +69,21 @@ def by_weight(checked: Checked) -> Iterator[Correction]:
     found = turning_weight(checked.records[0])
     if found is None or found.least / _OTHER < ratio < found.most * _OTHER:
         return
-    shows = (
-        f"the torque of the weight repeats with {found.least / ratio:.2g} to {found.most / ratio:.2g} times the"
-        f" configured turn of the arm"
+    shows = sentence(
+        "weight repeats",
+        "the torque of the weight repeats with {low} to {high} times the configured turn of the arm",
+        low=f"{found.least / ratio:.2g}",
+        high=f"{found.most / ratio:.2g}",
     )
     if not checked.agrees and (unit := _unit_by_weight(checked, found, ratio, shows)) is not None:
         yield unit
     elif found.most / found.least < _BETWEEN**2 and "r" in checked.axis.config.model.nominal:
-        reason = f"{shows}: the gear ratio is about 1/{1 / found.ratio:.3g}; its data sheet says it"
+        reason = sentence(
+            "gear by weight",
+            "{shows}: the gear ratio is about 1/{gear}; its data sheet says it",
+            shows=shows,
+            gear=f"{1 / found.ratio:.3g}",
+        )
         sign = math.copysign(1.0, checked.values["r"])
         yield Correction(("model", "nominal", "r"), sign * float(f"{found.ratio:.3g}"), reason)
 
@@ -78,13 +93,12 @@ def _unit_by_weight(checked: Checked, found: TurningWeight, ratio: float, shows:
     before, width = checked.factor("motion"), found.most / found.least
     counts = 2 * math.pi * ratio / found.ratio / abs(before)
     if checked.in_whole_numbers("motion") and width < _BETWEEN**2 and counts > 2 * math.pi / _COUNTED:
-        return _counts(checked, counts, f"{shows}, and the {checked.output} is in whole numbers")
+        return _counts(checked, counts, _whole(shows, checked.output))
     units = {**_ANGLES[checked.output], "that of the arm": 1 / ratio}
     for words, factor in units.items():
         if width < _SAME_ANGLE and found.least < ratio * factor < found.most:
-            return Correction(
-                checked.key("motion"), before * factor, f"{shows}: the {checked.output} is {words}"
-            )
+            reason = sentence("is so", "{shows}: {what}", shows=shows, what=_unit(checked.output, words))
+            return Correction(checked.key("motion"), before * factor, reason)
     return None
 
 
@@ -94,11 +108,25 @@ _ANGLES: Mapping[str, Mapping[str, float]] = {
 }
 
 
+def _unit(quantity: str, unit: str) -> Sentence:
+    return sentence("in unit", "the {quantity} is {unit}", quantity=quantity, unit=unit)
+
+
+def _whole(shows: str, quantity: str) -> Sentence:
+    words = "{shows}, and the {quantity} is in whole numbers"
+    return sentence("whole numbers", words, shows=shows, quantity=quantity)
+
+
 def _counts(checked: Checked, counts: float, shows: str) -> Correction:
     power = round(math.log2(counts))
-    reason = (
-        f"{shows}: counts, about {counts:.3g} a turn of the motor, so likely 2^{power} = {2**power}; the data sheet of"
-        " the encoder says it"
+    reason = sentence(
+        "counts",
+        "{shows}: counts, about {counts} a turn of the motor, so likely 2^{power} = {likely}; the data sheet of the"
+        " encoder says it",
+        shows=shows,
+        counts=f"{counts:.3g}",
+        power=power,
+        likely=2**power,
     )
     sign = math.copysign(1.0, checked.factor("motion"))
     return Correction(checked.key("motion"), sign * 2 * math.pi / 2**power, reason)
@@ -111,7 +139,7 @@ class _Candidate(NamedTuple):
     """A mistake: by how much the inertia comes out too large, what it is, the key and its right value."""
 
     times: float
-    words: str
+    words: Sentence
     key: tuple[str, ...]
     value: float
 
@@ -129,18 +157,34 @@ def by_inertia(checked: Checked) -> Iterator[Correction]:
     if is_about_nominal(times) and not per_mille:
         return
     assert checked.shown is not None
-    shows = f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal"
+    shows = _shows_inertia(checked.shown[0], times)
     if per_mille:
-        yield _per_mille(checked, torque, f"{shows}, and the torque is in whole numbers")
+        yield _per_mille(checked, torque, _whole(shows, "torque"))
     elif counted["motion"] and times < _COUNTED:
         yield _counts(
             checked, 2 * math.pi / times / abs(checked.factor("motion")),
-            f"{shows}, and the {checked.output} is in whole numbers",
+            _whole(shows, checked.output),
         )  # fmt: skip
     elif (found := _nearest(checked, times)) is not None:
-        sure = "" if 1 / _CLOSE < times / found.times < _CLOSE else "probably "
-        reason = f"{shows}: {sure}{found.words}; then it is {times / found.times:.2g} times"
+        sure = 1 / _CLOSE < times / found.times < _CLOSE
+        words = "{shows}: {what}" if sure else "{shows}: probably {what}"
+        reason = sentence(
+            "then times" if sure else "probably",
+            f"{words}; then it is {{times}} times",
+            shows=shows,
+            what=found.words,
+            times=f"{times / found.times:.2g}",
+        )
         yield Correction(found.key, found.value, reason)
+
+
+def _shows_inertia(inertia: float, times: float) -> Sentence:
+    return sentence(
+        "shows inertia",
+        "as one mass the drive shows an inertia of {inertia} kg m^2, {times} times the nominal",
+        inertia=f"{inertia:.3g}",
+        times=f"{times:.3g}",
+    )
 
 
 def _torque_times(checked: Checked, times: float) -> float:
@@ -153,9 +197,12 @@ def _torque_times(checked: Checked, times: float) -> float:
 def _per_mille(checked: Checked, times: float, shows: str) -> Correction:
     before = checked.factor("torque")
     rated = float(f"{1000 * abs(before) / times:.2g}")
-    reason = (
-        f"{shows}: it is likely in per mille of a rated torque of about {rated:g} N m (by the nominal inertia; the name"
-        " plate says it)"
+    reason = sentence(
+        "per mille",
+        "{shows}: it is likely in per mille of a rated torque of about {rated} N m (by the nominal inertia; the name"
+        " plate says it)",
+        shows=shows,
+        rated=f"{rated:g}",
     )
     return Correction(checked.key("torque"), math.copysign(rated / 1000, before), reason)
 
@@ -170,19 +217,20 @@ def _candidates(checked: Checked) -> Iterator[_Candidate]:
     motion, torque = checked.factor("motion"), checked.factor("torque")
     key, name, ratio = checked.key("motion"), checked.output, checked.ratio
     for words, factor in _ANGLES[name].items():
-        yield _Candidate(factor, f"the {name} is {words}", key, motion * factor)
-    yield _Candidate(1e3, "the torque is in N mm", checked.key("torque"), torque * 1e-3)
+        yield _Candidate(factor, _unit(name, words), key, motion * factor)
+    yield _Candidate(1e3, _unit("torque", "in N mm"), checked.key("torque"), torque * 1e-3)
     times: dict[Signal, float] = {"torque": abs(torque), "motion": 1 / abs(motion)}
     for signal, factor in times.items():
         if not 1 / _GEARED < factor < _GEARED:
-            words = f"the {signal if signal == 'torque' else name} needs no factor"
+            quantity = checked.quantity(signal)
+            what = sentence("no factor", "the {quantity} needs no factor", quantity=quantity)
             value = math.copysign(1.0, checked.factor(signal))
-            yield _Candidate(factor, words, checked.key(signal), value)
+            yield _Candidate(factor, what, checked.key(signal), value)
     if ratio is None or 1 / _GEARED < ratio < _GEARED:
         return
-    yield _Candidate(1 / ratio, f"the {name} is that of the arm", key, motion / ratio)
+    yield _Candidate(1 / ratio, _unit(name, "that of the arm"), key, motion / ratio)
     degrees = math.pi / 180 / ratio
-    yield _Candidate(degrees, f"the {name} is that of the arm, in degrees", key, motion * degrees)
+    yield _Candidate(degrees, _unit(name, "that of the arm, in degrees"), key, motion * degrees)
 
 
 # --- By the gear ratio, where it can be seen --------------------------------------------------------------------------
@@ -194,9 +242,11 @@ def by_ratio(checked: Checked) -> Iterator[Correction]:
     if given is None or checked.ratio is None:
         return
     if checked.ratio > _GEARED:
-        reason = (
-            f"r = {given:g} would turn the arm faster than the motor; r is the angle of the arm over that of the motor,"
-            " so it is given the other way round"
+        reason = sentence(
+            "r turned",
+            "r = {r} would turn the arm faster than the motor; r is the angle of the arm over that of the motor,"
+            " so it is given the other way round",
+            r=f"{given:g}",
         )
         yield Correction(key, 1 / given, reason)
         return
@@ -206,10 +256,11 @@ def by_ratio(checked: Checked) -> Iterator[Correction]:
     assert checked.shown is not None
     found = _fitting_ratio(checked, checked.shown[0])
     if found is not None and not 1 / _RATIO_OFF < found / checked.ratio < _RATIO_OFF:
-        reason = (
-            f"as one mass the drive shows an inertia of {checked.shown[0]:.3g} kg m^2, {times:.3g} times the nominal:"
-            f" with the nominal inertias of motor and arm that is a gear of 1/{1 / found:.3g}; its data sheet says"
-            " it"
+        reason = sentence(
+            "gear by inertia",
+            "{shows}: with the nominal inertias of motor and arm that is a gear of 1/{gear}; its data sheet says it",
+            shows=_shows_inertia(checked.shown[0], times),
+            gear=f"{1 / found:.3g}",
         )
         yield Correction(key, math.copysign(float(f"{found:.3g}"), given), reason)
 
@@ -242,8 +293,9 @@ def by_speed(checked: Checked) -> Iterator[Correction]:
         return  # of a linear axis: fast in mm/s
     speed = fastest(checked.records)
     if FASTEST < speed < FASTEST * 180 / math.pi:
-        reason = (
-            f"the motor would turn at {speed * 30 / math.pi:.3g} revolutions per minute, which none does: the angle is"
-            " likely in degrees"
+        reason = sentence(
+            "too fast",
+            "the motor would turn at {speed} revolutions per minute, which none does: the angle is likely in degrees",
+            speed=f"{speed * 30 / math.pi:.3g}",
         )
         yield Correction(checked.key("motion"), checked.factor("motion") * math.pi / 180, reason)

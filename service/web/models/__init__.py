@@ -12,6 +12,7 @@ from service.web.models.alarm_bodies import (
     AlarmStatistics,
     AlarmTransition,
     PastName,
+    ReplayReport,
 )
 from service.web.models.axis_bodies import (
     Axes,

@@ -1,6 +1,6 @@
 """Bodies of alarms, and of what is done about them."""
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import (
     Field,
@@ -9,7 +9,17 @@ from pydantic import (
 
 from monitor_core.detection import Doubt, Kind, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, Priority
-from service.web.models.bodies import Body, Direction, GivenText, GivenTime, Number, TextOrNull, Time
+from service.web.models.bodies import (
+    SENTENCES,
+    Body,
+    Direction,
+    GivenText,
+    GivenTime,
+    Number,
+    Sentence,
+    TextOrNull,
+    Time,
+)
 from service.web.models.history_bodies import Reach
 
 
@@ -140,10 +150,21 @@ class AlarmTransition(Body):
     work_order: TextOrNull
 
 
+class ReplayReport(Body):
+    """Whether the report of a replay is there."""
+
+    state: Literal["none", "running", "made", "failed"]
+    problem: TextOrNull = Field(description="why it failed; null: it did not")
+    sentences: list[Sentence] = Field(description=SENTENCES)
+
+
 class AlarmRecord(Alarm):
     """An alarm with all that has happened to it."""
 
     transitions: list[AlarmTransition] = Field(description="oldest first")
+    report: ReplayReport | None = Field(
+        description="of the replay of its recording, made by POST; null: there is no recording, or none is made"
+    )
 
 
 class AlarmChange(Body):

@@ -10,7 +10,7 @@ import pytest
 from service.config import load
 from service.ingest.column_roles import role_of
 from tests.service.command_line import refused, shown
-from tests.service.commands.test_commission import table
+from tests.service.commands.commissioning.test_commission import table
 
 
 @pytest.fixture

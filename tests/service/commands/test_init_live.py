@@ -12,8 +12,8 @@ from service.commands.exit_codes import NO_BUS
 from service.config import load
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.commands import can_logs
+from tests.service.commands.commissioning.test_commission import table
 from tests.service.commands.live_robots import configured, moving
-from tests.service.commands.test_commission import table
 
 MORE = """
 BO_ 902 Io: 8 Controller

@@ -14,7 +14,7 @@ from service.commands.identification_task import Request, prepare
 from service.config import Config, load
 from service.reports.identification_report import IdentificationReport
 from tests.service.command_line import refused, shown
-from tests.service.config_texts import TABLES
+from tests.service.config.config_texts import TABLES
 from tests.service.identification.conftest import FREE, PROVENANCE
 
 pytestmark = pytest.mark.usefixtures("without_pictures")

@@ -8,8 +8,8 @@ import pytest
 from service.config import ConfigErrors, load
 from service.config.schema_links import LinksConfig
 from tests.conftest import ROOT
-from tests.service.config_texts import LINKS as LINKS_TEXT
-from tests.service.config_texts import TABLES
+from tests.service.config.config_texts import LINKS as LINKS_TEXT
+from tests.service.config.config_texts import TABLES
 
 TEXT = (ROOT / "docs" / "operation.md").read_text(encoding="utf-8")
 LINKS = TEXT[TEXT.index("## Links") : TEXT.index("## State of a parameter")]

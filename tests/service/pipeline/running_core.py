@@ -13,7 +13,7 @@ from service.can.frames import Frame, FrameBlock
 from service.config import Config
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.baselines import Baselines, at_start, begun_again, resume
+from service.pipeline.baselines import Baselines, at_start, note_begun_again, resume
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
@@ -76,7 +76,8 @@ class RunningCore:
         monitors = self.core.monitors
         resume(monitors, self.journal.epochs, begun.epochs)
         restored = restore(monitors, self.checkpoints, self.journal, self.now_us)
-        self.messages = (*begun.messages, *restored.messages, *begun_again(monitors))
+        note_begun_again(monitors)
+        self.messages = (*begun.messages, *restored.messages)
         alarms = Alarms(self.journal, quantities(monitors.by_id))
         alarms.adopt(restored.open)
         compiled = Compiled(Future(), Future())

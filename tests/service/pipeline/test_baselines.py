@@ -212,6 +212,17 @@ def test_a_window_goes_on_after_a_restart_and_so_does_the_epoch(start: Start, fr
     third.close()
 
 
+def test_a_window_of_which_nothing_is_left_begins_again_which_is_shown_while_it_runs(start: Start) -> None:
+    first = start()
+    first.baselines.learn(AXIS, WINDOW_S, 8.0, REPAIR)
+    first.close()
+    second = start()
+    message = "demo.axis1: the learning window of epoch 2 begins again"
+    assert message in second.worker.snapshot.messages
+    second.baselines.cancel(AXIS, REPAIR)
+    wait_for(lambda: message not in second.worker.snapshot.messages)
+
+
 def test_a_configuration_that_was_changed_by_hand_counts(
     start: Start, tmp_path: Path, frames: list[Frame]
 ) -> None:

@@ -17,7 +17,7 @@ from service.pipeline.worker import BOUNDS_S, ProcessingTime
 from service.store import database
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
-from tests.service.config_texts import CONFIG
+from tests.service.config.config_texts import CONFIG
 
 AXIS = "cell.axis1"
 QUANTITIES = {(AXIS, "fm"): Quantity("N m s/rad", 0.06), (AXIS, "kT"): Quantity("1", 1.0)}

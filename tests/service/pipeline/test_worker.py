@@ -122,6 +122,38 @@ def test_a_block_has_some_samples_of_the_fastest_axis(
     assert demo(tmp_path, 2, block_s=0.5).block_s == 0.5
 
 
+def test_a_block_that_takes_long_is_followed_by_a_longer_one(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker, took_s, dues_s = bench.worker, iter((0.001, 0.06, 3.0)), list[float]()
+
+    def tick() -> bool:
+        worker._took_s = next(took_s)
+        return False
+
+    def wait(due_s: float) -> None:
+        dues_s.append(due_s)
+        if len(dues_s) == 3:
+            worker._stop.set()
+
+    monkeypatch.setattr(worker, "_tick", tick)
+    monkeypatch.setattr(worker, "_await_frames", wait)
+    monkeypatch.setattr(worker_module, "perf_counter", lambda: 100.0)
+    worker._run()
+    assert dues_s == pytest.approx([100.1, 100.24, 100.5])
+
+
+def test_answers_are_prepared_before_their_snapshot_is_shown(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker_module, "UNSEEN_S", 0.0)
+    prepared = list[tuple[Snapshot, Snapshot]]()
+    bench.worker.prepare = lambda new: prepared.append((new, bench.worker.snapshot))
+    shown = bench.run().snapshot
+    assert prepared[-1][0] is shown
+    assert all(new is not before for new, before in prepared)
+
+
 def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
     bench.compile()
     bench.worker.start()

@@ -32,6 +32,7 @@ from service.pipeline.axis_monitors import Heat
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
+from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import (
     AxisSnapshot,
     BusSnapshot,
@@ -227,6 +228,7 @@ class Stage:
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
     setup: RobotSetup | None = None
+    replays: ReplayReports | None = None
     acknowledge: Callable[[int, Note], RecordedAlarm | None] = lambda _id, _note: None
     stopping: bool = False
     live: LiveSignals = field(default_factory=lambda: LiveSignals(lambda: 0.0))  # its clock stands still
@@ -248,6 +250,7 @@ class Stage:
             stopping=lambda: self.stopping,
             live=self.live,
             setup=self.setup,
+            replays=self.replays,
         )
         return create_app(state)
 
@@ -274,7 +277,7 @@ class _SharedState:
     """In place of AppState: what the stage has that a client was made of last."""
 
     stage: Stage
-    access, reports, extracts = Access(), None, None
+    access, reports, extracts, replays = Access(), None, None, None
     prepared: ClassVar[list[Latest]] = []
     journal = property(lambda self: self.stage.journal)
     history = property(lambda self: self.stage.history)

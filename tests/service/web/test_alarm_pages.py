@@ -2,6 +2,8 @@
 
 import time
 from dataclasses import replace
+from pathlib import Path
+from typing import cast
 
 import pytest
 from playwright.sync_api import Page, Route, expect
@@ -9,6 +11,7 @@ from playwright.sync_api import Page, Route, expect
 from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring import AlarmEvent, AlarmRules
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.pipeline.replay_reports import NoReplayError, ReplayReports, ReportState
 from service.store.alarm_entries import Entry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -284,3 +287,49 @@ def test_after_a_form_the_keyboard_goes_on_where_it_was(page: Page, stage: Stage
     expect(row.get_by_role("button", name="Shelve")).to_be_focused()
     page.get_by_role("button", name="unacknowledged").click()
     expect(page.get_by_text("No alarm in this list.")).to_be_visible()
+
+
+class SlowReplays:
+    """Makes a report where the test says so; the first time it is busy."""
+
+    def __init__(self, page: Path) -> None:
+        self._page, self.shown, self._asked = page, ReportState("none"), 0
+
+    def state(self, _alarm: RecordedAlarm) -> ReportState:
+        return self.shown
+
+    def page(self, _alarm: RecordedAlarm) -> Path:
+        return self._page
+
+    def begin(self, _alarm: RecordedAlarm) -> None:
+        self._asked += 1
+        if self._asked == 1:
+            raise NoReplayError("the report of alarm 7 is being made; try again after it")
+        self.shown = ReportState("running")
+
+
+@pytest.fixture
+def replays(stage: Stage, tmp_path: Path) -> SlowReplays:
+    found = SlowReplays(tmp_path / "frames-alarm1.html")
+    stage.replays = cast(ReplayReports, found)
+    return found
+
+
+def test_a_replay_report_is_made_and_saved(
+    replays: SlowReplays, stage: Stage, page: Page, fm_alarm: Alarm, tmp_path: Path
+) -> None:
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.goto(f"/#/alarms/{number}")
+    make = page.get_by_role("button", name="Make the replay report")
+    make.click()
+    expect(page.get_by_text("the report of alarm 7 is being made; try again after it")).to_be_visible()
+    make.click()
+    expect(page.get_by_text("The replay report is being made.")).to_be_visible()
+    replays.shown = ReportState("failed", "its process was ended")
+    expect(page.get_by_text("its process was ended")).to_be_visible()
+    (tmp_path / "frames-alarm1.html").write_text("<h1>Replay</h1>", encoding="utf-8")
+    make.click()
+    replays.shown = ReportState("made")
+    with page.expect_download() as saved:
+        page.get_by_role("link", name="Replay report").click()
+    assert saved.value.path().read_text(encoding="utf-8") == "<h1>Replay</h1>"

@@ -67,7 +67,7 @@ def test_pages_hold_each_alarm_once_though_others_are_raised_meanwhile(
 
 
 def test_a_cursor_that_is_none_is_refused(client: TestClient) -> None:
-    for cursor in ("", "x", "1.", "1.2.3", "1" * 40):
+    for cursor in ("", "x", "-5", "1.", ".1", "1.-2", "1.2.3", "1" * 40):
         answer = client.get(f"/api/v1/alarms?cursor={cursor}")
         assert (answer.status_code, answer.json()["status"]) == (400, 400)
 

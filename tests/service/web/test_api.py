@@ -9,9 +9,11 @@ import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm, Reach
+from service.pipeline.snapshot import Snapshot
 from service.store.alarm_transitions import Note
 from service.texts.instants import iso
 from service.web import models, views
+from service.web.app_state import Latest
 from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, slow_courses, with_status
 
 
@@ -79,15 +81,38 @@ def test_all_axes_are_written_once_in_two_seconds_and_for_each_snapshot(
         return float(get(client, "/api/v1/axes")["axes"][0]["last_sample_age_s"])
 
     assert age() == 0.65
-    stage.now_us += 900_000
+    stage.now_us += 1_900_000
     assert age() == 0.65
-    stage.now_us += 1_200_000
+    stage.now_us += 200_000
     assert age() == 2.75
     stage.now_us += 100_000
     stage.snapshot = replace(stage.snapshot, messages=())
     assert age() == 2.85
     stage.now_us -= 500_000  # the clock was set
     assert age() == 2.35
+
+
+def test_what_somebody_asks_for_is_made_with_each_snapshot(stage: Stage) -> None:
+    made, old = list[int](), stage.snapshot
+
+    def make(_snapshot: Snapshot, now_us: int) -> bytes:
+        made.append(now_us)
+        if len(made) == 2:
+            raise ValueError
+        return b""
+
+    def later(seconds: int) -> Snapshot:
+        return replace(old, taken_us=old.taken_us + seconds * 1_000_000)
+
+    latest, new = Latest(make, 2.0), later(2)
+    latest.prepare(old)
+    assert made == []  # nobody has asked
+    latest(old, old.taken_us)
+    latest.prepare(later(1))  # it fails, which the worker does not notice
+    latest.prepare(new)
+    latest(new, new.taken_us + 500_000)
+    latest.prepare(later(63))
+    assert made == [later(t).taken_us for t in range(3)]
 
 
 def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
@@ -235,7 +260,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
         "to_state": "unacknowledged", "who": "axiswatch", "comment": None, "work_order": None,
     }  # fmt: skip
     alone = get(client, f"/api/v1/alarms/{number}")
-    assert alone == body["alarms"][0] | {"transitions": [raised]}
+    assert alone == body["alarms"][0] | {"transitions": [raised], "report": None}
 
 
 def test_a_journal_that_cannot_be_read_is_said(stage: Stage, client: TestClient) -> None:

@@ -76,7 +76,14 @@ def test_nothing_that_the_daemon_says_is_english_there(
 def standing(configured: Stage) -> Stage:
     """A live check finds that the axes do not move."""
     stands = sentence("axis stands", "it does not move: {still}", still=sentence("move it", "let it move"))
-    check = {"problems": [stands], "proposals": [], "sentences": sentence_bodies([stands])}
+    unit = sentence("in unit", "the {quantity} is {unit}", quantity="angle", unit="in degrees")
+    reason = sentence("then times", "then {times}: {what}", shows="7.5", what=unit, times="1.25")
+    change = sentence("proposal", "{reason} {change}", reason=reason, change="angle.factor = 0.0174533")
+    counted = sentence("torque counted", "the torque is in whole numbers")
+    found = [stands, change, counted]
+    check = {
+        "problems": [stands], "proposals": [change], "doubts": [counted], "sentences": sentence_bodies(found),
+    }  # fmt: skip
     configured.setup = robot_setup(lambda _: SIGNAL_CHECK.model_copy(update=check))
     return configured
 
@@ -89,6 +96,9 @@ def test_what_a_live_check_of_signals_finds_is_german(page: Page) -> None:
     found = page.get_by_role("table", name="Signale jetzt")
     expect(found.get_by_role("row")).to_have_count(3)
     expect(found).to_contain_text("Problem Sie bewegt sich nicht: den Roboter arbeiten lassen, oder")
+    words = "7,5: der Winkel ist in Grad; dann ist es das 1,25-fache → angle.factor = 0.0174533"
+    expect(found).to_contain_text(f"Änderung {words}")
+    expect(found).to_contain_text("offen Das Moment ist ganzzahlig, wie in Promille")
     assert found.locator("[lang=en]").count() == 0
 
 
@@ -107,3 +117,15 @@ def test_what_is_refused_is_said_in_german(stage: Stage, page: Page, fm_alarm: A
     page.evaluate("() => { location.hash = '#/system'; }")
     page.get_by_role("button", name="Die letzten Minuten aufzeichnen").click()
     expect(page.get_by_role("alert")).to_contain_text("es werden keine Rohdaten aufbewahrt")
+
+
+def test_a_value_that_the_daemon_refuses_is_explained_in_german(page: Page) -> None:
+    page.goto("/#/axes/demo.axis1")
+    page.get_by_role("button", name="Deutsch").click()
+    page.get_by_role("button", name="Neu einlernen").click()
+    form = page.get_by_role("dialog")
+    form.get_by_label("Einlernen für").fill("99999")
+    form.get_by_label("Kommentar").fill("Getriebe")
+    form.get_by_label("Die Achse wurde repariert").check()
+    form.get_by_role("button", name="Neu einlernen").click()
+    expect(form.get_by_role("alert")).to_have_text("hours: muss ≤ 8784 sein")

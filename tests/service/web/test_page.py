@@ -115,6 +115,10 @@ def test_three_hundred_axes_are_on_one_screen(
     expect(page.locator("a.tile .bar")).to_have_count(900)  # tiles are drawn in turns
     bottoms = "[...document.querySelectorAll('a.tile')].map((t) => t.getBoundingClientRect().bottom)"
     assert max(page.evaluate(bottoms)) <= height
+    right = "getBoundingClientRect().right"
+    cut = f"[...document.querySelectorAll('a.tile')].filter((t) => t.querySelector('.name bdi').{right} > t.{right})"
+    assert page.evaluate(f"{cut}.map((t) => t.title)") == []
+    expect(page.get_by_title("demo.axis123", exact=True)).to_contain_text("123")
 
 
 def test_it_asks_for_a_token_where_the_daemon_wants_one(

@@ -222,6 +222,7 @@ def test_all_is_explained(schema: dict[str, Any]) -> None:
         )
     }  # fmt: skip
     recordings = {"/api/v1/recordings": {"get", "post"}, "/api/v1/recordings/{name}": {"get"}}
+    recordings["/api/v1/alarms/{id}/report"] = {"get", "post"}
     files = {f"/api/v1/axes/{{axis}}/history.{kind}" for kind in ("csv", "parquet")}
     assert set(schema["paths"]) == {*PATHS, *actions, *recordings, *files, "/metrics", "/api/v1/events"}
     silent = [

@@ -129,15 +129,19 @@ export function State({ alarm }: { alarm: Alarm }) {
   );
 }
 
-/** The raw frames around an alarm, to download; a link sends no token, so with one the page fetches them. */
-export function Frames({ name, full = false }: { name: string; full?: boolean }) {
-  const path = `/api/v1/recordings/${encodeURIComponent(name)}`;
+/** The raw frames around an alarm, to download. */
+export const Frames = ({ name, full = false }: { name: string; full?: boolean }) => (
+  <Saved path={`/api/v1/recordings/${encodeURIComponent(name)}`} name={name}>{full ? name : t.frames}</Saved>
+);
+
+/** A file to download; a link sends no token, so with one the page fetches it. */
+export function Saved({ path, name, children }: { path: string; name: string; children: string }) {
   const fetched = (event: MouseEvent): void => {
     if (!hasToken()) return;
     event.preventDefault();
     void download(path, name);
   };
-  return <a href={path} download={name} onClick={fetched}>{full ? name : t.frames}</a>;
+  return <a href={path} download={name} onClick={fetched}>{children}</a>;
 }
 
 /** That it has no name yet, or what it was called before it had this one. */

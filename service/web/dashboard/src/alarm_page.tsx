@@ -1,13 +1,13 @@
 // One alarm for the person who goes to the axis: what was found, how sure, since when, what to do. Printed, it is one sheet.
 import { useCallback, useEffect, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
-import { Frames, OnsetRange, sizeText, State } from "./alarm_list";
+import { Frames, OnsetRange, Saved, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord, type Axis } from "./ask";
 import { moment, percent, stamp, zone } from "./format";
 import { useLive } from "./live";
 import { AlarmWords, Meaning, meaningOf, Reached } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time } from "./marks";
-import { causeName, failure, whoName } from "./sentences";
+import { causeName, failure, whoName, Words } from "./sentences";
 import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
@@ -61,11 +61,12 @@ export function AlarmPage({ id }: { id: string }) {
           {alarm.inside_calibration !== null && <p>{alarm.inside_calibration ? t.inside : t.outside}</p>}
           <h2>{t.whatToDo}</h2>
           <ol>{advice(alarm, meaning, axis?.heat ?? null).map((words) => <li key={words}><bdi>{words}</bdi></li>)}</ol>
-          {(alarm.recording !== null || report) && <h2>{t.files}</h2>}
+          {(alarm.recording !== null || alarm.report !== null || report) && <h2>{t.files}</h2>}
           <ul>
             {alarm.recording !== null && (
-              <li><Frames name={alarm.recording} full /><small>{t.replayed} <code>axiswatch replay {alarm.recording} --config CONFIG.toml --report replay.html</code></small></li>
+              <li><Frames name={alarm.recording} full /></li>
             )}
+            {alarm.report !== null && <li><Report id={alarm.id} report={alarm.report} done={refresh} /></li>}
             {report && <li><a href={report}>{t.pages.report}</a></li>}
           </ul>
         </section>
@@ -76,6 +77,25 @@ export function AlarmPage({ id }: { id: string }) {
       </section>
       <p class="print-only quiet">axiswatch {live.service?.version}. {t.printed(stamp(Date.now()))}. {t.zone(zone())}</p>
     </article>
+  );
+}
+
+/** Of the replay of its recording, which the daemon makes where somebody wants it. */
+function Report({ id, report, done }: { id: number | null; report: NonNullable<AlarmRecord["report"]>; done: () => Promise<void> }) {
+  const [refusal, setRefusal] = useState("");
+  const path = `/api/v1/alarms/${id}/report`;
+  if (report.state === "made") return <Saved path={path} name={`alarm${id}.html`}>{t.replay.made}</Saved>;
+  if (report.state === "running") return <>{t.replay.running}</>;
+  const make = async (): Promise<void> => {
+    setRefusal(await ask(path, {}).then(() => "", failure));
+    await done();
+  };
+  const problem = refusal || report.problem;
+  return (
+    <>
+      <button type="button" class="no-print" onClick={make}>{t.replay.make}</button>
+      {problem && <small><Words by={report.sentences}>{problem}</Words></small>}
+    </>
   );
 }
 

@@ -33,6 +33,7 @@ function shown(name: string, value: string | Sentence): string {
   if (name === "at") return moment(value);
   if (name === "event") return t.event[value] ?? value;
   if (name === "state") return t.alarmState[value] ?? value;
+  if (name === "quantity" || name === "unit") return t.measured[value] ?? value;
   return /^-?\d+\.\d+(e[-+]?\d+)?$/.test(value) ? local(value) : value;
 }
 

@@ -190,7 +190,7 @@ const NO_TOKEN = "ungeschützt: Jeder, dessen Rechner diese Adresse erreicht, da
 const CLOCK = "Die Uhr dieses Rechners wurde um {by_s}";
 const CLOCK_AFTER = "gestellt; {at} ist die erste Zeit danach. Ein Alarm von vorher endet so lange nach seiner Auslösung, wie er gedauert hat";
 
-/** Sätze des Dienstes nach ihrer Art; tests/service/test_sentences.py hält sie und ihre Werte gleich. */
+/** Sätze des Dienstes nach ihrer Art; tests/service/texts/test_sentences.py hält sie und ihre Werte gleich. */
 const SENTENCES: Record<string, string> = {
   "not observed": "{name} ist nicht beobachtet",
   alike: "{first} und {last} sind nicht zu unterscheiden",
@@ -297,6 +297,48 @@ const SENTENCES: Record<string, string> = {
   "kept uncertain": "im Fenster zu unsicher",
   "kept by definition": "der Nennwert ist keine Eigenschaft von Getriebe oder Motor",
   "of parameters": "{why}: {names}",
+
+  proposal: "{reason} → {change}",
+  "samples apart": "Die Messwerte liegen {found} s auseinander, nicht {configured} s",
+  bunches: "Frames kommen in Bündeln an: ihre Empfangszeit ist nicht die der Messwerte; besser wird die Uhr der Steuerung angepasst",
+  "wrong sign": "Moment und Bewegung haben entgegengesetzte Vorzeichen (oder das der Bewegung ändern)",
+  wraps: "Der Winkel beginnt nach {period} von vorn",
+  "unit of turn": "Ein Winkel, der nach {period} von vorn beginnt, ist {unit}",
+  "unit in name": "Laut Busbeschreibung hat {quantity} eine andere Einheit: {text}",
+  "weight repeats": "Das Moment des Gewichts wiederholt sich nach dem {low}- bis {high}-fachen der konfigurierten Umdrehung des Arms",
+  "gear by weight": "{shows}: das Getriebe hat etwa 1/{gear}; siehe sein Datenblatt",
+  "is so": "{shows}: {what}",
+  "in unit": "{quantity} ist {unit}",
+  "whole numbers": "{shows}, und {quantity} ist ganzzahlig",
+  counts: "{shows}: Inkremente, etwa {counts} je Umdrehung des Motors, also wohl 2^{power} = {likely}; siehe Datenblatt des Gebers",
+  "shows inertia": "Als eine Masse zeigt der Antrieb die Trägheit {inertia} kg m², das {times}-fache des Nennwerts",
+  "then times": "{shows}: {what}; dann ist es das {times}-fache",
+  probably: "{shows}. Wahrscheinlich: {what}; dann ist es das {times}-fache",
+  "no factor": "{quantity} braucht keinen Faktor",
+  "per mille": "{shows}: wohl Promille eines Nennmoments von etwa {rated} N m (nach der Nennträgheit; siehe Typenschild)",
+  "r turned": "Mit r = {r} drehte sich der Arm schneller als der Motor: r ist Armwinkel durch Motorwinkel, also der Kehrwert",
+  "gear by inertia": "{shows}: mit den Nennträgheiten von Motor und Arm ist das ein Getriebe von 1/{gear}; siehe sein Datenblatt",
+  "too fast": "Der Motor drehte sich mit {speed} Umdrehungen je Minute, was keiner tut: der Winkel ist wohl in Grad",
+  "values beyond": "{lost} Werte liegen jenseits von {torque} N m oder {motion}, was kein Motor erreicht: torque.factor und {key}.factor setzen, bei Inkrementen 2 pi / Inkremente je Umdrehung des Motors (Datenblatt des Gebers)",
+  place: "{signal} ({quantity})",
+  "signal constant": "{name} ist stets {value}: die Achse stand, oder das Signal hängt; die Achse bewegen, und prüfen, ob es ihr Signal ist",
+  "signal stuck": "{name} hängt {seconds} s lang, während die Achse sich bewegt: Sensor oder Verbindung gestört",
+  "signal held": "{name} ändert sich nur bei jedem {count}. Messwert: die Steuerung soll jeden Wert einmal senden, alle {interval} s, und sample_interval_s das sein",
+  "torque counted": "Das Moment ist ganzzahlig, wie in Promille des Nennmoments (CiA 402, Objekt 6077h): torque.factor auf Nennmoment (Typenschild) / 1000 [N m] setzen; bis dahin gilt diese Einheit, Alarme in Prozent bleiben gleich",
+  "motion counted": "Ganzzahlig, wie Inkremente, ist {quantity}: {key}.factor auf 2 pi / Inkremente je Umdrehung des Motors (Datenblatt des Gebers) [rad] setzen",
+  "speed beyond": "Kein Motor dreht sich mit {speed} rad/s: speed.factor auf 0.10472 setzen bei Umdrehungen je Minute, auf 0.0174533 bei Grad je Sekunde",
+  "inertia off": "Als eine Masse zeigt der Antrieb das {times}-fache der Nennträgheit: Einheiten, Getriebe und [robot.axis.model.nominal] prüfen; ist {quantity} der Wert des Arms, ist {key}.factor das Getriebe, Motor durch Arm",
+
+  "body too large": "Eine Anfrage darf höchstens {most} Byte haben",
+  "no TOML": "{path} ist kein TOML: {why}",
+  "key renamed": "{path}: {key} heißt jetzt {change}",
+  "out of limits": "{place}: muss {sign} {limit} sein",
+  "key missing": "{place}: fehlt",
+  "other kind": "{place}: ist nicht von der richtigen Art",
+
+  "no frames of alarm": "Von diesem Alarm gibt es keine Rohdaten",
+  "replay busy": "Der Bericht von Alarm {id} wird erstellt; danach noch einmal versuchen",
+  "replay ended": "Sein Prozess wurde beendet, vielleicht aus Mangel an Speicher oder Zeit; noch einmal versuchen",
 
   "not possible": "Nicht möglich („{event}“): der Alarm ist jetzt „{state}“",
 };
@@ -422,6 +464,11 @@ export const de: Texts = {
     "no threshold": "keine Schwelle",
   },
   observation: { observed: "wie bei der Inbetriebnahme", "weakly observed": "weniger als bei der Inbetriebnahme", "not observed": "fast keine" },
+  measured: {
+    torque: "das Moment", angle: "der Winkel", speed: "die Drehzahl", "in degrees": "in Grad", "in revolutions": "in Umdrehungen",
+    "in milliradians": "in Milliradiant", "in revolutions per minute": "in Umdrehungen je Minute", "in degrees per second": "in Grad je Sekunde",
+    "that of the arm": "der Wert des Arms", "that of the arm, in degrees": "der Wert des Arms, in Grad",
+  },
   direction: { up: "höher", down: "tiefer" },
   priority: { high: "Priorität hoch", medium: "Priorität mittel", low: "Priorität niedrig" },
 
@@ -477,7 +524,7 @@ export const de: Texts = {
   whatToDo: "Was zu tun ist",
   history: "Verlauf",
   files: "Dateien",
-  replayed: "der Bericht dazu:",
+  replay: { make: "Wiederholungsbericht erstellen", running: "Der Wiederholungsbericht wird erstellt.", made: "Wiederholungsbericht" },
   kind: { "": "nicht bekannt", step: "plötzlich", drift: "allmählich", forecast: "Vorhersage" },
   kindLabel: "Verlauf der Änderung",
   nominal: "Nennwert",

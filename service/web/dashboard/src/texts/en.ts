@@ -90,6 +90,8 @@ export const en = {
   observation: {
     observed: "as at commissioning", "weakly observed": "less than at commissioning", "not observed": "almost none",
   } as Record<string, string>,
+  /** Quantities and units in sentences of the daemon. */
+  measured: {} as Record<string, string>,
   direction: { up: "up", down: "down" },
   priority: { high: "high priority", medium: "medium priority", low: "low priority" } as Record<string, string>,
 
@@ -145,7 +147,7 @@ export const en = {
   whatToDo: "What to do",
   history: "What has happened to it",
   files: "Files",
-  replayed: "its report:",
+  replay: { make: "Make the replay report", running: "The replay report is being made.", made: "Replay report" },
   kind: { "": "not known", step: "sudden", drift: "gradual", forecast: "forecast" } as Record<string, string>,
   kindLabel: "Course",
   nominal: "Nominal value",

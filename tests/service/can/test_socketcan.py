@@ -22,8 +22,8 @@ from service.can.receivers import Receiver, SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from service.simulation.playback import PlayFrame, play_frames
+from tests.service.can.test_can_source import EXTENDED, STANDARD, reading, take, wait_for
 from tests.service.ingest.plant import axis1, make_config
-from tests.service.ingest.test_can_source import EXTENDED, STANDARD, reading, take, wait_for
 
 pytestmark = pytest.mark.vcan
 

@@ -16,7 +16,7 @@ from service.can.frames import CLASSIC_RECORD, FD_RECORD, Frame
 from service.can.log_files import CanLog
 from service.can.mf4_frames import merged
 from service.can.user_errors import RecordError
-from tests.service.ingest.log_damage import damaged, read_all
+from tests.service.can.log_damage import damaged, read_all
 
 
 def test_without_asammdf_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,10 +10,10 @@ from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from tests.demo_text import demo_text
 from tests.service.command_line import axiswatch, refused
-from tests.service.config_texts import TABLES
+from tests.service.config.config_texts import TABLES
 
-TLS = Path(__file__).resolve().parents[1] / "tls"
-CONFIG = Path(__file__).resolve().parents[2] / "config"
+TLS = Path(__file__).resolve().parents[2] / "tls"
+CONFIG = Path(__file__).resolve().parents[3] / "config"
 
 
 @pytest.mark.parametrize(

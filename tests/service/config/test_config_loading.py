@@ -7,7 +7,7 @@ import pytest
 
 from service.config import ConfigErrors, load
 from service.config.commissioned import relocated
-from tests.service.config_texts import BASE, furnish
+from tests.service.config.config_texts import BASE, furnish
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from service.config import ConfigErrors, Problem, load
 
-SHIPPED = Path(__file__).resolve().parents[2] / "config"
+SHIPPED = Path(__file__).resolve().parents[3] / "config"
 BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
 EXAMPLE = re.sub(
     r"^#(?=[\w\[])", "", (SHIPPED / "reference.toml").read_text(encoding="utf-8"), flags=re.MULTILINE

@@ -9,7 +9,7 @@ from service.config import Config, load
 from tests.demo_text import demo_text
 from tests.service.found_files import nominal_text, thresholds_text
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
+CONFIG = Path(__file__).resolve().parents[3] / "config"
 BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
 
 TEMPERATURE = """\

@@ -24,7 +24,7 @@ from service.config.commissioned import Correction, corrected
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.identification_report import outlook_words
-from tests.service.config_texts import DRAWN
+from tests.service.config.config_texts import DRAWN
 
 TEXT = """
 [[robot]]

@@ -13,7 +13,7 @@ from service.config import AxisConfig, Config, ConfigErrors, conditions_of, load
 from service.config.drives import axis_model, limits_of
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import shown
-from tests.service.config_texts import (
+from tests.service.config.config_texts import (
     BASE,
     CONFIG,
     DRAWN,

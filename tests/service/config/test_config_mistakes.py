@@ -15,7 +15,7 @@ from service.config.former_keys import RENAMED_KEYS
 from service.config.found_file import FoundFileError, read_found
 from service.config.nominal_file import NominalFile
 from tests import golden
-from tests.service.config_texts import CONFIG, TEXTS, furnish, loaded
+from tests.service.config.config_texts import CONFIG, TEXTS, furnish, loaded
 
 FOLDER = Path(__file__).parent / "config_mistakes"
 

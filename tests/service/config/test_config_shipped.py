@@ -17,7 +17,7 @@ from service.config.loading import table_in
 from service.config.problems import Keys, positions
 from tests.service.found_files import nominal_text, thresholds_text
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
+CONFIG = Path(__file__).resolve().parents[3] / "config"
 EXAMPLE = (CONFIG / "reference.toml").read_text(encoding="utf-8")
 OPTIONAL = re.compile(r"^#(?=[\w\[\"])", re.MULTILINE)  # "#key = value" or "#[table]"; prose begins with "# "
 EVERYTHING = OPTIONAL.sub("", EXAMPLE)

@@ -13,7 +13,7 @@ import pytest
 from service.can.log_files import LOG_SUFFIXES, CanLog
 from service.can.log_lines import LogLines
 from service.can.user_errors import RecordError
-from tests.service.ingest.log_damage import damaged, log_bytes, read_all
+from tests.service.can.log_damage import damaged, log_bytes, read_all
 
 KINDS = [*(suffix for suffix in LOG_SUFFIXES if suffix != ".mf4"), ".log.gz", ".blf.gz"]
 

@@ -24,7 +24,7 @@ from service.config.commissioned import (
     with_drive,
 )
 from service.config.robot_defaults import completed
-from tests.service.config_texts import CONFIG
+from tests.service.config.config_texts import CONFIG
 
 law = settings(deadline=None, max_examples=8)
 FOUND = {

@@ -11,7 +11,7 @@ from monitor_core.wording import Sentence, joined, sentence
 from service.web.app import STATIC
 from service.web.models import sentences
 
-TOP = Path(__file__).parents[2]
+TOP = Path(__file__).parents[3]
 GERMAN = STATIC.with_name("dashboard") / "src" / "texts" / "de.ts"
 
 

@@ -16,7 +16,7 @@ from monitor_core.arrays import Floats
 from service.can import receivers
 from service.can.bus import send
 from service.can.receivers import StampClock, receiver_of
-from tests.service.ingest.test_can_source import STANDARD
+from tests.service.can.test_can_source import STANDARD
 
 NOON_NS = 1_760_000_000_000_000_000
 SOFTWARE = 1 << 3 | 1 << 4

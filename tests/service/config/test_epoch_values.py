@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from monitor_core.wording import Sentence
 from service.config import NamedAxis
 from service.config.axis_settings import axis_settings, monitored_model
 from service.config.epoch_values import (
@@ -34,6 +35,21 @@ def from_commissioning(axis: NamedAxis, **values: float) -> NamedAxis:
     alone = with_epoch(axis, from_files(axis, nominal, None), 2)
     thresholds = thresholds_text(alone.config, alpha_1=4.0, alpha_2=31.0, allowance=0.02)
     return with_epoch(axis, from_files(axis, nominal, thresholds), 2)
+
+
+def test_usual_mistakes_in_a_file_have_kinds(axis: NamedAxis) -> None:
+    text = nominal_text(axis.config, {"values": {**monitored_model(axis).nominal, "fm": "much"}})
+    mistaken = {
+        "no TOML": "format = ",
+        "key missing": "format = 1\n",
+        "other kind": text,
+    }
+    for kind, nominal in mistaken.items():
+        with pytest.raises(EpochValuesError, match=r"^nominal\.toml") as found:
+            from_files(axis, nominal, None)
+        words = found.value.args[0]
+        assert isinstance(words, Sentence)
+        assert words.kind == kind
 
 
 def settings_of(axis: NamedAxis) -> Any:

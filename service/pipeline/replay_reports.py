@@ -1,0 +1,202 @@
+"""Reports of replays that the daemon makes on request, one at a time, each in a process that gives way to all others.
+
+The frames around an alarm run through the monitors of its robot again, with the nominal values that were in force then.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import structlog
+
+from monitor_core.wording import Sentence, sentence
+from service.config import Config
+from service.pipeline.recording import RecordingFolder
+from service.store.alarm_table import RecordedAlarm
+from service.store.epochs import Epochs
+
+LONGEST_S = 900.0
+"""After that the process is ended: it takes seconds, unless the machine is very busy."""
+_MOST_FAILURES = 100
+
+_CHILD = """
+import os, pickle, sys, threading
+order = pickle.load(sys.stdin.buffer)
+threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()  # its end: the parent has ended
+from service.commands.replay_task import make
+make(order)
+"""
+
+log = structlog.get_logger(__name__)
+
+
+class ReplayOrder(NamedTuple):
+    """What is to be replayed."""
+
+    config: Config
+    """Of one robot"""
+    named: str
+    """The file of the configuration"""
+    epochs: Mapping[str, tuple[str, int]]
+    """Content and number of the epochs of its axes that were in force"""
+    record: Path
+    page: Path
+    """Where the report is written"""
+
+
+class NoReplayError(Exception):
+    """No report can be made now; the text says why."""
+
+
+class ReportState(NamedTuple):
+    """Whether the report of an alarm is there."""
+
+    state: Literal["none", "running", "made", "failed"]
+    problem: str | None = None
+    """Why it failed"""
+
+
+class ReplayReports:
+    """Makes the report of an alarm; may be used from any thread.
+
+    Args:
+        folder: of the recordings; a report is kept beside its own, and removed with it.
+        config: what is in force.
+        named: the file of the configuration.
+        epochs: of the axes.
+    """
+
+    def __init__(
+        self, folder: RecordingFolder, config: Callable[[], Config], named: str, epochs: Epochs
+    ) -> None:
+        self._folder, self._config, self._named, self._epochs = folder, config, named, epochs
+        self._lock = threading.Lock()
+        self._running: int | None = None
+        self._child: subprocess.Popen[bytes] | None = None
+        self._failed: dict[int, str] = {}
+        self._stopped = False
+
+    def page(self, alarm: RecordedAlarm) -> Path | None:
+        """Where the report of an alarm is, or would be; None: it has no recording, or is not in the journal."""
+        name = self._folder.holding(alarm.since_us) if alarm.recorded else None
+        return None if name is None else self._folder.report(name, alarm.id)
+
+    def state(self, alarm: RecordedAlarm) -> ReportState | None:
+        """Whether the report of an alarm is there; None: there can be none."""
+        page = self.page(alarm)
+        if page is None:
+            return None
+        if self._running == alarm.id:
+            return ReportState("running")
+        if page.is_file():
+            return ReportState("made")
+        problem = self._failed.get(alarm.id)
+        return ReportState("none") if problem is None else ReportState("failed", problem)
+
+    def begin(self, alarm: RecordedAlarm) -> None:
+        """Have the report of an alarm made, unless it is being made already; one that is there is made again.
+
+        Raises:
+            NoReplayError: another one is being made, or there are no frames, or no such axis any more.
+            StoreError: the epochs cannot be read.
+        """
+        page, config = self.page(alarm), self._config()
+        if page is None:
+            raise NoReplayError(sentence("no frames of alarm", "there is no recording of this alarm"))
+        own = next((axis for axis in config.axes if axis.id == alarm.axis), None)
+        if own is None:
+            words = "the configuration has no axis {axis} any more"
+            raise NoReplayError(sentence("axis gone", words, axis=alarm.axis))
+        robot = tuple(robot for robot in config.robot if robot.name == own.robot)
+        config = config.model_copy(update={"robot": robot})
+        epochs = {
+            axis.id: (epoch.content, epoch.number)
+            for axis in config.axes
+            for epoch in self._epochs.of_axis(axis.id)
+            if epoch.in_force_us is not None
+            and epoch.in_force_us <= alarm.since_us < (epoch.ended_us or sys.maxsize)
+        }
+        name = self._folder.holding(alarm.since_us)
+        assert name is not None  # else there would be no page
+        order = ReplayOrder(config, self._named, epochs, self._folder.path / name, page)
+        with self._lock:
+            if self._running == alarm.id:
+                return
+            if self._running is not None or self._stopped:
+                words = "the report of alarm {id} is being made; try again after it"
+                raise NoReplayError(sentence("replay busy", words, id=self._running or alarm.id))
+            self._running = alarm.id
+            self._failed.pop(alarm.id, None)
+        threading.Thread(target=self._make, args=(alarm.id, order), name="replay", daemon=True).start()
+
+    def stop(self) -> None:
+        """End what is being made."""
+        with self._lock:
+            self._stopped = True
+            if self._child is not None:
+                self._child.kill()
+
+    def _make(self, alarm_id: int, order: ReplayOrder) -> None:
+        problem: str | None = _ENDED
+        try:
+            problem = self._problem_of(order)
+        except OSError as error:
+            problem = str(error)
+        finally:
+            with self._lock:
+                self._running = self._child = None
+                if problem is not None:
+                    self._failed = dict([*self._failed.items(), (alarm_id, problem)][-_MOST_FAILURES:])
+        if problem is None:
+            log.info("replay report made", alarm=alarm_id, file=order.page.name)
+        elif not self._stopped:
+            log.warning("no replay report", alarm=alarm_id, reason=problem)
+
+    def _problem_of(self, order: ReplayOrder) -> str | None:
+        """Have it made; why it was not."""
+        with self._lock:
+            if self._stopped:
+                return _ENDED
+            child = self._child = subprocess.Popen(
+                [sys.executable, "-P", "-c", _CHILD],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                process_group=0,
+            )
+        limit = threading.Timer(LONGEST_S, child.kill)
+        limit.start()
+        try:
+            with child:
+                assert child.stdin is not None
+                assert child.stderr is not None
+                # It stays open: its end tells the child that the daemon is gone.
+                with suppress(BrokenPipeError):
+                    child.stdin.write(pickle.dumps(order))
+                    child.stdin.flush()
+                messages = child.stderr.read().decode(errors="replace").strip()
+        finally:
+            limit.cancel()
+        if child.returncode == 0:
+            return None
+        return (messages.rpartition("\n")[2] if child.returncode > 0 else "") or _ENDED
+
+
+_ENDED: Sentence = sentence(
+    "replay ended", "its process was ended, perhaps for want of memory or time; try again"
+)
+
+
+def give_way() -> None:
+    """Let all other processes go first, and be the first that ends where memory is short."""
+    os.nice(19)
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
