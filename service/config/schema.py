@@ -158,7 +158,7 @@ class ServiceConfig(Table):
     StateDirectory"""
     block_s: Real | None = Field(None, ge=0.01, le=1.0)
     """time in which frames are collected before estimates follow them [s]; default: 30 sample intervals of the fastest
-    axis, 0.03 to 0.1"""
+    axis, 0.03 to 0.1; a block that takes long is followed by a longer one, up to 0.5"""
     checkpoint_interval_s: Positive = Field(60.0, le=86400)
     """time between checkpoints [s]"""
     history_interval_s: Positive = Field(10.0, le=3600)

@@ -78,13 +78,17 @@ class AppState:
 
     def prepare(self, snapshot: Snapshot) -> None:
         """Make the answers that are asked for often, before the snapshot is shown; by the worker."""
-        for answer in self.prepared:
-            answer.prepare(snapshot)
+        for answer, made in [(answer, answer.made(snapshot)) for answer in self.prepared]:
+            answer.hold(made)  # only now: until then who asks for the snapshot before is not kept waiting
 
     @property
     def recordings(self) -> RecordingFolder | None:
         """The folder of the frames around alarms; None: none are recorded."""
         return None if self.extracts is None else self.extracts.folder
+
+
+_Held = tuple[Snapshot, int, bytes]
+"""An answer, of which snapshot it was made and when [us]"""
 
 
 class Latest:
@@ -98,7 +102,7 @@ class Latest:
     def __init__(self, make: Callable[[Snapshot, int], bytes], longest_s: float) -> None:
         self._make, self._longest_us = make, longest_s * 1e6
         self._lock = threading.Lock()
-        self._held: tuple[Snapshot, int, bytes] | None = None
+        self._held: _Held | None = None
         self._asked_us = 0
 
     def __call__(self, snapshot: Snapshot, now_us: int) -> bytes:
@@ -110,11 +114,18 @@ class Latest:
                 held = self._held = (snapshot, now_us, self._make(snapshot, now_us))
             return held[2]
 
-    def prepare(self, snapshot: Snapshot) -> None:
-        """Make it of a snapshot that is about to be shown, where somebody asks at least once a minute."""
+    def made(self, snapshot: Snapshot) -> _Held | None:
+        """It of a snapshot that is about to be shown, where somebody asks at least once a minute."""
         if snapshot.taken_us - self._asked_us <= _WANTED_US:
-            with suppress(Exception), self._lock:  # who asks makes it again, and gets the error
-                self._held = (snapshot, snapshot.taken_us, self._make(snapshot, snapshot.taken_us))
+            with suppress(Exception):  # who asks makes it again, and gets the error
+                return snapshot, snapshot.taken_us, self._make(snapshot, snapshot.taken_us)
+        return None
+
+    def hold(self, made: _Held | None) -> None:
+        """Answer with it."""
+        if made is not None:
+            with self._lock:
+                self._held = made
 
 
 _WANTED_US = 60_000_000

@@ -151,9 +151,10 @@ class Metrics:
         self._small.register(_Small(snapshot))
         ProcessCollector(registry=self._small)
         self._writers = {openmetrics: _Writer(openmetrics) for openmetrics in (False, True)}
+        """Of what is small; those of the axes are others, as they may be at work for long"""
         # Not ages: they grow while the worker hangs, and alert rules wait for that.
         self.of_axes = {
-            openmetrics: Latest(writer.of_axes, math.inf) for openmetrics, writer in self._writers.items()
+            openmetrics: Latest(_Writer(openmetrics).of_axes, math.inf) for openmetrics in self._writers
         }
 
     def scrape(self, accept: str) -> tuple[bytes, str]:

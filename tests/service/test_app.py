@@ -1,9 +1,12 @@
 """The daemon as a whole, inside this process."""
 
+import queue
 import subprocess
 import sys
 import threading
 from collections.abc import Collection
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import httpx
@@ -16,10 +19,12 @@ from service.commands.exit_codes import DaemonFailedError
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.warming import CacheFiller, Shape
+from service.store.alarm_entries import Entry
 from service.store.journal import Journal
 from tests.conftest import ROOT
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.pipeline.robots import demo
+from tests.service.web.conftest import FM_ALARM
 
 
 def test_a_worker_that_fails_stops_the_daemon_and_is_logged(
@@ -102,6 +107,29 @@ def test_the_option_lets_other_machines_in_which_is_logged_once(tmp_path: Path) 
             daemon.join(60)
     assert "may read and operate, without a token" in danger
     assert [(e["log_level"], e["message"]) for e in logs if e["event"] == "access"] == [("warning", danger)]
+
+
+def test_an_alarm_whose_frames_are_there_can_have_its_report(tmp_path: Path) -> None:
+    config = demo(tmp_path, 1)
+    web = config.web.model_copy(update={"port": 0})
+    with closing(Journal(tmp_path / "alarms.sqlite")) as journal:
+        ended = replace(FM_ALARM, ended_us=FM_ALARM.updated_us)
+        (number,) = journal.record([Entry("demo.axis1", "N m s/rad", 0.06, ended)])
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "frames-20260301T115900Z-20260301T120000Z.log").touch()
+    stop, pages = threading.Event(), queue.SimpleQueue[str]()
+    daemon = threading.Thread(
+        target=run_daemon,
+        args=(config.model_copy(update={"web": web}),),
+        kwargs={"ready": pages.put, "stop": stop},
+    )
+    daemon.start()
+    try:
+        alarm = httpx.get(f"{pages.get(timeout=60)}api/v1/alarms/{number}").json()
+    finally:
+        stop.set()
+        daemon.join(60)
+    assert alarm["report"]["state"] == "none"
 
 
 def test_the_cyclic_clock_is_compiled_where_an_axis_has_one(tmp_path: Path) -> None:

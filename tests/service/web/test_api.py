@@ -105,13 +105,13 @@ def test_what_somebody_asks_for_is_made_with_each_snapshot(stage: Stage) -> None
         return replace(old, taken_us=old.taken_us + seconds * 1_000_000)
 
     latest, new = Latest(make, 2.0), later(2)
-    latest.prepare(old)
+    assert latest.made(old) is None
     assert made == []  # nobody has asked
     latest(old, old.taken_us)
-    latest.prepare(later(1))  # it fails, which the worker does not notice
-    latest.prepare(new)
+    latest.hold(latest.made(later(1)))  # it fails, which the worker does not notice
+    latest.hold(latest.made(new))
     latest(new, new.taken_us + 500_000)
-    latest.prepare(later(63))
+    assert latest.made(later(63)) is None
     assert made == [later(t).taken_us for t in range(3)]
 
 

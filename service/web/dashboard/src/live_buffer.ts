@@ -3,19 +3,20 @@ import type { Axis, Parameter } from "./ask";
 
 const LENGTH_S = 120; // the history of the daemon is up to a minute late
 
+/** Numbers alone: the objects of three hundred axes would fill the memory. */
 export interface LivePoint {
   /** Time of the last sample [s since 1970]. */
   time: number;
-  parameters: LiveParameter[];
+  /** Of the parameters. */
+  names: string[];
+  /** As many of each parameter as NUMBERS; NaN: there is none. */
+  numbers: number[];
 }
 
-/** What is plotted of a parameter: the rest of three hundred axes would fill the memory. */
-export type LiveParameter = Pick<
-  Parameter, "name" | "estimate" | "standard_deviation" | "nominal" | "cusum" | "threshold" | "observation"
->;
+export const NUMBERS = 6;
 
-const plotted = ({ name, estimate, standard_deviation, nominal, cusum, threshold, observation }: Parameter): LiveParameter =>
-  ({ name, estimate, standard_deviation, nominal, cusum, threshold, observation });
+const numbersOf = ({ estimate, standard_deviation, nominal, cusum, threshold }: Parameter): number[] =>
+  [estimate, standard_deviation, nominal, cusum.up, cusum.down, threshold].map((x) => x ?? NaN);
 
 class LiveBuffer {
   private readonly points = new Map<string, LivePoint[]>();
@@ -30,7 +31,9 @@ class LiveBuffer {
     if (last && time > last.time && time < last.time + 0.5) return;
     if (last && time < last.time) kept.length = 0;
     if (last && time === last.time) return;
-    kept.push({ time, parameters: axis.parameters.map(plotted) });
+    const names = axis.parameters.map((p) => p.name);
+    const same = last?.names.join() === names.join();
+    kept.push({ time, names: last && same ? last.names : names, numbers: axis.parameters.flatMap(numbersOf).slice() }); // a slice has no spare room
     while ((kept[0]?.time ?? Infinity) < time - LENGTH_S) kept.shift();
     this.points.set(axis.id, kept);
   }

@@ -1,6 +1,6 @@
 // From the history of the API to columns that are plotted: gaps, numbers that are none, constant values.
 import type { Alarm, Body } from "./ask";
-import type { LivePoint } from "./live_buffer";
+import { NUMBERS, type LivePoint } from "./live_buffer";
 
 type Numbers = (number | null)[];
 
@@ -16,10 +16,9 @@ export interface Columns {
   nominal: Numbers;
   up: Numbers;
   down: Numbers;
-  excitation: Numbers;
 }
 
-const NAMES = ["estimate", "low", "high", "nominal", "up", "down", "excitation"] as const;
+const NAMES = ["estimate", "low", "high", "nominal", "up", "down"] as const;
 type Row = Partial<Record<(typeof NAMES)[number], number | null>>;
 
 /** Half the width of a band that holds 95 % of a normal distribution, in standard deviations. */
@@ -28,7 +27,6 @@ export const Z95 = 1.96;
 const finite = (x: number | null | undefined): number | null => (typeof x === "number" && Number.isFinite(x) ? x : null);
 const minus = (a: number | null, b: number | null): number | null => (a === null || b === null ? null : a - b);
 const share = (g: number | null, h: number | null): number | null => (g === null || h === null || h <= 0 ? null : g / h);
-const EXCITATION: Record<string, number> = { observed: 1, "weakly observed": 0.5, "not observed": 0 };
 
 function row(estimate: number | null, sd: number | null, nominal: number | null, g: (number | null)[], h: number | null): Row {
   const half = sd === null ? null : Z95 * sd;
@@ -37,7 +35,7 @@ function row(estimate: number | null, sd: number | null, nominal: number | null,
   return { estimate, low, high, nominal, up: share(g[0] ?? null, h), down: share(g[1] ?? null, h) };
 }
 
-export const emptyColumns = (): Columns => ({ time: [], estimate: [], low: [], high: [], nominal: [], up: [], down: [], excitation: [] });
+export const emptyColumns = (): Columns => ({ time: [], estimate: [], low: [], high: [], nominal: [], up: [], down: [] });
 
 function push(to: Columns, time: number, values: Row): void {
   to.time.push(time);
@@ -65,17 +63,15 @@ function addHistory(to: Columns, history: History, p: Body<"ParameterHistory">):
     const of = (q: Quantity): number | null => (p.n[i] === 0 ? null : finite(q.mean[i]));
     const estimate = of(p.estimate);
     const g = [of(p.cusum_up), of(p.cusum_down)];
-    const values = row(estimate, of(p.standard_deviation), minus(estimate, of(p.deviation)), g, of(p.threshold));
-    push(to, Date.parse(iso) / 1000, { ...values, excitation: of(p.observability) });
+    push(to, Date.parse(iso) / 1000, row(estimate, of(p.standard_deviation), minus(estimate, of(p.deviation)), g, of(p.threshold)));
   });
 }
 
-function addLive(to: Columns, name: string, { time, parameters }: LivePoint): void {
-  const p = parameters.find((one) => one.name === name);
-  if (!p) return;
-  const g = [finite(p.cusum.up), finite(p.cusum.down)];
-  const values = row(finite(p.estimate), finite(p.standard_deviation), finite(p.nominal), g, finite(p.threshold));
-  push(to, time, { ...values, excitation: EXCITATION[p.observation] ?? null });
+function addLive(to: Columns, name: string, { time, names, numbers }: LivePoint): void {
+  const first = NUMBERS * names.indexOf(name);
+  if (first < 0) return;
+  const [estimate, sd, nominal, up, down, h] = numbers.slice(first, first + NUMBERS).map(finite);
+  push(to, time, row(estimate ?? null, sd ?? null, nominal ?? null, [up ?? null, down ?? null], h ?? null));
 }
 
 /** The range of an axis of a plot that shows all these values, with a margin; never empty, whatever they are. */

@@ -150,7 +150,7 @@ describe("what is not tested", () => {
 describe("columns of a plot", () => {
   test("have the 95 % band, the nominal value of that time, the statistics relative to the threshold", () => {
     const c = columnsOf("fm", historyOf([1], [1.5]), []);
-    expect(c).toMatchObject({ time: [T0], estimate: [1.5], nominal: [1], up: [0.5], down: [0], excitation: [1] });
+    expect(c).toMatchObject({ time: [T0], estimate: [1.5], nominal: [1], up: [0.5], down: [0] });
     expect(c.low[0]).toBeCloseTo(1.5 - 0.196);
     expect(c.high[0]).toBeCloseTo(1.5 + 0.196);
   });
@@ -169,7 +169,8 @@ describe("columns of a plot", () => {
   });
 
   test("go on with what the page has seen, after a gap where nothing was seen, and never twice", () => {
-    const live = [0, 5, 100].map((s) => ({ time: T0 + s, parameters: axisOf("a").parameters }));
+    for (const s of [0, 5, 100]) liveBuffer.add(axisOf("live", { last_sample: iso(s), parameters: [parameter({ name: "kT" }), parameter()] }));
+    const live = liveBuffer.after("live", 0);
     const c = columnsOf("fm", historyOf([1], [1]), live);
     expect(c.time.map((s) => s - T0)).toEqual([0, 5, 52.5, 100]);
     expect(c.estimate).toEqual([1, 1.1, null, 1.1]);
