@@ -1,18 +1,23 @@
 """Where the pictures of a replay draw an alarm: from onset to end, on a line of which pauses are cut out."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm
+from monitor_core.detection import Alarm, Cause
+from service.config import load
+from service.ingest.records import Quality, Step
 from service.pipeline.alarm_recording import as_recorded
+from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.replay_course import Timeline, TimeUnit
-from service.reports.replay_result import ReplayedAxis
+from service.reports.replay_result import Replay, ReplayedAxis
 from service.store.alarm_entries import Entry
 
+ROOT = Path(__file__).resolve().parents[3]
 S = 1_000_000
 FOUND = Alarm(
     "fm", "up", 130 * S, 132 * S, 140 * S, None, 0.1, 0.01, 3, onset_low_us=129 * S, onset_high_us=131 * S
@@ -60,3 +65,26 @@ def test_alarms_of_a_parameter_and_those_of_none() -> None:
         "\N{BLACK UP-POINTING TRIANGLE}",
         "\N{BLACK DOWN-POINTING TRIANGLE}",
     ]
+
+
+def test_axes_of_a_robot_whose_alarms_the_same_payload_explains_name_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As the journal has them (test_alarm_transitions.py), from the alarms of a replay."""
+    config = load(ROOT / "config" / "demo.toml")
+    payload = replace(
+        FOUND, parameter="kT", direction="down", stage="named", causes=(Cause("kT", 1.0, ("load",)),)
+    )
+    found = {
+        "demo.axis1": payload,
+        "demo.axis3": payload,
+        "demo.axis4": replace(payload, causes=(Cause("kT", 1.0),)),
+    }
+    monitors = AxisMonitors(config.axes)
+    monkeypatch.setattr(monitors, "update", lambda _samples, _see: list(found.items()))
+    record: Any = SimpleNamespace(steps=lambda: [Step({}, 1.0)], quality=Quality({}))
+    replay = Replay(monitors, config, drawn=False)
+    replay.add(record, lambda _done: None)
+    axes = replay.result(["record"], "demo.toml").axes
+    named = {axis.id: alarm.same_payload for axis in axes for alarm in axis.alarms}
+    assert named == {"demo.axis1": ("demo.axis3",), "demo.axis3": ("demo.axis1",), "demo.axis4": ()}
