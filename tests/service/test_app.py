@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Collection
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,16 +14,18 @@ import pytest
 import structlog
 
 from service.commands.daemon import run_daemon
-from service.commands.daemon_parts import needs_cyclic_clock
+from service.commands.daemon_parts import DaemonParts, needs_cyclic_clock
 from service.commands.exit_codes import DaemonFailedError
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.history_recording import HistoryState
 from service.pipeline.warming import CacheFiller, Shape
+from service.pipeline.worker import Worker
 from service.store.alarm_entries import Entry
 from service.store.journal import Journal
 from tests.conftest import ROOT
 from tests.end_to_end.processes import demo_config, edit
-from tests.service.pipeline.robots import demo
+from tests.service.pipeline.robots import changed, demo
 from tests.service.web.conftest import FM_ALARM
 
 
@@ -130,6 +132,22 @@ def test_an_alarm_whose_frames_are_there_can_have_its_report(tmp_path: Path) -> 
         stop.set()
         daemon.join(60)
     assert alarm["report"]["state"] == "none"
+
+
+def test_the_parts_of_a_daemon_know_the_groups_and_why_files_are_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = changed(demo(tmp_path, 2), only="axis1", alarms={"group": "line"})
+    with ExitStack() as stack:
+        parts = DaemonParts(config, None, threading.Event(), stack)
+        parts.state.journal.record([Entry(axis.id, "N m s/rad", 0.06, FM_ALARM) for axis in config.axes])
+        assert [alarm.follows for alarm in parts.state.journal.standing()] == [None, None]
+        assert set(parts.problems().values()) == {None}
+        full = replace(parts.worker.snapshot, history=HistoryState(problem="no space"))
+        monkeypatch.setattr(Worker, "snapshot", full)
+        assert parts.problems() == {
+            "alarms.sqlite": None, "checkpoints.sqlite": None, "history.sqlite": "no space"
+        }  # fmt: skip
 
 
 def test_the_cyclic_clock_is_compiled_where_an_axis_has_one(tmp_path: Path) -> None:
