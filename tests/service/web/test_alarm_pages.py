@@ -329,7 +329,9 @@ def test_a_replay_report_is_made_and_saved(
     expect(page.get_by_text("its process was ended")).to_be_visible()
     (tmp_path / "frames-alarm1.html").write_text("<h1>Replay</h1>", encoding="utf-8")
     make.click()
-    expect(page.get_by_text("The replay report is being made.")).to_be_visible()  # the request has been answered
+    expect(
+        page.get_by_text("The replay report is being made.")
+    ).to_be_visible()  # the request has been answered
     replays.shown = ReportState("made")
     with page.expect_download() as saved:
         page.get_by_role("link", name="Replay report").click()
