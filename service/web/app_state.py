@@ -115,14 +115,14 @@ class Latest:
             return held[2]
 
     def made(self, snapshot: Snapshot) -> _Held | None:
-        """It of a snapshot that is about to be shown, where somebody asks at least once a minute."""
+        """The answer for a snapshot that is about to be shown; None: nobody has asked for a minute, or it failed."""
         if snapshot.taken_us - self._asked_us <= _WANTED_US:
             with suppress(Exception):  # who asks makes it again, and gets the error
                 return snapshot, snapshot.taken_us, self._make(snapshot, snapshot.taken_us)
         return None
 
     def hold(self, made: _Held | None) -> None:
-        """Answer with it."""
+        """Give this answer from now on; None: the one of before."""
         if made is not None:
             with self._lock:
                 self._held = made
