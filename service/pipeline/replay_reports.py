@@ -94,11 +94,12 @@ class ReplayReports:
         page = self.page(alarm)
         if page is None:
             return None
-        if self._running == alarm.id:
-            return ReportState("running")
+        with self._lock:  # of one moment: what has just ended is either made or failed
+            if self._running == alarm.id:
+                return ReportState("running")
+            problem = self._failed.get(alarm.id)
         if page.is_file():
             return ReportState("made")
-        problem = self._failed.get(alarm.id)
         return ReportState("none") if problem is None else ReportState("failed", problem)
 
     def begin(self, alarm: RecordedAlarm) -> None:

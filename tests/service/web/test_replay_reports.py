@@ -12,7 +12,7 @@ import pytest
 from service.config import Config, load
 from service.config.epoch_values import content_of, fingerprint_of
 from service.pipeline.recording import Extracts, RecordingFolder
-from service.pipeline.replay_reports import ReplayReports
+from service.pipeline.replay_reports import ReplayReports, ReportState
 from service.store.epochs import Configured
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
@@ -124,7 +124,16 @@ def test_why_there_is_no_report(plant: Plant, tmp_path: Path) -> None:
 
 def test_a_report_ends_with_the_daemon(plant: Plant) -> None:
     assert plant.ask(plant.alarm).status_code == 202
+    alarm = plant.stage.journal.get(plant.alarm)
+    assert alarm is not None
     plant.reports.stop()
+    end_s = time.monotonic() + PATIENCE_S
+    while (state := plant.reports.state(alarm)) == ReportState(
+        "running"
+    ):  # without a pause: no moment is left out
+        assert time.monotonic() < end_s
+    assert state is not None
+    assert state.state == "failed"
     found = plant.settled()
     assert (found["state"], found["sentences"][0]["kind"]) == ("failed", "replay ended")
     assert plant.ask(plant.alarm).status_code == 409
