@@ -62,7 +62,9 @@ def send_all(channel: str, seconds: float, path: Path) -> None:
                     continue
                 late_s = max(late_s, passed_s - due_s[done] if due_s[-1] else 0.0)
                 count = sendmmsg(raw.fileno(), ctypes.byref(headers[done]), ready - done, 0)
-                if count < 0 and ctypes.get_errno() != errno.ENOBUFS:
+                if count < 0 and ctypes.get_errno() == errno.ECONNREFUSED:
+                    count = ready - done  # nobody listens to this port yet: they are lost, as on a bus
+                elif count < 0 and ctypes.get_errno() != errno.ENOBUFS:
                     raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
                 done += max(0, count)
             sent += done
