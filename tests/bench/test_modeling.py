@@ -35,9 +35,9 @@ from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from service.config.drive_sources import model_called
 start = perf_counter()
-space, drive, values = model_called(sys.argv[1])
-model = AxisModel(drive, values, ("1/" + drive.parameters[0].name,))
-Assembly(drive, model.monitored).model_constants(model, 1.0)
+found = model_called(sys.argv[1])
+model = AxisModel(found.drive, found.values, ("1/" + found.drive.parameters[0].name,))
+Assembly(found.drive, model.monitored).model_constants(model, 1.0)
 print(perf_counter() - start)
 """
 
