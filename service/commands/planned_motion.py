@@ -67,7 +67,7 @@ def torque_columns(axis: NamedAxis) -> dict[str, float]:
     A current without a torque constant is the torque of the configuration, whose unit is then A.  A part of
     the rated torque that nobody has put into N m stays what the records have: as N m it would be far too large.
     """
-    from service.ingest.column_roles import role_of  # which loads what takes a second, for every command
+    from service.ingest.name_words import role_of  # which loads what takes a second, for every command
     from service.ingest.unit_names import unit_in
 
     source = axis.config.torque

@@ -15,31 +15,10 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification import Record, has_wrong_sign, rigid_fit, wrap_of
+from service.ingest.name_words import axis_name, own_word, owners, role_of, words_in
 from service.ingest.time_of_day import TimeOfDay
 from service.ingest.unit_names import Quantity, current_in, unit_in, unit_of
 
-_TABLE = """
-time: t time times timestamp zeit sec secs seconds s ms us
-torque: trq torque torques tau moment drehmoment tq nm mot
-current: i cur curr current currents amp strom iq
-angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad
-speed: vel velocity velocities speed omega w qd dq qdot rpm drehzahl
-temperature: temp temperature temperatur
-wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
-"""
-_WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
-"""What a word in a column's name says that it is; wanted: what the controller asks for, which is no measurement."""
-_ENDINGS = {
-    "strom": "current",
-    "moment": "torque",
-    "winkel": "angle",
-    "position": "angle",
-    "drehzahl": "speed",
-    "geschwindigkeit": "speed",
-    "temperatur": "temperature",
-}
-"""What the end of a German word says that it is: Motorstrom, Istwinkel; Sollwinkel is what the controller asks for."""
-_ASKED = "soll"
 _QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 _MOST_ROWS = 20_000
 _SLOPE, _SAME = 0.95, 0.99
@@ -104,25 +83,6 @@ class TableRoles(NamedTuple):
     """Of the columns, by name, where the table has them below its names"""
 
 
-def words_in(name: str) -> list[str]:
-    """The words of a column's name, small letters: "A1_TrqAct" has a, trq, act."""
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
-    return [word.lower() for word in re.findall(r"[A-Za-z]+", apart)]
-
-
-def role_of(name: str) -> str:
-    """What a column is by its name; empty: the name does not tell."""
-    known = [role for word in words_in(name) if (role := _role_of_word(word))]
-    return "wanted" if "wanted" in known else known[-1] if known else ""
-
-
-def _role_of_word(word: str) -> str:
-    if word in _WORDS:
-        return _WORDS[word]
-    found = next((role for ending, role in _ENDINGS.items() if word.endswith(ending)), "")
-    return "wanted" if found and word.startswith(_ASKED) else found
-
-
 def role_with(name: str, unit: str) -> str:
     """What a column is by its name and its unit, which may be empty."""
     role = role_of(name)
@@ -146,7 +106,13 @@ def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxy
     moving = {name: v for name, v in values.items() if name != time and changes(v)}
     t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
-    named = {name: Named(role_with(name, unit_names[name]), _number(name), places[name]) for name in moving}
+    kinds = {name: role_with(name, unit_names[name]) for name in moving}
+    of_axis = owners(
+        {name: _number(name) for name in moving},
+        {name: own_word(name) for name in moving},
+        {name: "torque" if kind == "current" else kind for name, kind in kinds.items()},
+    )
+    named = {name: Named(kinds[name], of_axis[name], places[name]) for name in moving}
     axes = tuple(axes_by_values(moving, t, named))
     used = {time, *(axis.torque for axis in axes), *(axis.motion for axis in axes)}
     unused = tuple(name for name in columns if name not in used)
@@ -230,7 +196,7 @@ class Named(NamedTuple):
     role: str
     """As ``role_of``"""
     number: str
-    """Of its axis; empty: it has none"""
+    """Of its axis, or its word; empty: it has neither"""
     place: int | None = None
     """Of the column in its table"""
 
@@ -441,11 +407,6 @@ def _pair(
         turned,
         period,
     )
-
-
-def axis_name(number: str) -> str:
-    """Of an axis, by its number, its letter, or the word that tells it from others; empty: it has none of these."""
-    return number if len(number) > 1 and not number.isdigit() else f"axis{number.upper()}"
 
 
 def _number(name: str) -> str:

@@ -11,26 +11,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
-from service.ingest.column_roles import LIKELY, SURE, axis_name, role_of, words_in
+from service.ingest.column_roles import LIKELY, SURE
+from service.ingest.name_words import (
+    MEASURED,
+    NO_MOTION,
+    NOT_MEASURED,
+    axis_name,
+    own_word,
+    owners,
+    role_of,
+    words_in,
+)
 from service.ingest.unit_names import Quantity, unit_in
 
 Sureness = Literal["sure", "likely", "guess"]
-_NOT_MEASURED = {
-    *("input", "limit", "limits", "max", "min", "ff", "error", "err"),
-    *("warning", "gain", "config", "offset", "request", "requested", "param"),
-}
-_NO_MOTION = {"status", "mode", "state", "flag", "time"}
-"""In the name of the signal itself; a message of the state of an axis may carry its motion."""
-_MEASURED = {
-    *("act", "actual", "measured", "meas", "fb", "feedback"),
-    *("ist", "istwert", "estimate", "estimated", "value"),
-}
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
-_ANY = {
-    *("axis", "joint", "motor", "drive", "achse", "node", "robot", "data", "message", "msg", "signal"),
-    *("pdo", "tpdo", "rpdo", "get", "set", "status", "state", "mode", "feed", "back", "filtered", "raw"),
-}
-"""Words that tell no axis from another"""
 _TURNS = (360.0, 2 * math.pi, 1.0)
 _NEARLY = 1e-3
 
@@ -94,25 +89,13 @@ def axes_in(messages: Sequence[Message]) -> list[BusAxis]:
 
 
 def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:
-    """Whose each signal is, by the names of its message and itself: the number of an axis, else a word, or nothing.
-
-    A word, or the letter of a linear axis, tells axes without numbers apart: the torque and the motion of each have it.
-    """
-    roles = list(roles)
-    found = {(role.message, role.signal): number_in(role.message, role.signal) for role in roles}
-    plain = [role for role in roles if not found[role.message, role.signal]]
-    words = {(r.message, r.signal): _own_word(r.signal) or _own_word(r.message) for r in plain}
-    kinds = {
-        word: {r.quantity for r in plain if words[r.message, r.signal] == word} for word in words.values()
-    }
-    of_both = [word for word, those in kinds.items() if word and "torque" in those and len(those) > 1]
-    return found | words if len(of_both) > 1 else found
-
-
-def _own_word(name: str) -> str:
-    """The first word of a name that says neither what is measured nor how; empty: there is none."""
-    known = _ANY | _MEASURED | _NOT_MEASURED | _NO_MOTION
-    return next((w for w in words_in(name) if w not in known and not role_of(w)), "")
+    """Whose each signal is, by the names of its message and itself: the number of an axis, else a word, or nothing."""
+    by_key = {(role.message, role.signal): role for role in roles}
+    return owners(
+        {key: number_in(*key) for key in by_key},
+        {(message, signal): own_word(signal) or own_word(message) for message, signal in by_key},
+        {key: role.quantity for key, role in by_key.items()},
+    )
 
 
 def may_be_measured(message: Message, signal: Signal) -> bool:
@@ -120,8 +103,8 @@ def may_be_measured(message: Message, signal: Signal) -> bool:
     words = {*words_in(signal.name), *words_in(_known(message.name))}
     return not (
         counts(signal)
-        or words & _NOT_MEASURED
-        or {*words_in(signal.name)} & _NO_MOTION
+        or words & NOT_MEASURED
+        or {*words_in(signal.name)} & NO_MOTION
         or "wanted" in (role_of(signal.name), role_of(message.name))
         or signal.choices
     )
@@ -212,7 +195,7 @@ def _best(roles: Sequence[SignalRole]) -> SignalRole | None:
     grades = {"guess": 0, "likely": 1, "sure": 2}
 
     def grade(role: SignalRole) -> tuple[int, int, bool]:
-        return grades[role.sureness], -role.current, bool({*words_in(role.signal)} & _MEASURED)
+        return grades[role.sureness], -role.current, bool({*words_in(role.signal)} & MEASURED)
 
     return max(roles, key=grade, default=None)
 

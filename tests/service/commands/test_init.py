@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from service.config import load
-from service.ingest.column_roles import role_of
+from service.ingest.name_words import role_of
 from tests.service.command_line import refused, shown
 from tests.service.commands.commissioning.test_commission import table
 
@@ -29,6 +29,28 @@ def test_names_of_columns(record: Path) -> None:
     assert (second.config.torque.column, second.config.motion.column) == ("A2_Trq", "A2_Pos")
     assert first.config.sample_interval_s == pytest.approx(0.005)
     assert first.config.time.column == "Time"
+
+
+@pytest.mark.parametrize(
+    ("names", "axes"),
+    [
+        ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
+        ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
+        ("Trq_Shoulder,Pos_Shoulder,Trq_Elbow,Pos_Elbow", ["shoulder", "elbow"]),
+        ("left motor torque,right arm angle,motor torque,arm angle", ["axis1", "axis2"]),
+    ],
+)
+def test_axes_without_numbers_are_named_by_what_tells_them_apart(
+    record: Path, names: str, axes: list[str]
+) -> None:
+    _, _, rows = record.read_text(encoding="utf-8").partition("\n")
+    record.write_text(f"Time,{names}\n{rows}", encoding="utf-8")
+    shown("init", record)
+    found = load(Path("axis.toml")).axes
+    assert [axis.config.name for axis in found] == axes
+    columns = names.split(",")
+    assert [axis.config.torque.column for axis in found] == columns[::2]
+    assert [axis.config.motion.column for axis in found] == columns[1::2]
 
 
 def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> None:

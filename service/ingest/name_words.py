@@ -1,0 +1,94 @@
+"""The words in the names of columns and signals: what they say that it is, and of which axis."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Mapping
+from typing import TypeVar
+
+K = TypeVar("K", bound=Hashable)
+
+_TABLE = """
+time: t time times timestamp zeit sec secs seconds s ms us
+torque: trq torque torques tau moment drehmoment tq nm mot
+current: i cur curr current currents amp strom iq
+angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad
+speed: vel velocity velocities speed omega w qd dq qdot rpm drehzahl
+temperature: temp temperature temperatur
+wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
+"""
+_WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
+"""What a word in a column's name says that it is; wanted: what the controller asks for, which is no measurement."""
+_ENDINGS = {
+    "strom": "current",
+    "moment": "torque",
+    "winkel": "angle",
+    "position": "angle",
+    "drehzahl": "speed",
+    "geschwindigkeit": "speed",
+    "temperatur": "temperature",
+}
+"""What the end of a German word says that it is: Motorstrom, Istwinkel; Sollwinkel is what the controller asks for."""
+_ASKED = "soll"
+NOT_MEASURED = {
+    *("input", "limit", "limits", "max", "min", "ff", "error", "err"),
+    *("warning", "gain", "config", "offset", "request", "requested", "param"),
+}
+NO_MOTION = {"status", "mode", "state", "flag", "time"}
+"""In the name of the signal itself; a message of the state of an axis may carry its motion."""
+MEASURED = {
+    *("act", "actual", "measured", "meas", "fb", "feedback"),
+    *("ist", "istwert", "estimate", "estimated", "value"),
+}
+_ANY = {
+    *("axis", "joint", "motor", "drive", "achse", "node", "robot", "data", "message", "msg", "signal"),
+    *("pdo", "tpdo", "rpdo", "get", "set", "status", "state", "mode", "feed", "back", "filtered", "raw"),
+}
+"""Words that tell no axis from another"""
+
+
+def words_in(name: str) -> list[str]:
+    """The words of a column's name, small letters: "A1_TrqAct" has a, trq, act."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    return [word.lower() for word in re.findall(r"[A-Za-z]+", apart)]
+
+
+def role_of(name: str) -> str:
+    """What a column is by its name; empty: the name does not tell."""
+    known = [role for word in words_in(name) if (role := _role_of_word(word))]
+    return "wanted" if "wanted" in known else known[-1] if known else ""
+
+
+def _role_of_word(word: str) -> str:
+    if word in _WORDS:
+        return _WORDS[word]
+    found = next((role for ending, role in _ENDINGS.items() if word.endswith(ending)), "")
+    return "wanted" if found and word.startswith(_ASKED) else found
+
+
+def own_word(name: str) -> str:
+    """The first word of a name that says neither what is measured nor how; empty: there is none."""
+    known = _ANY | MEASURED | NOT_MEASURED | NO_MOTION
+    return next((w for w in words_in(name) if w not in known and not role_of(w)), "")
+
+
+def owners(numbers: Mapping[K, str], words: Mapping[K, str], quantities: Mapping[K, str]) -> dict[K, str]:
+    """Whose each column or signal is: the number of an axis, else its word, or nothing.
+
+    A word, or the letter of a linear axis, tells axes without numbers apart: the torque and the motion of each have it.
+
+    ``numbers``: in their names, or nothing; ``words``: of their own, as ``own_word``; ``quantities``: what each is.
+    """
+    plain = [name for name, number in numbers.items() if not number]
+    kinds: dict[str, set[str]] = {}
+    for name in plain:
+        kinds.setdefault(words[name], set()).add(quantities[name])
+    of_both = {word for word, those in kinds.items() if word and "torque" in those and len(those) > 1}
+    if len(of_both) + len({number for number in numbers.values() if number}) < 2:
+        return dict(numbers)
+    return {**numbers, **{name: words[name] for name in plain if words[name] in of_both}}
+
+
+def axis_name(number: str) -> str:
+    """Of an axis, by its number, its letter, or the word that tells it from others; empty: it has none of these."""
+    return number if len(number) > 1 and not number.isdigit() else f"axis{number.upper()}"
