@@ -2,14 +2,15 @@
 
 ``calibrate`` (``calibration_procedure``) is the whole procedure.  Read in this order:
 
-* ``healthy_records``: the recursion over the records, and the scatter of the estimates in them.  ``record_doubts``:
-  whether they can be used.
-* ``synthetic_innovations``, ``surrogate_records``: bootstrap copies of the records, and the excursions of the CUSUM
-  sums in these.  ``healthy_statistics``: records and copies combined, and the allowance.
+* ``monitored_axis``: what is calibrated.  ``healthy_records``: the recursion over the records.  ``scatter``: of the
+  estimates in them.  ``record_doubts``: whether they can be used.
+* ``surrogate_records``: bootstrap copies of the records, with innovations from ``matched_blocks`` or
+  ``sieve_bootstrap``.  ``copy_excursions``: excursions of the CUSUM sums in these.  ``own_error``: what copies are off
+  by.  ``shrinkage``: records and copies combined.  ``healthy_statistics``: all of this, and the allowance.
 * ``false_alarm_tail``, ``budget``: thresholds and their false-alarm rate.
 * ``injection``, ``simulated_copies``, ``fault_trials``: faults injected anywhere in a record.
 * For the multi-model detector: ``multimodel_healthy`` (the detector over the records and their copies),
-  ``multimodel_tails`` (tails of g), ``spectra`` (uncertainty from the length of the record),
+  ``excursion_peaks`` and ``multimodel_tails`` (tails of g), ``spectra`` (uncertainty from the length of the record),
   ``multimodel_thresholds``.
 * ``result``: thresholds, their false-alarm rate, and the detected faults.
 """

@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.calibration.false_alarm_tail import Tail
-from monitor_core.calibration.healthy_records import Scatter
+from monitor_core.calibration.scatter import Scatter
 from monitor_core.settings import Threshold
 
 CONFIDENCE = 0.90

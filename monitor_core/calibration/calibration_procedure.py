@@ -1,7 +1,7 @@
 """Calibration: from healthy records of an axis and a false-alarm budget to thresholds and the faults that they detect.
 
 The steps: deviations of the estimates in the records (healthy_records.py) are checked (record_doubts.py).  Bootstrap
-copies of the records (surrogate_records.py) give the tails of the CUSUM sums (false_alarm_tail.py), from which the
+copies of the records (copy_excursions.py) give the tails of the CUSUM sums (false_alarm_tail.py), from which the
 thresholds follow (budget.py).  Faults are injected into the longest record (fault_trials.py).  The multi-model detector
 is calibrated with the same records and budget (multimodel_thresholds.py).
 """
@@ -16,10 +16,12 @@ from functools import partial
 import numpy as np
 
 from monitor_core.calibration.budget import Rates, nu_over_sigma, rates, thresholds
-from monitor_core.calibration.fault_trials import Fault, TrialResult, run_trials
+from monitor_core.calibration.copy_excursions import SAMPLES
+from monitor_core.calibration.fault_trials import TrialResult, run_trials
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
-from monitor_core.calibration.injection import changed_values
+from monitor_core.calibration.injection import Fault, changed_values
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import COPIES
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.record_doubts import (
@@ -30,7 +32,6 @@ from monitor_core.calibration.record_doubts import (
     check_settings,
 )
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
-from monitor_core.calibration.surrogate_records import SAMPLES
 from monitor_core.detection.multimodel.multimodel_detector import Limit, reason_unavailable
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
@@ -99,6 +100,7 @@ def calibrate(
     Raises:
         CalibrationError: these records yield no thresholds; the text says why and what would be right.
     """
+    axis = MonitoredAxis(model, settings)
     memory_s = settings.memory * settings.interval_s
     within_s = options.within_s or WITHIN_MEMORIES * memory_s
     if within_s < MIN_WITHIN_MEMORIES * memory_s:
@@ -111,25 +113,25 @@ def calibrate(
         return lambda part: progress(name, part, 1.0)
 
     check_settings(settings)
-    healthy = deviations(model, settings, records, step("healthy records"))
-    check_records(model, settings, healthy)
-    check_healthy(model, settings, healthy)
+    healthy = deviations(axis, records, step("healthy records"))
+    check_records(axis, healthy)
+    check_healthy(axis, healthy)
     rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
     samples = options.budget_s / settings.interval_s
 
     def task(report: PartialProgress) -> BankLimits | None:
-        if reason_unavailable(model, settings):
+        if reason_unavailable(*axis):
             return None
-        return bank_limits(model, settings, records, samples, rng_multimodel, options.bank_copies, report)
+        return bank_limits(axis, records, samples, rng_multimodel, options.bank_copies, report)
 
     k = nu_over_sigma(len(model.monitored), settings.memory, samples, within_s / memory_s)
     with launch(task) as pending:
         statistics = healthy_statistics(
-            model, settings, records, healthy, k, rng, options.copies, step("copies of the records")
+            axis, records, healthy, k, rng, options.copies, step("copies of the records")
         )
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
         calibrated = replace(settings, thresholds=own)
-        trials = partial(_trials, model, calibrated, records, options, within_s)
+        trials = partial(_trials, axis._replace(settings=calibrated), records, options, within_s)
         caught, onsets = trials(None, step("faults"))
         limits = pending(step("multi-model detector"))
     bank = MultiModelCalibration(limits, trials(limits.own)[0]) if limits else None
@@ -165,8 +167,7 @@ def _thresholds(
 
 
 def _trials(
-    model: AxisModel,
-    settings: Settings,
+    axis: MonitoredAxis,
     records: Sequence[SampleBlock],
     options: CalibrationOptions,
     within_s: float,
@@ -177,16 +178,14 @@ def _trials(
     longest = max(records, key=lambda record: len(record.t_us))
     faults = [
         Fault(name, sign * size)
-        for name in model.monitored
+        for name in axis.model.monitored
         for sign in (1, -1)
         for size in options.sizes
-        if _is_possible(model, name, sign * size)
+        if _is_possible(axis.model, name, sign * size)
     ]
     for share in (OBSERVED_SHARE, 1.0):
         try:
-            return run_trials(
-                model, settings, longest, faults, options.onsets, share * within_s, limits, progress
-            )
+            return run_trials(axis, longest, faults, options.onsets, share * within_s, limits, progress)
         except ValueError:
             continue
     return [], 0

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import Scatter
-from monitor_core.calibration.surrogate_records import Excursions
+from monitor_core.calibration.copy_excursions import Excursions
+from monitor_core.calibration.scatter import Scatter
 
 _ALARMING_K = 0.02
 """A test with less drift than that, or the wrong way, alarms all the time."""

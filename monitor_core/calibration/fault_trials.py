@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -12,32 +12,21 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy_records import first_tested
-from monitor_core.calibration.injection import EquivalentLoad, changed_values, equivalent_load, faulty_torque
-from monitor_core.calibration.simulated_copies import Innovations, Plants, innovations
+from monitor_core.calibration.injection import Fault, inject
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.detection import Crossing
 from monitor_core.detection.alarm import direction_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
-from monitor_core.drive.assembly import Assembly
-from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.hypotheses import Memory
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
 
 PARTS = 20
 """Of the time that is watched: where the cause is named, the rest is left out."""
 PROBES = 20
 """Onsets at which the multi-model detector is tried first."""
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A change of a monitored parameter, as a share of its size."""
-
-    parameter: str
-    size: float
 
 
 @dataclass(frozen=True)
@@ -74,8 +63,7 @@ class FirstAlarm(NamedTuple):
 
 
 def run_trials(
-    model: AxisModel,
-    settings: Settings,
+    axis: MonitoredAxis,
     record: SampleBlock,
     faults: Sequence[Fault],
     onsets: int,
@@ -94,18 +82,16 @@ def run_trials(
     Raises:
         ValueError: the record is too short for that.
     """
-    N = round(seconds / settings.interval_s)
-    first = first_tested(AxisMonitor(model, settings), record) + round(3 * settings.memory)
+    N = round(seconds / axis.settings.interval_s)
+    first = first_tested(AxisMonitor(*axis), record) + round(3 * axis.settings.memory)
     last = len(record.t_us) - N - 1
     if last <= min(first, len(record.t_us)):
         raise ValueError("the record is too short")
     at = np.unique(np.linspace(first, last, onsets).astype(np.int64))
-    detector: _Tests | _Bank = (
-        _Tests(model, settings, record, at) if limits is None else _Bank(model, settings, limits, record, at)
-    )
+    detector: _Tests | _Bank = _Tests(axis, record, at) if limits is None else _Bank(axis, limits, record, at)
     results, not_found = dict[Fault, TrialResult](), set[tuple[str, bool]]()
     by_size = sorted(faults, key=lambda fault: -abs(fault.size))
-    for number, (fault, load, u, y) in enumerate(inject(model, settings, record, by_size, at, N)):
+    for number, (fault, load, u, y) in enumerate(inject(axis, record, by_size, at, N)):
         kind = fault.parameter, fault.size > 0
         alarms = [FirstAlarm()] * len(at)
         if kind not in not_found:
@@ -122,47 +108,11 @@ def run_trials(
     return [results[fault] for fault in faults], len(at)
 
 
-def inject(
-    model: AxisModel, settings: Settings, record: SampleBlock, faults: Sequence[Fault], at: Ints, N: int
-) -> Iterator[tuple[Fault, EquivalentLoad | None, Floats, Floats | None]]:
-    """Each fault, injected into the record.
-
-    Yields the equivalent load of the fault where that is known exactly, with the torque of the whole record under it;
-    otherwise the outputs (N, onsets) from each onset on.
-    """
-    before = innovations(model, settings, record, at.tolist())
-    u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
-    for fault in faults:
-        values = changed_values(model, fault.parameter, fault.size)
-        load = equivalent_load(model, values)
-        if load is not None:
-            yield fault, load, faulty_torque(model, settings, record, load, u_scale), None
-        else:
-            plants = Plants(model, settings, [model.nominal, values])
-            yield fault, None, record.u, _faulty_outputs(plants, record, at, N, before)
-
-
-def _faulty_outputs(plants: Plants, record: SampleBlock, at: Ints, N: int, before: Innovations) -> Floats:
-    """Outputs (N, onsets) of the record, changed by the difference that the model predicts for the fault.
-
-    The first of the plants is healthy, the second faulty.
-    """
-    rows = np.arange(N)[:, np.newaxis] + at
-    u, e = record.u[rows], np.nan_to_num(before.eps[rows])
-    healthy, u_before = np.zeros(len(at), np.int64), record.u[at - 1]
-    # Until the onset the previous torque acts, on the healthy drive.
-    older, nothing = record.u[np.maximum(at - 2, 0)], np.zeros((1, len(at)))
-    _, x = plants.run(healthy, before.x, older, u_before[np.newaxis], nothing)
-    weight = None if record.weight is None else record.weight[rows]
-    without, _ = plants.run(healthy, x, u_before, u, e, weight)
-    with_fault, _ = plants.run(healthy + 1, x, u_before, u, e, weight)
-    return np.asarray(record.y[rows] + with_fault - without)
-
-
 class _Tests:
     """The CUSUM tests from each onset on, side by side."""
 
-    def __init__(self, model: AxisModel, settings: Settings, record: SampleBlock, at: Ints) -> None:
+    def __init__(self, axis: MonitoredAxis, record: SampleBlock, at: Ints) -> None:
+        model, settings = axis
         self._interval_s = settings.interval_s
         healthy = AxisBatch([model], [settings])
         self._columns = []
@@ -198,12 +148,10 @@ def _crossings(batch: AxisBatch, blocks: Sequence[SampleBlock]) -> list[tuple[in
 class _Bank:
     """The multi-model detector from each onset on, one after the other."""
 
-    def __init__(
-        self, model: AxisModel, settings: Settings, limits: Sequence[Limit], record: SampleBlock, at: Ints
-    ) -> None:
-        self._interval_s = settings.interval_s
-        self._bank = bank_of(model, settings, Limits(1.0, tuple(limits)))
-        healthy = HypothesisBank(model, settings, self._bank.hypotheses, allowance=self._bank.allowance)
+    def __init__(self, axis: MonitoredAxis, limits: Sequence[Limit], record: SampleBlock, at: Ints) -> None:
+        self._interval_s = axis.settings.interval_s
+        self._bank = bank_of(*axis, Limits(1.0, tuple(limits)))
+        healthy = HypothesisBank(*axis, self._bank.hypotheses, allowance=self._bank.allowance)
         self._states = list[tuple[Memory, tuple[int, ...]]]()
         for ends in pairwise([0, *at.tolist()]):
             healthy.run(record.select(slice(*ends)))

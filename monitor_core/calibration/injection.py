@@ -2,15 +2,19 @@
 
 The motor torque enters the drive by a vector b: x' = A x + b u + ...  A fault may change A, and the columns of the
 other inputs, by -b times a measured quantity (friction of the motor: its speed), or b itself by a factor (the torque
-constant).  Such a fault leaves the motion unchanged if the torque is  u' = (u + load) / factor.
+constant).  Such a fault leaves the motion unchanged if the torque is  u' = (u + load) / factor.  The effect of other
+faults on the output is simulated with the identified model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
+from monitor_core.calibration.monitored_axis import MonitoredAxis
+from monitor_core.calibration.simulated_copies import Innovations, Plants, innovations
+from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT
@@ -18,6 +22,14 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 _SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of a monitored parameter, as a share of its size."""
+
+    parameter: str
+    size: float
 
 
 @dataclass(frozen=True)
@@ -43,6 +55,42 @@ def changed_values(model: AxisModel, name: str, change: float) -> dict[str, floa
     if not lower <= theta[i] <= upper:
         raise ValueError(f"{name} would leave its bounds")
     return model.values(theta)
+
+
+def inject(
+    axis: MonitoredAxis, record: SampleBlock, faults: Sequence[Fault], at: Ints, N: int
+) -> Iterator[tuple[Fault, EquivalentLoad | None, Floats, Floats | None]]:
+    """Each fault, injected into the record.
+
+    Yields the equivalent load of the fault where that is known exactly, with the torque of the whole record under it;
+    otherwise the outputs (N, onsets) from each onset on.
+    """
+    before = innovations(axis, record, at.tolist())
+    for fault in faults:
+        values = changed_values(axis.model, fault.parameter, fault.size)
+        load = equivalent_load(axis.model, values)
+        if load is not None:
+            yield fault, load, faulty_torque(axis, record, load), None
+        else:
+            plants = Plants(axis, [axis.model.nominal, values])
+            yield fault, None, record.u, _faulty_outputs(plants, record, at, N, before)
+
+
+def _faulty_outputs(plants: Plants, record: SampleBlock, at: Ints, N: int, before: Innovations) -> Floats:
+    """Outputs (N, onsets) of the record, changed by the difference that the model predicts for the fault.
+
+    The first of the plants is healthy, the second faulty.
+    """
+    rows = np.arange(N)[:, np.newaxis] + at
+    u, e = record.u[rows], np.nan_to_num(before.eps[rows])
+    healthy, u_before = np.zeros(len(at), np.int64), record.u[at - 1]
+    # Until the onset the previous torque acts, on the healthy drive.
+    older, nothing = record.u[np.maximum(at - 2, 0)], np.zeros((1, len(at)))
+    _, x = plants.run(healthy, before.x, older, u_before[np.newaxis], nothing)
+    weight = None if record.weight is None else record.weight[rows]
+    without, _ = plants.run(healthy, x, u_before, u, e, weight)
+    with_fault, _ = plants.run(healthy + 1, x, u_before, u, e, weight)
+    return np.asarray(record.y[rows] + with_fault - without)
 
 
 def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> EquivalentLoad | None:
@@ -80,26 +128,24 @@ def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:
     return v if fits else None
 
 
-def faulty_torque(
-    model: AxisModel, settings: Settings, record: SampleBlock, load: EquivalentLoad, u_scale: Floats
-) -> Floats:
+def faulty_torque(axis: MonitoredAxis, record: SampleBlock, load: EquivalentLoad) -> Floats:
     """Torque u' (N,) that the motion of the record would have needed.
 
-    A load acts with its mean over the interval in which the torque is held.  ``u_scale`` (m,) are the factors of the
-    angles in gravity.
+    A load acts with its mean over the interval in which the torque is held.
     """
-    needed, speed = record.u.copy(), _mean_speed(model, record, settings)
+    model, settings = axis
+    u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
+    needed, speed = record.u.copy(), _mean_speed(axis, record)
     if load.viscous:
         needed += load.viscous * _with_delay(speed, settings)
     for c, coefficient in load.inputs.items():
-        needed += coefficient * _with_delay(_input(model, settings, record, c, u_scale[c], speed), settings)
+        needed += coefficient * _with_delay(_input(axis, record, c, u_scale[c], speed), settings)
     return np.asarray(needed / load.factor)
 
 
-def _input(
-    model: AxisModel, settings: Settings, record: SampleBlock, c: int, scale: float, speed: Floats
-) -> Floats:
+def _input(axis: MonitoredAxis, record: SampleBlock, c: int, scale: float, speed: Floats) -> Floats:
     """Mean of an input besides the torque over the interval that begins with each sample (N,)."""
+    model, settings = axis
     kind, output = model.drive.inputs[c], model.drive.output
     if kind == ONE:
         return np.ones(len(record.u))
@@ -111,14 +157,14 @@ def _input(
     return _interval_mean(np.cos(scale * record.y) if kind == COSINE else np.sin(scale * record.y))
 
 
-def _mean_speed(model: AxisModel, record: SampleBlock, settings: Settings) -> Floats:
+def _mean_speed(axis: MonitoredAxis, record: SampleBlock) -> Floats:
     """Mean of the speed over the interval that begins with each sample (N,)."""
-    if model.drive.output == "speed":
+    if axis.model.drive.output == "speed":
         return _interval_mean(record.y)
     after = np.append(record.y[1:], record.y[-1])
-    if model.drive.output == "mean speed":
+    if axis.model.drive.output == "mean speed":
         return after
-    h = np.diff(record.t_us, append=record.t_us[-1] + round(settings.interval_s * 1e6)) * 1e-6
+    h = np.diff(record.t_us, append=record.t_us[-1] + round(axis.settings.interval_s * 1e6)) * 1e-6
     return np.asarray((after - record.y) / h)
 
 

@@ -1,7 +1,7 @@
 """The multi-model detector over healthy records, and over as many bootstrap copies of them as its tails need.
 
 The copies have the motion of the records, because model errors depend on the motion, and synthetic innovations
-(synthetic_innovations.py).
+(sieve_bootstrap.py).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.multimodel_tails import ExcursionPeaks
+from monitor_core.calibration.excursion_peaks import ExcursionPeaks
+from monitor_core.calibration.monitored_axis import MonitoredAxis
+from monitor_core.calibration.sieve_bootstrap import SieveBootstrap
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate_records import LANES, block_length, bootstrap_copies, copy_source
-from monitor_core.calibration.synthetic_innovations import SieveBootstrap
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
@@ -47,8 +47,7 @@ class MultiModelStatistics:
 
 
 def multimodel_statistics(
-    model: AxisModel,
-    settings: Settings,
+    axis: MonitoredAxis,
     records: Sequence[SampleBlock],
     rng: np.random.Generator,
     copies: int = COPIES,
@@ -59,14 +58,12 @@ def multimodel_statistics(
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
     """
-    bank = HypothesisBank(model, settings, default_hypotheses(model, settings))
-    allowance = np.max(
-        [allowances(bank, moved) for moved in _as_they_may_be(model, settings, records)], axis=0
-    )
-    bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
-    variance = settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
-    recorded, places = ExcursionPeaks(len(allowance)), _Blocks(settings, records)
-    spectra = Spectra(variance, allowance, LOOK * block_length(settings))
+    bank = HypothesisBank(*axis, default_hypotheses(*axis))
+    allowance = np.max([allowances(bank, moved) for moved in _as_they_may_be(axis, records)], axis=0)
+    bank = HypothesisBank(*axis, bank.hypotheses, allowance=allowance)
+    variance = axis.settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
+    recorded, places = ExcursionPeaks(len(allowance)), _Blocks(axis.settings, records)
+    spectra = Spectra(variance, allowance, LOOK * block_length(axis.settings))
     for number, record in enumerate(records):
         spectra.add(_run_record(bank, record, recorded, places, number))
     if not recorded.samples:
@@ -100,13 +97,11 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
     return most
 
 
-def _as_they_may_be(
-    model: AxisModel, settings: Settings, records: Sequence[SampleBlock]
-) -> Iterator[Sequence[SampleBlock]]:
+def _as_they_may_be(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iterator[Sequence[SampleBlock]]:
     """The records, and with nominal values that are off by what is allowed for as they follow a model."""
     yield records
-    p = len(model.monitored)
-    for i, error in enumerate(settings.model_errors(p) * model.scale):
+    p = len(axis.model.monitored)
+    for i, error in enumerate(axis.settings.model_errors(p) * axis.model.scale):
         for step in (error, -error) if error > 0 else ():
             move = np.where(np.arange(p) == i, step, 0.0)
             shifts = [np.zeros((r.size, p)) if r.shift is None else r.shift for r in records]
@@ -152,14 +147,15 @@ def _run_copies(
 ) -> ExcursionPeaks:
     """Run copies of the records, at least ``samples`` in all."""
     heights, clock = ExcursionPeaks(len(bank.hypotheses)), 0
-    found = enumerate(copy_source(bank.model, bank.settings, record) for record in records)
+    axis = MonitoredAxis(bank.model, bank.settings)
+    found = enumerate(copy_source(axis, record) for record in records)
     sources = [(number, source) for number, source in found if source is not None]
     while sources and heights.samples < samples:
         for number, source in sources:
             copies = _Copies(bank, heights, clock, len(source.u))
             at, skipped = 0, len(records[number].t_us) - len(source.u)
             sieve = SieveBootstrap(source.eps, LANES, rng)
-            for t_us, u, y, weight in bootstrap_copies(bank.model, bank.settings, source, sieve.take):
+            for t_us, u, y, weight in bootstrap_copies(axis, source, sieve.take):
                 at_places = places.index(number, skipped + at + np.arange(len(t_us)))
                 copies.run(t_us, u, y, at, at_places, places.index(number, skipped + sieve.origin), weight)
                 at += len(t_us)

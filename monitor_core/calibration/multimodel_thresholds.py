@@ -17,12 +17,12 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import LOWER, UPPER, bisected, root
+from monitor_core.calibration.excursion_peaks import LEAST_HEIGHT, TOP, ExcursionPeaks
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import COPIES, MultiModelStatistics, multimodel_statistics
-from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
+from monitor_core.calibration.multimodel_tails import bank_tails
 from monitor_core.detection.multimodel.multimodel_detector import Limit
-from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
 
 _LARGEST = 1.1
 """A threshold is so many times what the healthy records themselves reach, at least."""
@@ -45,8 +45,7 @@ class BankLimits:
 
 
 def bank_limits(
-    model: AxisModel,
-    settings: Settings,
+    axis: MonitoredAxis,
     records: Sequence[SampleBlock],
     samples: float,
     rng: np.random.Generator,
@@ -58,9 +57,7 @@ def bank_limits(
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
     """
-    return limits_for_budget(
-        multimodel_statistics(model, settings, records, rng, copies, progress), samples, rng
-    )
+    return limits_for_budget(multimodel_statistics(axis, records, rng, copies, progress), samples, rng)
 
 
 def limits_for_budget(

@@ -7,8 +7,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import BINS, RecordDeviations, Scatter, binned, looked_at
-from monitor_core.drive.axis_model import AxisModel
+from monitor_core.calibration.healthy_records import RecordDeviations
+from monitor_core.calibration.monitored_axis import MonitoredAxis
+from monitor_core.calibration.scatter import BINS, Scatter, binned, looked_at
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.monitoring.not_tested import SEEDING_MEMORIES, fitting_memory
 from monitor_core.monitoring.recommended_settings import time_constant
@@ -67,12 +68,13 @@ def check_settings(settings: Settings) -> None:
         raise CalibrationError(words)
 
 
-def check_records(model: AxisModel, settings: Settings, found: Sequence[RecordDeviations]) -> None:
+def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> None:
     """Check that the records are long enough and move the axis.
 
     Raises:
         CalibrationError: they are not or do not.
     """
+    model, settings = axis
     h, memory = settings.interval_s, settings.memory
     slowest_s = time_constant(model, h, settings.K)
     tested = np.concatenate([deviations.tested for deviations in found])
@@ -127,18 +129,19 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[RecordDe
         )
 
 
-def check_healthy(model: AxisModel, settings: Settings, found: Sequence[RecordDeviations]) -> None:
+def check_healthy(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> None:
     """Check that nothing changes inside a record, and that the nominal values are those of the axis.
 
     Raises:
         CalibrationError: a parameter changes or is off.
     """
     for deviations in found:
-        _check_no_change(model, settings, deviations)
-    _check_no_offset(model, settings, found)
+        _check_no_change(axis, deviations)
+    _check_no_offset(axis, found)
 
 
-def _check_no_change(model: AxisModel, settings: Settings, deviations: RecordDeviations) -> None:
+def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
+    model, settings = axis
     use = looked_at(deviations, settings.memory)
     d = deviations.d[use]
     n, edge = len(d), _EDGE * BINS
@@ -180,13 +183,13 @@ def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
     return at, float(after[best] - before[best]), float(ends.std())
 
 
-def _check_no_offset(model: AxisModel, settings: Settings, found: Sequence[RecordDeviations]) -> None:
-    d = np.concatenate([binned(deviations, settings.memory)[:, 0] for deviations in found])
+def _check_no_offset(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> None:
+    d = np.concatenate([binned(deviations, axis.settings.memory)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():
         if abs(mean[i]) > max(STEP * sd[i], OFF):
             raise CalibrationError(
-                f"{model.monitored[i]} is off its nominal value all along, by {100 * mean[i]:+.1f} % of its size,"
+                f"{axis.model.monitored[i]} is off its nominal value all along, by {100 * mean[i]:+.1f} % of its size,"
                 f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values are not those of"
                 " these records; identify the axis with them first"
             )

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.fault_trials import TrialResult
-from monitor_core.calibration.healthy_records import Scatter
 from monitor_core.calibration.multimodel_thresholds import BankLimits
+from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection import DetectorName
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy_records import without_tests
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
@@ -15,7 +15,6 @@ from monitor_core.kernel.innovations_plant import InnovationsPlants, PlantFricti
 from monitor_core.kernel.tables import COULOMB
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
 
 _ENDLESS = 1 - 1e-6
 """lambda of a run that looks for P(0) so long that theta stays nominal over any record."""
@@ -32,17 +31,17 @@ class Innovations:
     x: Floats
 
 
-def innovations(model: AxisModel, settings: Settings, record: SampleBlock, at: Sequence[int]) -> Innovations:
+def innovations(axis: MonitoredAxis, record: SampleBlock, at: Sequence[int]) -> Innovations:
     """Innovations of the predictor with nominal values, and its states just before the samples ``at``, rising."""
     frozen = replace(
-        without_tests(settings),
+        axis.without_tests.settings,
         lam=_ENDLESS,
         P0=(),
         min_excitation=0.0,
         information_floor=0.0,
         outlier_limit=0.0,
     )
-    monitor = AxisMonitor(model, frozen)
+    monitor = AxisMonitor(axis.model, frozen)
     eps, states, done = [], [], 0
     for end in (*at, len(record.t_us)):
         part = record.select(slice(done, end))
@@ -58,7 +57,8 @@ class Plants:
     ``values``: parameter values of each drive, with the delay of the torque where that is a parameter.
     """
 
-    def __init__(self, model: AxisModel, settings: Settings, values: Sequence[Mapping[str, float]]) -> None:
+    def __init__(self, axis: MonitoredAxis, values: Sequence[Mapping[str, float]]) -> None:
+        model, settings = axis
         drive, h = model.drive, settings.interval_s
         assembly = Assembly(drive, model.monitored)
         matrices = [_discretised(model, value, h) for value in values]

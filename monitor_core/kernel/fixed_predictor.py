@@ -3,7 +3,7 @@
     x+ = x + K eps,      z_i+ = z_i - K psi_i + dK_i eps,      then over the interval
     x  = Ad x+ + Bd u,   z_i  = Ad z_i+ + dAd_i x+ + dBd_i u + Bd du_i
 
-with Ad, Bd and their derivatives computed once for each distinct interval (matrix_exponential.py).  K = 0 simulates.
+with Ad, Bd and their derivatives computed once for each distinct interval (drive/discretization.py).  K = 0 simulates.
 Friction is that of the speed at the middle of the interval (friction.py).
 
 The p columns z_i are stored side by side; only the first q have derivatives of Ad, Bd, C and of inputs.

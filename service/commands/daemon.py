@@ -20,11 +20,12 @@ from service.commands.protection import access_of, certificate_of
 from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.pipeline.recording import Extracts
-from service.pipeline.reloading import Reloaded, ReloadError
+from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.pipeline.replay_reports import ReplayReports
 from service.texts.instants import now_us
 from service.web.access import Access
 from service.web.app import create_app
+from service.web.app_state import AppState
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
 from service.web.server import Certificate, CertificateError, serve
@@ -99,23 +100,7 @@ def run_daemon(
             systemd.ready()
             ready(url)
 
-        state = parts.app_state(access, stop)
-        if parts.extracts is not None:
-            folder, named = parts.extracts.folder, "" if file is None else str(file)
-            replays = ReplayReports(folder, lambda: reloading.config, named, state.journal.epochs)
-            stack.callback(replays.stop)
-            state = replace(state, replays=replays)
-        if file is not None:
-            state = replace(
-                state,
-                reports=ReportPages(file.parent, [axis.id for axis in config.axes]),
-                setup=RobotSetup(
-                    lambda: reloading.config,
-                    file,
-                    SignalLook(lambda: reloading.config, parts.extracts, now_us),
-                    parts.problems,
-                ),
-            )
+        state = _with_pages(parts.app_state(access, stop), parts, reloading, file, stack)
         worker.prepare = state.prepare
         serve(create_app(state), config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
@@ -125,6 +110,27 @@ def run_daemon(
             "a fault in the worker has stopped the daemon; the log says what"
         ) from worker.error
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _with_pages(
+    state: AppState, parts: DaemonParts, reloading: Reloading, file: Path | None, stack: ExitStack
+) -> AppState:
+    """With the pages that need recorded frames, or the file of the configuration."""
+    if parts.extracts is not None:
+        named = "" if file is None else str(file)
+        replays = ReplayReports(
+            parts.extracts.folder, lambda: reloading.config, named, parts.state.journal.epochs
+        )
+        stack.callback(replays.stop)
+        state = replace(state, replays=replays)
+    if file is None:
+        return state
+    look = SignalLook(lambda: reloading.config, parts.extracts, now_us)
+    return replace(
+        state,
+        reports=ReportPages(file.parent, [axis.id for axis in parts.config.axes]),
+        setup=RobotSetup(lambda: reloading.config, file, look, parts.problems),
+    )
 
 
 def _settled(complete: Callable[[], None]) -> None:

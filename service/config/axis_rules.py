@@ -11,8 +11,9 @@ from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
 from service.config.drives import not_identified, watched_values
 from service.config.model_rules import usable_drive
-from service.config.problems import Finding, Keys
+from service.config.problems import Finding
 from service.config.schema import AxisConfig, RobotConfig
+from service.config.toml_lines import Keys
 from service.texts.alarm_words import SENSORS
 
 _NEARLY = 1e-3

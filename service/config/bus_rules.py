@@ -11,7 +11,7 @@ from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
 from service.config.base_table import Table
 from service.config.bus_messages import bits_of, is_addressed, messages_of
-from service.config.problems import Finding, Keys
+from service.config.problems import Finding
 from service.config.schema import (
     FLOAT_BITS,
     LAST_STANDARD_ID,
@@ -26,6 +26,7 @@ from service.config.schema import (
     SignalConfig,
     WebConfig,
 )
+from service.config.toml_lines import Keys
 
 QUANTITIES = ("torque", "angle", "speed")
 _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"

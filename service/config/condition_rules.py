@@ -13,8 +13,9 @@ from service.config.bus_rules import same_names
 from service.config.conditions import Schedule, follow_of, signal_names, term_of, varying_of, weight_of
 from service.config.drives import holds_weight, not_identified, watches_load
 from service.config.model_rules import decided_model, usable_drive
-from service.config.problems import Finding, Keys
+from service.config.problems import Finding
 from service.config.schema import AxisConfig, RobotConfig
+from service.config.toml_lines import Keys
 
 
 def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:

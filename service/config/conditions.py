@@ -9,9 +9,9 @@ from monitor_core.drive import FUNCTIONS, HEAT, LOAD, Conditions, Follow, Gate, 
 from monitor_core.wording import did_you_mean
 from service.config.drive_sources import model_of_axis
 from service.config.nominal_file import ScheduleTable
-from service.config.problems import Keys
 from service.config.schema import AxisConfig, FurtherSignalConfig, GateConfig, NamedAxis
 from service.config.schema_model import ScheduleConfig
+from service.config.toml_lines import Keys
 
 Schedule = ScheduleTable | ScheduleConfig
 """Nominal values that follow a signal, as a file of nominal values or the configuration has them"""

@@ -17,9 +17,10 @@ from service.config.drives import plain_drive_of
 from service.config.found_file import alike
 from service.config.model_rules import usable_drive, with_merged
 from service.config.nominal_file import NominalFile, structure_of
-from service.config.problems import Finding, Keys
+from service.config.problems import Finding
 from service.config.schema import AxisConfig
 from service.config.thresholds_file import ThresholdsFile
+from service.config.toml_lines import Keys
 
 NOMINAL: Keys = ("model", "nominal_file")
 THRESHOLDS: Keys = ("model", "thresholds_file")

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from importlib.util import find_spec
 
-from service.config.problems import Finding, Keys
+from service.config.problems import Finding
 from service.config.schema import Config
 from service.config.schema_links import MqttConfig, SmtpConfig, is_local
+from service.config.toml_lines import Keys
 
 RESERVED = ("mqtt", "smtp", "opcua")
 """Names of the links that have no name of their own."""

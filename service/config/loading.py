@@ -27,10 +27,11 @@ from service.config.file_rules import FILE_RULES
 from service.config.former_keys import hint
 from service.config.link_rules import LINK_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
-from service.config.problems import ConfigErrors, Finding, Keys, Problem, dotted, nearest, positions, shown
+from service.config.problems import ConfigErrors, Finding, Problem, dotted, shown
 from service.config.robot_defaults import origin
 from service.config.schema import AxisConfig, Config
 from service.config.schema_links import concealed
+from service.config.toml_lines import Keys, nearest, positions
 
 PREFIX = "AXISWATCH_"
 SECTIONS = ("service", "web")

@@ -20,8 +20,9 @@ from service.config.drives import (
     watched_values,
     watches_skew,
 )
-from service.config.problems import Finding, Keys
+from service.config.problems import Finding
 from service.config.schema import AxisConfig
+from service.config.toml_lines import Keys
 
 _SAME = 1e-6
 

@@ -10,7 +10,7 @@ from collections.abc import Container, Mapping
 from typing import Any
 
 from service.config.canopen_axis import with_sources
-from service.config.problems import Keys
+from service.config.toml_lines import Keys
 
 DEFAULTS = "defaults"
 

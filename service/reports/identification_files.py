@@ -19,12 +19,7 @@ from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
 from service.ingest.identification_records import RecordOrigin
 from service.reports.formats import fields_of, json_text, one_line, percent, toml_table
-from service.reports.identification_report import (
-    IdentificationReport,
-    outlook_words,
-    residual_words,
-    verdict_line,
-)
+from service.reports.identification_report import IdentificationReport, residual_words, verdict_line
 
 Json = dict[str, Any]
 
@@ -82,7 +77,7 @@ def _introduction(report: IdentificationReport) -> Iterator[str]:
     yield '  nominal_file = "nominal.toml"'
     yield "All values are in SI units. They belong together: nominal values are those of this predictor, with this"
     yield "gain, at this interval. To change one, identify again."
-    yield outlook_words(report)
+    yield report.outlook
     yield verdict_line(report)
     yield from (f"Note: {one_line(word)}" for word in report.warnings)
 
@@ -228,7 +223,7 @@ def as_json(report: IdentificationReport) -> str:
                 {"name": w.name, "change": w.change, "obstacle": w.obstacle and w.obstacle.value}
                 for w in result.watched
             ],
-            "outlook": outlook_words(report),
+            "outlook": report.outlook,
             "parameters": [_parameter(row) for row in result.rows()],
             "schedule": [_slope(slope) for slope in result.slopes()],
             "thermal": _thermal(result.warm_up) if result.warm_up else None,

@@ -20,6 +20,7 @@ from service.reports import identification_report as content
 from service.reports import plot_style as style
 from service.reports.formats import percent, render, safe
 from service.reports.identification_report import IdentificationReport
+from service.reports.outlook_words import watched_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,11 +40,11 @@ def as_html(report: IdentificationReport) -> str:
     return render(
         "identification.html",
         verdict_line=content.verdict_line(report),
-        outlook=content.outlook_words(report),
+        outlook=report.outlook,
         title=f"Identification of {report.axis_id}",
         report=report,
         predictor=content.predictor_words(report),
-        watched=content.watched_table(result),
+        watched=watched_table(result),
         parameters=[
             (row, cells, _bar(row), (row.relative_sd or 0.0) > _POOR)
             for row, cells in zip(rows, parameters.rows, strict=True)

@@ -10,25 +10,19 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.drive import COSINE, COULOMB, DELAY, ONE, SINE, Drive, split_name
 from monitor_core.identification import (
     LEVEL,
-    Basis,
-    Effect,
     Growth,
     IdentificationResult,
-    Measure,
-    Obstacle,
     ParameterRow,
     Rejection,
     Trace,
-    Verdict,
-    Watched,
 )
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration
 from service.ingest.identification_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
+from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 
 _MOST_NAMED = 3
 _WARM = 3.0
@@ -82,6 +76,11 @@ class IdentificationReport:
         if result.rejection is Rejection.POOR:
             return f"the drive does not explain the motion: {verdict_words(result.verdict)}"
         return ""
+
+    @property
+    def outlook(self) -> str:
+        """The first line of every report: what can be watched with this, what cannot and why."""
+        return outlook_words(self.result, self.rejection)
 
     @property
     def is_poor(self) -> bool:
@@ -182,7 +181,10 @@ class IdentificationReport:
 
 def print_text(report: IdentificationReport, console: Console) -> None:
     """What can be watched and the verdict first, then parameters, fits, tests, doubts."""
-    console.print(Text(f"{report.axis_id}: {outlook_words(report)}", style="bold"), soft_wrap=True)
+    console.print(
+        Text(f"{report.axis_id}: {report.outlook}", style="bold"),
+        soft_wrap=True,
+    )
     console.print(Text(f"{verdict_line(report)}\n", style="bold"), soft_wrap=True)
     result, rows = report.result, list(report.result.rows())
     held = {number: "dim" for number, row in enumerate(rows) if row.held}
@@ -268,156 +270,10 @@ def masses_table(growth: Growth) -> Table:
     return Table(titles[:count], [row[:count] for row in rows])
 
 
-# --- The verdict, and what can be watched -----------------------------------------------------------------------------
-
-
-BASIS = {
-    Basis.RECORDS: "of records that were not fitted",
-    Basis.HALVES: "of each half of the records with values from the other",
-    Basis.NONE: "of the fitted records, which cannot be divided",
-}
-_MEASURE = {
-    Measure.MOTION: ("the simulation", "motion"),
-    Measure.TORQUE: ("the drive, moved as measured,", "torque"),
-}
-_MISSING = {
-    Effect.POSE: (
-        "torque depends on the angle, as that of a weight does: add gravity to the drive (AxisWatch.Gravity, or"
-        ' type = "gravity" in [robot.axis.model.components])'
-    ),
-    Effect.COULOMB: (
-        'friction does not vanish with the speed: add Coulomb friction to the drive (type = "coulomb-friction")'
-    ),
-    Effect.OFFSET: 'a constant torque acts: add an offset to the drive (type = "torque-offset")',
-    Effect.FRICTION_CURVE: (
-        "friction is another function of the speed (Stribeck) than fm and fc describe: give records at the speeds of"
-        " production"
-    ),
-    Effect.FAST: (
-        "slow motions are explained, fast ones are not: see with --masses auto how many masses these records ask for,"
-        " and with --delay whether the torque acts late"
-    ),
-    Effect.SLOW: (
-        "most of the motion is slower than {slow:.2g} rad/s, where friction sticks and slips, other than fm and fc"
-        " describe, and outweighs the inertia; faster motion is explained: record such motion, as the same program"
-        " without its slow parts (a dry run), and set min_speed = {slow:.2g} in [[robot.axis]], so that slow motion is"
-        " not monitored"
-    ),
-    Effect.FOREIGN: (
-        "what is missing depends neither on the angle nor on the speed of this axis: where other axes accelerate it,"
-        " record this axis alone, and let a gate monitor it only then ([[robot.axis.gate]] on a signal of the"
-        " controller, such as the number of its program); where a payload comes and goes, make it a signal and let the"
-        ' offset follow it, --schedule "tau0: payload"; where the arm behind the axis moves,'
-        ' --schedule "tau0: cos(angle2 + angle3)" with the angles of the axes as signals; or something is in contact'
-    ),
-}
-
-
-def verdict_words(verdict: Verdict) -> str:
-    """The figure and what it is of: "the simulation explains 94 % of the motion ..."."""
-    what, of_what = _MEASURE[verdict.measure]
-    figure = f"{verdict.validation:.0f} %" if verdict.validation > 0 else "nothing"
-    own = f"{verdict.own:.0f} %" if verdict.own > 0 else "nothing"
-    words = f"{what} explains {figure} of the {of_what} {BASIS[verdict.basis]}"
-    return words if verdict.basis is Basis.NONE else f"{words}, and {own} of that of the fitted ones"
-
-
 def verdict_line(report: IdentificationReport) -> str:
     """How good the fit is: the second line of every report."""
     verdict = report.result.verdict
     return f"{report.axis_id}: {verdict.quality.value} fit: {verdict_words(verdict)}."
-
-
-def missing_words(verdict: Verdict) -> str:
-    """What the drive lacks, in a sentence; empty: nothing."""
-    if not verdict.missing:
-        return ""
-    lacks = "; ".join(_MISSING[effect].format(slow=verdict.slow) for effect in verdict.missing)
-    return f"The records show what the drive lacks: {lacks}."
-
-
-def outlook_words(report: IdentificationReport) -> str:
-    """The first line: what can be watched with this, what cannot and why, and what would give it."""
-    result = report.result
-    if report.rejection and result.rejection is not Rejection.POOR:
-        return f"Nothing can be watched with this: {report.rejection}."
-    watched = [w for w in result.watched if w.obstacle is None]
-    lost = [w for w in result.watched if w.obstacle is not None]
-    named = ", ".join(f"{w.name} (changes from {_change(w, result)})" for w in watched)
-    poor = " Alarms would come from what the drive lacks." if result.rejection is Rejection.POOR else ""
-    within = f"within a memory of {result.memory_s:g} s; smaller ones take longer"
-    words = f"Can be watched: {named}, {within}." if watched else "Nothing can be watched with this."
-    if poor and not watched:
-        return words + poor  # another motion for a parameter would not help: the drive comes first
-    return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
-
-
-def watched_table(result: IdentificationResult) -> Table:
-    """A row for each monitored parameter: what it is, and from which change on it can be watched."""
-    drive = result.estimate.drive
-    rows = []
-    for w in result.watched:
-        base, inverse = split_name(w.name)
-        meaning = "delay of the torque" if w.name == DELAY else drive.parameter(base).meaning
-        change = _change(w, result) if w.obstacle is None else "cannot be watched"
-        rows.append((w.name, f"reciprocal of: {meaning}" if inverse else meaning, change))
-    return Table(("parameter", "what it is", "changes from"), rows)
-
-
-def _change(w: Watched, result: IdentificationResult) -> str:
-    given = result.options.sizes.get(w.name)
-    if given is None or w.name == DELAY:
-        return percent(w.change)
-    base, inverse = split_name(w.name)
-    unit = result.estimate.drive.parameter(base).unit
-    return f"{w.change * given:.2g}" + ("" if inverse else f" {unit}")
-
-
-def _obstacle(w: Watched, result: IdentificationResult) -> str:
-    if w.obstacle is Obstacle.NO_SIZE:
-        return (
-            f"Cannot: {w.name}, since these records do not distinguish it from zero: take it out of monitor, or give"
-            f" the size of a change in [robot.axis.model.scales]."
-        )
-    if w.obstacle is Obstacle.TOGETHER:
-        return (
-            f"Cannot: {w.name}, since this motion does not distinguish it from these: take it out of monitor, or record"
-            f" {_motion(w.name, result)}."
-        )
-    return (
-        f"Cannot: {w.name}, since this motion hardly shows it within the memory of the monitor: take it out of monitor,"
-        f" raise memory_s, or record {_motion(w.name, result)}."
-    )
-
-
-def _motion(name: str, result: IdentificationResult) -> str:
-    """The record that would determine a parameter."""
-    drive, base = result.estimate.drive, split_name(name)[0]
-    acts = _acts_by(drive, base)
-    if acts & {ONE, COSINE, SINE}:
-        return "motion over more of the angle range, in both directions"
-    if COULOMB in acts or (name != DELAY and drive.parameter(name).nonnegative):
-        return "motion at several speeds, slow and fast, in both directions"
-    free = {split_name(name)[0] for name in result.estimate.names}
-    if base not in free:  # excite cannot look for what is held
-        return "faster motion, with more torque"
-    return f"the motion that `axiswatch excite --find {name}` plans"
-
-
-def _acts_by(drive: Drive, base: str) -> set[int]:
-    """The inputs of a drive by which a parameter acts; none: by its states."""
-    return {
-        drive.inputs[term.col]
-        for term in drive.terms
-        if term.matrix == "B" and dict(term.powers).get(base, 0) > 0
-    }
-
-
-def shaped_for(name: str, result: IdentificationResult) -> bool:
-    """Whether the spectrum of a motion can be chosen for a parameter: it is estimated, and no friction or weight."""
-    base, drive = split_name(name)[0], result.estimate.drive
-    free = {split_name(free)[0] for free in result.estimate.names}
-    return base in free and not _acts_by(drive, base) & {ONE, COSINE, SINE, COULOMB}
 
 
 class Tested(NamedTuple):

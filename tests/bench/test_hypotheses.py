@@ -18,6 +18,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import nu_over_sigma, rates, thresholds
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import healthy_statistics
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiment
@@ -73,11 +74,11 @@ def h_for_a_day(model: AxisModel, seed: int) -> tuple[float, str]:
 
 def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) -> tuple[Settings, str]:
     """Settings with thresholds that most likely alarm once in so many samples of a healthy axis; how it is known."""
-    rng = np.random.default_rng([seed, 1])
+    axis, rng = MonitoredAxis(model, settings), np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
     healthy = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]
     k = nu_over_sigma(len(model.scale), settings.memory, between, WITHIN)
-    known = healthy_statistics(model, settings, healthy, deviations(model, settings, healthy), k, rng)
+    known = healthy_statistics(axis, healthy, deviations(axis, healthy), k, rng)
     asked = between
     for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely
         same = np.random.default_rng(seed)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.simulated_copies import Plants
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import least_delay
@@ -72,7 +73,7 @@ def records(
         return found
     healthy = experiments(seeds, output=output, samples=samples, noise=0.0).y
     eps = experiments(seeds, output=output, samples=samples, noise=noise).y - healthy
-    plants = Plants(model, Settings.paper(INTERVAL_S), [nominal, faulty(nominal, fault or {})])
+    plants = Plants(MonitoredAxis(model, Settings.paper(INTERVAL_S)), [nominal, faulty(nominal, fault or {})])
     W = len(seeds)
     which, x, rest = np.zeros(W, np.int64), np.zeros((W, len(model.drive.states))), np.zeros(W)
     before, x = plants.run(which, x, rest, found.u[:FAULT_AT], eps[:FAULT_AT])

@@ -126,13 +126,13 @@ def courses(
         yield replace(course, changes=course.changes + _update(watched, axis, repaired_s))
 
 
-def chattering(seed: int, times: int, there_s: float, away_s: float) -> list[AlarmChange]:
-    """All that is reported of a change of kT by a fifth that comes and goes so often, and is then repaired."""
+def chattering(seed: int) -> list[AlarmChange]:
+    """All that is reported of a change of kT by a fifth that comes and goes six times, and is then repaired."""
     changes = []
     axis, watched = after_healthy_minutes(seed)
-    for _ in range(times):
-        changes += _update(watched, axis, there_s, {"kT": 1.2})
-        changes += _update(watched, axis, away_s)
+    for _ in range(6):
+        changes += _update(watched, axis, 20.0, {"kT": 1.2})
+        changes += _update(watched, axis, 10.0)
     return changes + _update(watched, axis, 60.0)
 
 

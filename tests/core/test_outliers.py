@@ -27,7 +27,7 @@ MODEL = reference_model("speed")
 AXES = 48
 SHARE = 0.002
 WIDTH = 6.0
-TORQUE_NOISE, ANGLE_NOISE = 0.05, 1e-5
+TORQUE_NOISE = 0.05
 
 
 @pytest.fixture(scope="module")

@@ -34,10 +34,10 @@ class Warming:
     stribeck: float = 0.4
 
 
-def redrawn_warming(rng: np.random.Generator, by: float = 0.3) -> tuple[Truth, Warming]:
-    """An axis with all values up to so much (of its masses 0.2) more or less."""
+def redrawn_warming(rng: np.random.Generator) -> tuple[Truth, Warming]:
+    """An axis with all values up to 0.3 (of its masses 0.2) more or less."""
     truth, usual = redrawn(rng), Warming()
-    changed = {name: getattr(usual, name) * rng.uniform(1 - by, 1 + by) for name in usual.__annotations__}
+    changed = {name: getattr(usual, name) * rng.uniform(0.7, 1.3) for name in usual.__annotations__}
     return truth, replace(usual, **changed)
 
 

@@ -22,15 +22,13 @@ WATTS = (30.0, 10.0)
 """Of shoulder and elbow: friction power that makes a warmth of 1."""
 
 
-def redrawn_warming_arm(
-    rng: np.random.Generator, by: float = 0.3
-) -> tuple[ArmTruth, tuple[Warming, Warming]]:
-    """An arm with all values up to so much (of its masses 0.2) more or less."""
+def redrawn_warming_arm(rng: np.random.Generator) -> tuple[ArmTruth, tuple[Warming, Warming]]:
+    """An arm with all values up to 0.3 (of its masses 0.2) more or less."""
     truth = redrawn_arm(rng)
 
     def drawn(watts: float) -> Warming:
         usual = replace(Warming(), watts=watts)
-        changed = {name: getattr(usual, name) * rng.uniform(1 - by, 1 + by) for name in usual.__annotations__}
+        changed = {name: getattr(usual, name) * rng.uniform(0.7, 1.3) for name in usual.__annotations__}
         return replace(usual, **changed)
 
     return truth, (drawn(WATTS[0]), drawn(WATTS[1]))

@@ -22,9 +22,9 @@ import scipy.io
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.injection import equivalent_load, faulty_torque
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
-from monitor_core.drive.assembly import Assembly
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records import Record
@@ -168,10 +168,9 @@ def faulty(found: Calibration, block: SampleBlock, change: Mapping[str, float], 
     values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
     load = equivalent_load(found.result.model, values)
     assert load is not None  # exact
-    assembly = Assembly(found.result.model.drive, found.result.model.monitored)
-    u_scale = assembly.model_constants(found.result.model, found.result.settings.speed_scale)["u_scale"]
+    axis = MonitoredAxis(found.result.model, found.result.settings)
     u = block.u.copy()
-    u[start:] = faulty_torque(found.result.model, found.result.settings, block, load, u_scale)[start:]
+    u[start:] = faulty_torque(axis, block, load)[start:]
     return block._replace(u=u)
 
 

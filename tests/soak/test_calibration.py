@@ -45,10 +45,10 @@ class Found(NamedTuple):
 def of_tests(plant: Plant, seed: int) -> list[Found]:
     """Thresholds for each budget, from one fresh record."""
     rng, healthy = np.random.default_rng([seed, 1]), record(plant, seed, SAMPLES)
-    watched = deviations(plant.model, plant.settings, [healthy])
+    watched = deviations(plant.axis, [healthy])
     # The copies take the time, and do for both budgets: nu is that of the longer one.
     k = nu_over_sigma(len(plant.model.scale), plant.settings.memory, BUDGETS[-1], WITHIN)
-    known = healthy_statistics(plant.model, plant.settings, [healthy], watched, k, rng)
+    known = healthy_statistics(plant.axis, [healthy], watched, k, rng)
     found = []
     for budget in BUDGETS:
         own = thresholds(known.scatter, known.tails, known.allowance, budget, rng)
@@ -59,7 +59,7 @@ def of_tests(plant: Plant, seed: int) -> list[Found]:
 
 def of_banks(plant: Plant, seed: int) -> list[Found]:
     rng = np.random.default_rng([seed, 1])
-    known = multimodel_statistics(plant.model, plant.settings, [record(plant, seed, SAMPLES)], rng)
+    known = multimodel_statistics(plant.axis, [record(plant, seed, SAMPLES)], rng)
     limits = [limits_for_budget(known, budget, rng) for budget in BUDGETS]
     return [Found(limit.own, limit.total, limit.lower, limit.upper) for limit in limits]
 

@@ -14,8 +14,8 @@ import pytest
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.injection import equivalent_load, faulty_torque
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.detection import Alarm
-from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -106,12 +106,11 @@ class Watched(NamedTuple):
 
     def with_fault(self, name: str, part: float, start: int) -> SampleBlock:
         """The other half with a change from sample ``start`` on: the torque that the same motion needs."""
-        model, settings, nominal = self.model, self.settings, self.model.nominal
+        model, nominal = self.model, self.model.nominal
         load = equivalent_load(model, {**nominal, name: nominal[name] * (1 + part)})
         assert load is not None  # exact
-        constants = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)
         u = self.block.u.copy()
-        u[start:] = faulty_torque(model, settings, self.block, load, constants["u_scale"])[start:]
+        u[start:] = faulty_torque(MonitoredAxis(model, self.settings), self.block, load)[start:]
         return self.block._replace(u=u)
 
 

@@ -49,12 +49,8 @@ from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
-from service.reports.identification_report import (
-    IdentificationReport,
-    missing_words,
-    outlook_words,
-    verdict_line,
-)
+from service.reports.identification_report import IdentificationReport, verdict_line
+from service.reports.outlook_words import missing_words
 
 _MISTAKES = (
     *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError),
@@ -152,7 +148,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     outcome = replace(
         outcome,
         verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
-        outlook=outlook_words(report),
+        outlook=report.outlook,
         notes=(*outcome.notes, *report.warnings),
         pages=(page,),
     )

@@ -18,7 +18,8 @@ from service.commands.planned_motion import MotionRequest
 from service.config import AxisConfig, NamedAxis
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.commissioning_report import Outcome
-from service.reports.identification_report import IdentificationReport, shaped_for
+from service.reports.identification_report import IdentificationReport
+from service.reports.outlook_words import shaped_for
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
 _LIBRARY = ("one-mass", *_SEVERAL_MASSES)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import without_tests
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
@@ -34,6 +34,11 @@ class Plant(NamedTuple):
     model: AxisModel
     settings: Settings
     colour: float
+
+    @property
+    def axis(self) -> MonitoredAxis:
+        """What is calibrated."""
+        return MonitoredAxis(self.model, self.settings)
 
 
 def plant_with(colour: float, memory: int = MEMORY) -> Plant:
@@ -91,7 +96,7 @@ def count(
     Healthy axes are watched with all of them at once.
     """
     axes = Axes(plant, np.random.default_rng(seed), LANES)
-    batch = AxisBatch([plant.model] * LANES, [without_tests(plant.settings)] * LANES)
+    batch = AxisBatch([plant.model] * LANES, [plant.axis.without_tests.settings] * LANES)
     own = np.ascontiguousarray(np.moveaxis(np.array(settings, float), 0, -1))  # (p, 3, settings)
     g = np.zeros((LANES, len(own), 2, len(settings)))
     alarms, seen, scale = np.zeros(len(settings)), 0, plant.model.scale

@@ -15,10 +15,12 @@ from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
+from monitor_core.calibration.copy_excursions import Excursions
 from monitor_core.calibration.false_alarm_tail import Tail, log_mean_time, tails
-from monitor_core.calibration.healthy_records import OFFSET, RecordDeviations, Scatter, scatter
-from monitor_core.calibration.healthy_statistics import allowance, shrink
-from monitor_core.calibration.surrogate_records import Excursions
+from monitor_core.calibration.healthy_records import RecordDeviations
+from monitor_core.calibration.healthy_statistics import allowance
+from monitor_core.calibration.scatter import OFFSET, Scatter, scatter
+from monitor_core.calibration.shrinkage import shrink
 from monitor_core.settings import Threshold
 from tests.shares import soaked
 

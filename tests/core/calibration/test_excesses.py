@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import genpareto
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.synthetic_innovations import Shocks, pareto
+from monitor_core.calibration.sieve_bootstrap import Shocks, pareto
 
 N = 100_000
 

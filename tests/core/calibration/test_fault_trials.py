@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.calibration.fault_trials import PROBES, Fault, run_trials
-from monitor_core.calibration.injection import changed_values, equivalent_load, faulty_torque
+from monitor_core.calibration.fault_trials import PROBES, run_trials
+from monitor_core.calibration.injection import Fault, changed_values, equivalent_load, faulty_torque
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
@@ -23,7 +24,7 @@ from tests.core.cases import Case
 
 OWN = (Threshold(1.0, 30.0), Threshold(1.0, 12.0), Threshold(1.0, 80.0))
 PLANT = plant_with(0.0, memory=100)
-MODEL, SETTINGS = PLANT.model, replace(PLANT.settings, thresholds=OWN)
+MODEL, SETTINGS = AXIS = MonitoredAxis(PLANT.model, replace(PLANT.settings, thresholds=OWN))
 FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0.6)]
 
 
@@ -35,7 +36,7 @@ def healthy(seed: int) -> SampleBlock:
 
 
 def test_faults_are_found_and_named(healthy: SampleBlock) -> None:
-    found, onsets = run_trials(MODEL, SETTINGS, healthy, FAULTS, 20, 6.0)
+    found, onsets = run_trials(AXIS, healthy, FAULTS, 20, 6.0)
     assert onsets == 20
     for caught in found:
         print(caught.fault, caught.exact, caught.delay(0.5), caught.delay(0.9), caught.first)
@@ -50,20 +51,20 @@ def test_faults_are_found_and_named(healthy: SampleBlock) -> None:
 
 def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: SampleBlock) -> None:
     """To the sample: the state is restored at the onset, the rest is the monitor's own."""
-    (found,), onsets = run_trials(MODEL, SETTINGS, healthy, FAULTS[:1], 2, 6.0)
+    (found,), onsets = run_trials(AXIS, healthy, FAULTS[:1], 2, 6.0)
     assert onsets == 2
     at = len(healthy.t_us) - round(6.0 / INTERVAL_S) - 1
     load = equivalent_load(MODEL, changed_values(MODEL, "kT", 0.3))
     assert load is not None
     u = healthy.u.copy()
-    u[at:] = faulty_torque(MODEL, SETTINGS, healthy, load, np.zeros(3))[at:]
+    u[at:] = faulty_torque(AXIS, healthy, load)[at:]
     changes = AxisMonitor(MODEL, SETTINGS).update(SampleBlock(healthy.t_us, u, healthy.y))
     (first,) = [c.alarm.raised_us for c in changes if c.alarm.raised_us > healthy.t_us[at]][:1]
     assert (first - int(healthy.t_us[at])) * 1e-6 + INTERVAL_S == pytest.approx(found.delay_s[-1], abs=1e-9)
 
 
 def test_without_a_fault_nothing_is_found(healthy: SampleBlock) -> None:
-    found, _ = run_trials(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
+    found, _ = run_trials(AXIS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
     assert all(caught.found_within(6.0) == 0.0 for caught in found)
     assert all(caught.delay(0.5) == np.inf for caught in found)
 
@@ -81,7 +82,7 @@ def test_a_change_that_is_not_found_is_tried_at_few_onsets(
 
     monkeypatch.setattr(HypothesisBank, "run", counted)
     faults = [Fault("kT", size) for size in (0.1, 0.3, -0.1)]
-    found, onsets = run_trials(MODEL, SETTINGS, healthy, faults, 3 * PROBES, 0.5, never)
+    found, onsets = run_trials(AXIS, healthy, faults, 3 * PROBES, 0.5, never)
     assert onsets == 3 * PROBES
     assert [caught.fault for caught in found] == faults
     assert all(np.isinf(caught.delay_s).all() and len(caught.delay_s) == onsets for caught in found)
@@ -91,14 +92,14 @@ def test_a_change_that_is_not_found_is_tried_at_few_onsets(
 
 def test_a_record_that_is_too_short(healthy: SampleBlock) -> None:
     with pytest.raises(ValueError, match="too short"):
-        run_trials(MODEL, SETTINGS, healthy.select(slice(0, 1500)), FAULTS, 5, 6.0)
+        run_trials(AXIS, healthy.select(slice(0, 1500)), FAULTS, 5, 6.0)
 
 
 def test_the_simulated_plant_is_the_model(seed: int) -> None:
     """In innovations form, with the record's own innovations, it measures the very record."""
     block = record(PLANT, seed, 1500)
-    found = innovations(MODEL, SETTINGS, block, (300,))
-    plants, zero = Plants(MODEL, SETTINGS, [MODEL.nominal]), np.zeros(1, np.int64)
+    found = innovations(AXIS, block, (300,))
+    plants, zero = Plants(AXIS, [MODEL.nominal]), np.zeros(1, np.int64)
     before = block.u[299:300]
     _, x = plants.run(zero, found.x, block.u[298:299], before[np.newaxis], np.zeros((1, 1)))
     y, _ = plants.run(zero, x, before, block.u[300:, np.newaxis], found.eps[300:, np.newaxis])
@@ -115,20 +116,18 @@ def test_the_monitor_finds_the_innovations_of_simulated_plants_again(
     A torque that acts late is the mean of both in the plant.
     """
     case = Case("plant", output, ("kT", "fm"), delay_s=delay_s)
-    model, settings, rng = case.model, case.settings(), np.random.default_rng(seed)
+    axis, rng = MonitoredAxis(case.model, case.settings()), np.random.default_rng(seed)
     N, W = 1200, 3
     k = np.arange(N)
     u = 2.0 * np.sin(k / 40) * np.sin(k / 170) + 0.3 * rng.standard_normal(N)
-    eps = np.sqrt(settings.lam0) * rng.standard_normal((N, W))
-    start = np.zeros((W, len(model.drive.states)))
-    y, _ = Plants(model, settings, [model.nominal]).run(
+    eps = np.sqrt(axis.settings.lam0) * rng.standard_normal((N, W))
+    start = np.zeros((W, len(axis.model.drive.states)))
+    y, _ = Plants(axis, [axis.model.nominal]).run(
         np.zeros(W, np.int64), start, np.zeros(W), np.repeat(u[:, np.newaxis], W, axis=1), eps
     )
     for a in range(W):
-        found = innovations(
-            model, settings, SampleBlock(5000 * k, u, np.ascontiguousarray(y[:, a])), (N // 2,)
-        ).eps
-        apart = (found - eps[:, a])[-N // 4 :] / np.sqrt(settings.lam0)
+        found = innovations(axis, SampleBlock(5000 * k, u, np.ascontiguousarray(y[:, a])), (N // 2,)).eps
+        apart = (found - eps[:, a])[-N // 4 :] / np.sqrt(axis.settings.lam0)
         assert np.sqrt(np.mean(apart**2)) < within
 
 
@@ -139,7 +138,7 @@ def test_the_simulated_fault_is_the_plant_with_the_fault(seed: int) -> None:
     faulty = changed_values(MODEL, "1/Ja", 0.5)
     before, x = simulate_linear(MODEL.drive, MODEL.nominal, u[:300], INTERVAL_S)
     after, _ = simulate_linear(MODEL.drive, faulty, u[300:], INTERVAL_S, x)
-    plants = Plants(MODEL, SETTINGS, [MODEL.nominal, faulty])
+    plants = Plants(AXIS, [MODEL.nominal, faulty])
     y0, state = plants.run(np.zeros(1, np.int64), np.zeros((1, 5)), np.zeros(1), u[:300], np.zeros((300, 1)))
     y1, _ = plants.run(np.ones(1, np.int64), state, u[299], u[300:], np.zeros((300, 1)))
     assert np.concatenate([y0, y1]) == pytest.approx(np.concatenate([before, after]), abs=1e-10)

@@ -13,12 +13,12 @@ def test_what_a_gate_leaves_out_is_counted_and_not_copied(seed: int) -> None:
     ungated = record(PLANT, seed, 6000)
     is_open = np.arange(6000) % 1000 < 600
     gated = ungated._replace(gate=is_open)
-    (found,) = deviations(PLANT.model, PLANT.settings, [gated])
+    (found,) = deviations(PLANT.axis, [gated])
     late = np.arange(6000) >= found.seeding
     assert 0 < found.seeding < 5000
     assert found.gated == np.count_nonzero(late & ~is_open)
     assert not found.tested[~is_open].any()
-    source = copy_source(PLANT.model, PLANT.settings, gated)
+    source = copy_source(PLANT.axis, gated)
     assert source is not None
     first = 6000 - len(record_after(ungated.u, source.u[0]))
     np.testing.assert_array_equal(source.u, ungated.u[first:][is_open[first:]])

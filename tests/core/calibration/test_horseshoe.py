@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_statistics import EXPECTED, draw_posterior
+from monitor_core.calibration.shrinkage import EXPECTED, draw_posterior
 
 
 def seen(e: Floats, rng: np.random.Generator, times: int = 1000) -> Floats:

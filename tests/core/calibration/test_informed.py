@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import Scatter
-from monitor_core.calibration.healthy_statistics import shrink
-from monitor_core.calibration.surrogate_records import Excursions
+from monitor_core.calibration.copy_excursions import Excursions
+from monitor_core.calibration.scatter import Scatter
+from monitor_core.calibration.shrinkage import shrink
 from tests.shares import soaked
 
 P = 3

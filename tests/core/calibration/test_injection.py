@@ -1,12 +1,11 @@
 """Faults put into a healthy record by another torque are what the faulty plant would have measured with it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.injection import changed_values, equivalent_load, faulty_torque
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Output, split_name
 from monitor_core.excitation import multisine
@@ -76,9 +75,7 @@ def test_the_faulty_plant_moves_as_the_record_says(
     load = equivalent_load(axis_model, faulty)
     assert load is not None
     record = SampleBlock(np.arange(SAMPLES) * 5000, u, angle if output == "angle" else speed, name="r")
-    needed = faulty_torque(
-        axis_model, Settings.paper(H), record, load, np.zeros(len(axis_model.drive.inputs))
-    )
+    needed = faulty_torque(MonitoredAxis(axis_model, Settings.paper(H)), record, load)
     _, with_it = moved(faulty, needed)
     _, without = moved(faulty, u)
     away = np.std(with_it[:-2] - speed[:-2]) / np.std(without - speed)
@@ -94,7 +91,7 @@ def test_a_torque_that_acts_late(seed: int) -> None:
     y = np.random.default_rng(seed).standard_normal(50).cumsum()
     record = SampleBlock(np.arange(50) * 5000, np.zeros(50), y, name="r")
     at_once, late = (
-        faulty_torque(axis_model, replace(Settings.paper(H), delay_s=delay), record, load, np.zeros(3))
+        faulty_torque(MonitoredAxis(axis_model, Settings.paper(H, delay_s=delay)), record, load)
         for delay in (0.0, H / 2)
     )
     assert late[:-1] == pytest.approx((at_once[:-1] + at_once[1:]) / 2)

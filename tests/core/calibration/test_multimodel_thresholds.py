@@ -12,9 +12,11 @@ from scipy.stats import poisson
 
 from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
-from monitor_core.calibration.fault_trials import Fault, run_trials
+from monitor_core.calibration.excursion_peaks import ExcursionPeaks
+from monitor_core.calibration.fault_trials import run_trials
+from monitor_core.calibration.injection import Fault
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import PARTS, allowances
-from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
@@ -47,7 +49,7 @@ def false_alarms(bank: HypothesisBank, plant: Plant, seed: int) -> int:
 
 def limits(plant: Plant, seed: int) -> BankLimits:
     rng = np.random.default_rng(seed)
-    return bank_limits(plant.model, plant.settings, [record(plant, seed, RECORD)], BUDGET, rng, COPIES)
+    return bank_limits(plant.axis, [record(plant, seed, RECORD)], BUDGET, rng, COPIES)
 
 
 @pytest.mark.parametrize("colour", soaked([0.0, 0.9], 0.9), ids=["white", "coloured"])
@@ -76,9 +78,7 @@ def test_what_is_known_of_each_is_stated(seed: int) -> None:
     """Less is known of an offset than of a delay; hypotheses of nothing but the power of the noise are also known."""
     plant = plant_with(0.0)
     records = [record(plant, seed, RECORD)]
-    found = watched.multimodel_statistics(
-        plant.model, plant.settings, records, np.random.default_rng(seed), copies=1
-    )
+    found = watched.multimodel_statistics(plant.axis, records, np.random.default_rng(seed), copies=1)
     sd = np.sqrt(np.diag(found.covariance))
     by_cause = {hypothesis.cause: float(sd[i]) for i, hypothesis in enumerate(found.hypotheses)}
     print({cause: round(value, 4) for cause, value in by_cause.items()})
@@ -91,10 +91,10 @@ def test_what_is_known_of_each_is_stated(seed: int) -> None:
 def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     plant = plant_with(0.0, memory=100)
     healthy = record(plant, seed, RECORD // 5)
-    own = bank_limits(plant.model, plant.settings, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
+    own = bank_limits(plant.axis, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
     faults = [Fault("kT", 0.3), Fault("1/Ja", -0.3), Fault("fm", 1e-9)]
-    by_bank, _ = run_trials(plant.model, plant.settings, healthy, faults, 20, 6.0, own)
-    paper, onsets = run_trials(plant.model, plant.settings, healthy, faults, 20, 6.0)
+    by_bank, _ = run_trials(plant.axis, healthy, faults, 20, 6.0, own)
+    paper, onsets = run_trials(plant.axis, healthy, faults, 20, 6.0)
     assert len(by_bank[0].delay_s) == onsets
     for multimodel, cusum in zip(by_bank[:2], paper, strict=False):
         print(multimodel.fault, multimodel.delay(0.5), cusum.delay(0.5), multimodel.first)
@@ -110,7 +110,7 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
         assert directions == {"up" if multimodel.fault.size > 0 else "down"}
     assert by_bank[2].found_within(6.0) < 0.5
     with pytest.raises(ValueError, match="too short"):
-        run_trials(plant.model, plant.settings, healthy.select(slice(0, 1000)), faults, 20, 6.0, own)
+        run_trials(plant.axis, healthy.select(slice(0, 1000)), faults, 20, 6.0, own)
 
 
 def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(seed: int) -> None:
@@ -134,7 +134,10 @@ def test_allowances_are_for_nominal_values_that_follow_a_model(seed: int) -> Non
     error = tuple(0.05 if name == "kT" else 0.0 for name in plant.model.monitored)
     found = [
         watched.multimodel_statistics(
-            plant.model, settings, [record(plant, seed, 6000)], np.random.default_rng(seed), copies=1
+            MonitoredAxis(plant.model, settings),
+            [record(plant, seed, 6000)],
+            np.random.default_rng(seed),
+            copies=1,
         )
         for settings in (plant.settings, replace(plant.settings, model_error=error))
     ]
@@ -161,7 +164,7 @@ def test_alarms_that_are_one_leave_room_for_lower_thresholds(
 ) -> None:
     plant = plant_with(0.0, memory=100)
     known = watched.multimodel_statistics(
-        plant.model, plant.settings, [record(plant, seed, RECORD // 5)], np.random.default_rng(seed), 60_000
+        plant.axis, [record(plant, seed, RECORD // 5)], np.random.default_rng(seed), 60_000
     )
     found = {}
     for share in (0.0, -1.0):

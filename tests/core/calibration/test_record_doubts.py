@@ -9,7 +9,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import RecordDeviations, deviations, scatter
+from monitor_core.calibration.healthy_records import RecordDeviations, deviations
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.record_doubts import (
     CalibrationError,
     check_healthy,
@@ -17,6 +18,7 @@ from monitor_core.calibration.record_doubts import (
     check_records,
     check_settings,
 )
+from monitor_core.calibration.scatter import scatter
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
@@ -31,6 +33,7 @@ from tests.core.supervised import TORQUE_NOISE, H, moved
 
 MODEL = reference_model("speed", ("kT", "fm"))
 SETTINGS = Settings.paper(0.005, lam=1 - 1 / MEMORY)
+AXIS = MonitoredAxis(MODEL, SETTINGS)
 SD = 0.02
 """Of the deviations, in sizes."""
 
@@ -58,7 +61,7 @@ def test_a_change_inside_is_found_with_its_place(i: int, sign: int, seed: int) -
     at = int(rng.integers(1000, 4000))
     faulty = changed(record(rng), at, i, sign * 10 * SD)
     with pytest.raises(CalibrationError, match=rf"day\.csv: {MODEL.monitored[i]} changes by") as caught:
-        check_healthy(MODEL, SETTINGS, [record(rng), faulty])
+        check_healthy(AXIS, [record(rng), faulty])
     words = str(caught.value)
     seconds = re.search(r"about ([\d.]+) s after", words)
     assert seconds
@@ -69,11 +72,11 @@ def test_a_change_inside_is_found_with_its_place(i: int, sign: int, seed: int) -
 def test_healthy_records_pass(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(20):
-        check_healthy(MODEL, SETTINGS, [record(rng)])
+        check_healthy(AXIS, [record(rng)])
 
 
 def test_a_small_change_is_no_fault(seed: int) -> None:
-    check_healthy(MODEL, SETTINGS, [changed(record(np.random.default_rng(seed)), 2500, 0, SD)])
+    check_healthy(AXIS, [changed(record(np.random.default_rng(seed)), 2500, 0, SD)])
 
 
 def test_nominal_values_of_another_axis(seed: int) -> None:
@@ -82,7 +85,7 @@ def test_nominal_values_of_another_axis(seed: int) -> None:
     with pytest.raises(
         CalibrationError, match=r"fm is off its nominal value all along, by \+(29|30|31).* identify"
     ):
-        check_healthy(MODEL, SETTINGS, [off])
+        check_healthy(AXIS, [off])
 
 
 def shortened(healthy: RecordDeviations) -> RecordDeviations:
@@ -110,8 +113,8 @@ def test_time_that_a_gate_leaves_out_does_not_count(seed: int) -> None:
     tested = np.repeat((np.arange(len(healthy.d)) % 100 < 40)[:, np.newaxis], 2, axis=1)
     rests = replace(healthy, tested=tested)
     with pytest.raises(CalibrationError, match="observed in 40 % of the time"):
-        check_records(MODEL, SETTINGS, [rests])
-    check_records(MODEL, SETTINGS, [replace(rests, gated=int(np.count_nonzero(~tested[:, 0])))])
+        check_records(AXIS, [rests])
+    check_records(AXIS, [replace(rests, gated=int(np.count_nonzero(~tested[:, 0])))])
 
 
 @pytest.mark.parametrize(
@@ -126,7 +129,7 @@ def test_records_that_are_too_short_or_do_not_move(
     spoiled: Callable[[RecordDeviations], RecordDeviations], words: str
 ) -> None:
     with pytest.raises(CalibrationError, match=words) as caught:
-        check_records(MODEL, SETTINGS, [spoiled(record(np.random.default_rng(1)))])
+        check_records(AXIS, [spoiled(record(np.random.default_rng(1)))])
     assert caught.value.without == (("fm",) if spoiled is without_excitation else ())
 
 
@@ -185,9 +188,9 @@ OPTIONS = MonitoringOptions(torque_noise=TORQUE_NOISE, output_noise=1.0, settlin
 
 def checked(model: AxisModel, options: MonitoringOptions, block: SampleBlock) -> str:
     """What is wrong with a record; empty: it can be used."""
-    settings = recommended_settings(model, H, options)
+    axis = MonitoredAxis(model, recommended_settings(model, H, options))
     try:
-        check_records(model, settings, deviations(model, settings, [block]))
+        check_records(axis, deviations(axis, [block]))
     except CalibrationError as error:
         return str(error)
     return ""
@@ -212,9 +215,10 @@ def test_a_longer_record_or_a_shorter_memory(seed: int) -> None:
 @pytest.mark.parametrize("seconds", [14.0, 25.0])
 def test_a_memory_for_which_there_is_enough(seconds: float, seed: int) -> None:
     """Where P(0) was found, too."""
-    settings, block = recommended_settings(supervised.MODEL, H, OPTIONS), moving(seed, seconds)
+    axis = MonitoredAxis(supervised.MODEL, recommended_settings(supervised.MODEL, H, OPTIONS))
+    block = moving(seed, seconds)
     with pytest.raises(CalibrationError, match="20 are needed, 20 s, or memory_s = ") as caught:
-        check_records(supervised.MODEL, settings, deviations(supervised.MODEL, settings, [block]))
+        check_records(axis, deviations(axis, [block]))
     error = caught.value
     assert error.memory_s is not None
     shorter = replace(OPTIONS, memory_s=error.memory_s, joint_state=error.joint_state or None)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monitor_core.calibration.surrogate_records import simulate_excursions
+from monitor_core.calibration.copy_excursions import simulate_excursions
 from tests.core.calibration.healthy_axes import plant_with, record
 from tests.shares import soaked
 
@@ -16,9 +16,7 @@ def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> No
     """The bias of fm, over sigma, as 400 h of such axes have it; the copies state how far they are off themselves."""
     plant = plant_with(colour)
     healthy = record(plant, seed, MINUTES_5)
-    found = simulate_excursions(
-        plant.model, plant.settings, [healthy], 1.0, np.random.default_rng(seed), 1_000_000
-    )
+    found = simulate_excursions(plant.axis, [healthy], 1.0, np.random.default_rng(seed), 1_000_000)
     off = found.mean[FM] / found.sigma[FM] - bias
     own = float(np.hypot(np.sqrt(found.error[FM, FM]), 0.02))  # so many copies have some chance left
     print(f"colour {colour}: off by {off:+.3f}, stated {own:.3f}")
@@ -29,6 +27,4 @@ def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> No
 def test_records_too_short_for_copies_are_refused() -> None:
     plant = plant_with(0.0)
     with pytest.raises(ValueError, match=r"innovations|learned|memories"):
-        simulate_excursions(
-            plant.model, plant.settings, [record(plant, 1, 1500)], 1.0, np.random.default_rng(1), 1000
-        )
+        simulate_excursions(plant.axis, [record(plant, 1, 1500)], 1.0, np.random.default_rng(1), 1000)

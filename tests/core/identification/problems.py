@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import experiment
 from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.problem import Problem
@@ -19,9 +18,9 @@ EIGHT = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
 TRUE = np.array([REFERENCE_VALUES[name] for name in EIGHT])
 
 
-def reference_record(seed: int, samples: int, output: Output = "speed", noise: float | None = None) -> Record:
-    t_us, u, y = experiment(seed, samples=samples, fault_at=samples, output=output, noise=noise)
-    return Record(np.asarray(t_us * 1e-6), u, y, output)
+def reference_record(seed: int, samples: int, noise: float | None = None) -> Record:
+    t_us, u, y = experiment(seed, samples=samples, fault_at=samples, noise=noise)
+    return Record(np.asarray(t_us * 1e-6), u, y, "speed")
 
 
 def case_record(seed: int, case: Case, samples: int, **how: float) -> Record:

@@ -51,17 +51,17 @@ def bench_continuous() -> tuple[Floats, Floats, Floats]:
     return np.array(A), np.array([[0.0, 0, 1 / Jm, 0, 0]]).T, np.array([[0, 0, 1.0, 0, 0]])
 
 
-def bench_drive(interval_s: float = INTERVAL_S) -> Discrete:
+def bench_drive() -> Discrete:
     """The same, held."""
     A, B, C = bench_continuous()
-    return Discrete(*zero_order_hold(A, B, interval_s), C, interval_s)
+    return Discrete(*zero_order_hold(A, B, INTERVAL_S), C, INTERVAL_S)
 
 
-def schroeder(N: int, interval_s: float = INTERVAL_S) -> Floats:
+def schroeder(N: int) -> Floats:
     """60 sines from 0.5 to 40 Hz with Schroeder's phases, rms 1."""
     k = np.arange(60)
     f, phase = np.linspace(0.5, 40, 60), -np.pi * k * (k - 1) / 60
-    u = np.cos(2 * np.pi * np.outer(np.arange(N) * interval_s, f) + phase).sum(axis=1)
+    u = np.cos(2 * np.pi * np.outer(np.arange(N) * INTERVAL_S, f) + phase).sum(axis=1)
     return np.asarray(u / u.std())
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from monitor_core.drive.structure import Output, Quantity
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
-from monitor_core.modeling.drawing.parameter_table import parse
+from monitor_core.modeling.drawing.expressions import parse
 from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor

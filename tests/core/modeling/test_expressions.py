@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from monitor_core.modeling.drawing.parameter_table import HIGHEST, LONGEST, parse
+from monitor_core.modeling.drawing.expressions import HIGHEST, LONGEST, parse
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 

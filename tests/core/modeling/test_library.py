@@ -1,6 +1,6 @@
 """The drives that come with the program: their names, and the paper's three-mass drive entry by entry."""
 
-from monitor_core.modeling.drawing.parameter_table import parse
+from monitor_core.modeling.drawing.expressions import parse
 from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.statespace import Entries

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from monitor_core.modeling.components import Role
 from monitor_core.modeling.components.units import BASE, ONE, Dimension, parse
 from monitor_core.modeling.components.uses import Use, infer
-from monitor_core.modeling.drawing import parameter_table
+from monitor_core.modeling.drawing import expressions
 from monitor_core.modeling.flat import ModelError, Origin
 
 HOUSE = ["kg m^2", "N m/rad", "N m s/rad", "N m", "rad", "rad/s", "rad/s^2", "1"]
@@ -108,7 +108,7 @@ def use(text: str, unit: str, place: str) -> Use:
     what, _, component = place.partition(" of ")
     role, _, meaning = what.rstrip(")").partition(" (")
     origin = Origin(component, "drive.mo", 3)
-    return Use(parameter_table.parse(text), unit, origin, Role(role, unit, meaning) if role else None)
+    return Use(expressions.parse(text), unit, origin, Role(role, unit, meaning) if role else None)
 
 
 MOTOR, BELT, DAMPING = "J (inertia) of motor", "c (stiffness) of belt", "d (damping) of belt"

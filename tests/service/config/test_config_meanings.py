@@ -40,11 +40,11 @@ def read(folder: Path, model: str, head: str = HEAD) -> Config:
     return loaded(folder, head + model)
 
 
-def problems_of(folder: Path, model: str, head: str = HEAD) -> list[str]:
+def problems_of(folder: Path, model: str) -> list[str]:
     """Line, key and message of every problem; lines count from [robot.axis.model]."""
     with pytest.raises(ConfigErrors) as caught:
-        read(folder, model, head)
-    first = head.count("\n")
+        read(folder, model)
+    first = HEAD.count("\n")
     return [
         f"{(p.line or 0) - first} {p.key.removeprefix('robot[1].axis[1].')}: {p.message}"
         for p in caught.value.problems

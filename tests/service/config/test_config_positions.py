@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from service.config.problems import nearest, positions
+from service.config.toml_lines import nearest, positions
 
 TEXT = """\
 title = "x"  # line 1

@@ -14,7 +14,7 @@ from service.can.messages import find_signal
 from service.config import Config, load
 from service.config.base_table import Table
 from service.config.loading import table_in
-from service.config.problems import Keys, positions
+from service.config.toml_lines import Keys, positions
 from tests.service.found_files import nominal_text, thresholds_text
 
 CONFIG = Path(__file__).resolve().parents[3] / "config"

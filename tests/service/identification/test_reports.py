@@ -21,12 +21,7 @@ from service.config.nominal_file import NominalFile, structure_of
 from service.reports.formats import percent, plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
-from service.reports.identification_report import (
-    IdentificationReport,
-    outlook_words,
-    print_text,
-    residual_words,
-)
+from service.reports.identification_report import IdentificationReport, print_text, residual_words
 from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
 
@@ -283,5 +278,5 @@ def test_what_would_help_to_watch_a_parameter(
     found: IdentificationReport, name: str, obstacle: Obstacle, words: str
 ) -> None:
     lost = replace(found, result=replace(found.result, watched=(Watched(name, 2.0, obstacle),)))
-    assert outlook_words(lost).startswith(f"Nothing can be watched with this. Cannot: {name}, since")
-    assert words in outlook_words(lost)
+    assert lost.outlook.startswith(f"Nothing can be watched with this. Cannot: {name}, since")
+    assert words in lost.outlook

@@ -47,7 +47,6 @@ from tests.service.web.conftest import NOON_US, monitored_axis, waiting_axis, wh
 
 T = TypeVar("T")
 PATIENCE_S = 120.0
-CODES = ua.StatusCodes
 ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
 ADD_COMMENT = ua.NodeId(ua.ObjectIds.ConditionType_AddComment)
 SHELVE, SHELVE_WHY, UNSHELVE = (

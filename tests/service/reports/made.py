@@ -8,10 +8,11 @@ from functools import cache
 import numpy as np
 
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.fault_trials import Fault, TrialResult
-from monitor_core.calibration.healthy_records import Scatter
+from monitor_core.calibration.fault_trials import TrialResult
+from monitor_core.calibration.injection import Fault
 from monitor_core.calibration.multimodel_thresholds import BankLimits
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
+from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.flat import FlatParameter

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.fault_trials import Fault, run_trials
+from monitor_core.calibration.fault_trials import run_trials
+from monitor_core.calibration.injection import Fault
 from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.hypothesis import FOLLOWED
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
@@ -137,10 +138,10 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
     for moved, known in ((shift, shift), (shift, still), (still, still)):
         u, y = axis(np.random.default_rng(seed), moved, {}, N)
         block = SampleBlock(T, u, y, known, name="r")
-        limits.append(bank_limits(PLANT.model, PLANT.settings, [block], 12_000.0, rng, 40_000).own)
+        limits.append(bank_limits(PLANT.axis, [block], 12_000.0, rng, 40_000).own)
         if moved is known is shift:
             faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
-            caught, _ = run_trials(PLANT.model, PLANT.settings, block, faults, 6, 5.0, limits[0])
+            caught, _ = run_trials(PLANT.axis, block, faults, 6, 5.0, limits[0])
     h = [float(np.median([limit.h for limit in own])) for own in limits]
     allowed = [sum(limit.allowance for limit in own if limit.cause == "fm") for own in limits]
     for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):

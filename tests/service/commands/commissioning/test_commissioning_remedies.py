@@ -23,7 +23,7 @@ from service.commands.commissioning.signal_proposals import configured
 from service.config.commissioned import Correction, corrected
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
-from service.reports.identification_report import outlook_words
+from service.reports.outlook_words import outlook_words
 from tests.service.config.config_texts import DRAWN
 
 TEXT = """
@@ -225,7 +225,7 @@ def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
     words = not_identified(found, "")
     assert words.startswith("not identified: poor. The records show what the drive lacks: what is missing")
     assert "record this axis alone" in words
-    assert outlook_words(found) == (
+    assert outlook_words(found.result, found.rejection) == (
         "Nothing can be watched with this. Alarms would come from what the drive lacks."
     )
     found.is_poor = False

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.synthetic_innovations import SieveBootstrap, whitening_filter
+from monitor_core.calibration.sieve_bootstrap import SieveBootstrap, whitening_filter
 
 N, COPIES = 40_000, 16
 

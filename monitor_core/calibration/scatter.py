@@ -1,0 +1,123 @@
+"""Scatter of the estimates in healthy records around the nominal values, and how well the records determine it.
+
+It is the recorded one, not that of P: it contains the colour of the innovations and model errors.  Its uncertainty
+comes from resampling blocks of several memories (block bootstrap; Kuensch 1989).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.arrays import Floats, Ints
+from monitor_core.calibration.healthy_records import RecordDeviations
+
+BINS = 50
+"""In a memory: of so many samples one is looked at."""
+OFFSET = 0.3
+"""Standard deviations: a mean that is farther off the nominal value would leave a test no threshold."""
+_SMALL = 1e-12
+_RESAMPLINGS = 1000
+LONGEST, MOST_BLOCKS = 5, 30
+"""Memories in a block, and how many blocks there are at least, where the record is long enough for both."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Scatter of p parameters in healthy records, in sizes of the parameters; times in samples.
+
+    ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii).  ``power`` (B, p): draws of the
+    true variance over sigma^2.  ``off`` (B, p): draws of the true mean less ``mean_d``.  Both are correlated between
+    parameters whose estimates are.
+    """
+
+    mean_d: Floats  # (p,)
+    mean_s: Floats  # (p,)
+    sigma: Floats  # (p,)
+    power: Floats  # (B, p)
+    off: Floats  # (B, p)
+    memories: float
+    memory: float
+
+    @property
+    def offset(self) -> Floats:
+        """Offset of the deviations (p,), as far as the rates include it."""
+        most = OFFSET * self.sigma
+        return np.clip(self.mean_d, -most, most)
+
+    @property
+    def beyond(self) -> Floats:
+        """Lasting offset of the deviations (p,) that the rates do not include: covered by the allowance."""
+        return np.abs(self.mean_d - self.offset)
+
+
+def stride(memory: float) -> int:
+    """Number of samples from one that is looked at to the next."""
+    return max(1, round(memory / BINS))
+
+
+def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Generator) -> Scatter:
+    """Scatter of the records, with resamplings of their blocks.
+
+    Raises:
+        ValueError: the records have no tested samples.
+    """
+    parts = [part for record in found if len(part := binned(record, memory)) > BINS]
+    if not parts:
+        raise ValueError("no sample was tested")
+    d, s = np.swapaxes(np.concatenate(parts), 0, 1)
+    starts = np.cumsum([0] + [len(part) for part in parts])[:-1].tolist()
+    memories = len(d) * stride(memory) / memory
+    mean = d.mean(axis=0)
+    around = d - mean
+    length = max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS)))
+    sums, count = _blocks(np.hstack([around, around**2]), starts, length)
+    weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=_RESAMPLINGS)
+    means, squares = np.hsplit((weights @ sums) / (weights @ count)[:, np.newaxis], 2)
+    variance = (around**2).mean(axis=0)
+    power = _mirrored_variance(squares / variance, memories)
+    chance = rng.multivariate_normal(np.zeros(d.shape[1]), _correlation(means), size=_RESAMPLINGS)
+    variance *= 1 + 2 / memories  # the mean is of the same record
+    off = np.sqrt(2 * variance / memories) * chance
+    return Scatter(mean, s.mean(axis=0), np.sqrt(variance), power, off, memories, memory)
+
+
+def looked_at(deviations: RecordDeviations, memory: float) -> Ints:
+    """Indices of the samples that are looked at: of the tested ones, BINS in a memory."""
+    q = stride(memory)
+    return np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
+
+
+def binned(deviations: RecordDeviations, memory: float) -> Floats:
+    """Deviation and s (n, 2, p) at these samples."""
+    use = looked_at(deviations, memory)
+    return np.stack([deviations.d[use], deviations.s[use]], axis=1)
+
+
+def _correlation(values: Floats) -> Floats:
+    """Correlation of the columns of values (B, p)."""
+    z = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), _SMALL)
+    return np.asarray(z.T @ z / len(z))
+
+
+def _mirrored_variance(resampled: Floats, memories: float) -> Floats:
+    """Draws of the true variance over that of the record, mirrored from the resampled ones (B, p).
+
+    Few blocks scatter too little: at least as much as normal deviations that are forgotten within a memory.
+    """
+    log = np.log(resampled)
+    return np.asarray(
+        np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _SMALL)))
+    )
+
+
+def _blocks(values: Floats, starts: Sequence[int], length: int) -> tuple[Floats, Floats]:
+    """Sums (blocks, p) over blocks, within each record, and their lengths (blocks,)."""
+    ends = [*starts[1:], len(values)]
+    edges = [
+        edge
+        for start, end in zip(starts, ends, strict=True)
+        for edge in range(start, max(start + 1, end - length // 2), length)
+    ]
+    return np.add.reduceat(values, edges, axis=0), np.diff([*edges, len(values)]).astype(float)
