@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -107,9 +107,11 @@ def _identify(
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()
             estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
-        warm_up, seen = None, options.scheduled
-        if options.thermal is not None:
-            warm_up, estimate, records, seen = _warming(estimate, records, options, report)
+        warm_up, seen, searched = None, options.scheduled, tuple[str, ...]()
+        if options.thermal is not None and moving_s(records) >= LEAST_MOTION_S:
+            searched = _followers(estimate, options.monitored)
+        if searched:
+            warm_up, estimate, records, seen = _warming(estimate, records, searched, options, report)
             if warm_up is not None:
                 following_heat = [term for term in seen if term.term == HEAT]
                 validation = heated_as(estimate, warm_up, following_heat, validation)
@@ -144,6 +146,7 @@ def _identify(
         watched=outlook(estimate, options.monitored, records, memory_s, options.sizes),
         memory_s=memory_s,
         warm_up=warm_up,
+        not_following=tuple(name for name in searched if warm_up is None or name not in warm_up.slopes),
         standstill=standstill,
     )
 
@@ -160,17 +163,23 @@ def _first(
     return replace(_fit(found.problem, records, report), started_from=found.started_from)
 
 
-def _warming(
-    found: Estimate, records: Sequence[Record], options: IdentificationOptions, report: Progress
-) -> tuple[FoundWarmUp | None, Estimate, Sequence[Record], tuple[ScheduledTerm, ...]]:
-    """The warm-up that the records show, the fit with it, the records with their heat, and what follows it."""
-    watched = {split_name(name)[0] for name in options.monitored}
+def _followers(found: Estimate, monitored: Collection[str]) -> tuple[str, ...]:
+    """Free friction that is monitored and follows no signal: it may follow a heat."""
+    watched = {split_name(name)[0] for name in monitored}
     free = set(found.problem.free) - set(found.problem.varying)
     friction = friction_of(found.drive)
-    followers = [name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched]
+    return tuple(name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched)
+
+
+def _warming(
+    found: Estimate,
+    records: Sequence[Record],
+    followers: Sequence[str],
+    options: IdentificationOptions,
+    report: Progress,
+) -> tuple[FoundWarmUp | None, Estimate, Sequence[Record], tuple[ScheduledTerm, ...]]:
+    """The warm-up that the records show, the fit with it, the records with their heat, and what follows it."""
     assert options.thermal is not None
-    if not followers or moving_s(records) < LEAST_MOTION_S:
-        return None, found, records, options.scheduled
     report("warm-up", 0, 1)
     try:
         warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)

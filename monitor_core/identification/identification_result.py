@@ -140,6 +140,8 @@ class IdentificationResult:
     watched: tuple[Watched, ...]
     memory_s: float
     warm_up: FoundWarmUp | None = None
+    not_following: tuple[str, ...] = ()
+    """Friction that was searched for a warm-up, and of which the records do not show that it follows one"""
     standstill: Standstill | None = None
 
     def model(self, monitored: Sequence[str]) -> AxisModel:

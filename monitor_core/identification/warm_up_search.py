@@ -1,4 +1,9 @@
-"""The search for a warm-up in records: sums over short windows, and least squares for each time constant."""
+"""The search for a warm-up in records: sums over short windows, and least squares for each time constant.
+
+No drive is the axis: what friction it seems to have differs a little with the speed.  The heat of the last minutes goes
+with the present speed, so part of that would look like a warm-up.  So each friction may follow the present power, too,
+window by window, and the heat is judged by what it explains beside that.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +27,9 @@ WINDOW_S = 10.0
 LEAST_FALL = 0.04
 """Of its value: friction that changes by less from the least to the largest heat follows nothing."""
 _CHANCE = 1e-4
-"""Probability of slopes like those found, if nothing followed the heat."""
-_SHOWN = 1.0
-"""Standard deviations: of two slopes, one that is smaller is left out."""
+"""Probability of a slope like that found, if nothing followed the heat."""
+_CHANCE_BESIDE = 1e-3
+"""The same of a further friction beside the one that shows it best: that the axis warms up is known then."""
 _TAUS = 18
 _SHORTEST_S, _LONGEST = 60.0, 2.0
 """Time constants that are tried; the longest in lengths of the records."""
@@ -112,14 +117,15 @@ class WarmUpFit(NamedTuple):
     """(p,) of all parameters, at the mean of the heats"""
     slopes: Floats
     sd: Floats
-    covariance: Floats
     cost: float
 
     @property
     def chance(self) -> float:
-        """Probability of such slopes if nothing followed; a time constant was chosen for them, too."""
-        wald = float(self.slopes @ np.linalg.solve(self.covariance, self.slopes))
-        return float(chdtrc(len(self.which) + 1, wald))
+        """Probability of such a slope of the last follower if it did not follow.
+
+        For the first one, a time constant was chosen, too.
+        """
+        return float(chdtrc(2 if len(self.which) == 1 else 1, (self.slopes[-1] / self.sd[-1]) ** 2))
 
 
 class Search:
@@ -143,6 +149,10 @@ class Search:
         self._score = self._score * self._size
         self._p = p
         means = [float(w.power.mean()) for w in windows]
+        power = np.concatenate([w.power for w in windows])
+        self._power: Floats = power - power.mean()
+        self._once = np.tensordot(self._power, self._information, 1)[:, index]
+        self._twice = np.tensordot(self._power**2, self._information, 1)[np.ix_(index, index)]
         self.highest = 1.5 * max(means)
         self.seconds = WINDOW_S * sum(w.power.size for w in windows)
 
@@ -159,19 +169,25 @@ class Search:
         return out, starts
 
     def solve(self, heats: list[Floats], index: list[int]) -> tuple[Floats, Floats, float]:
-        """c and s (p + f,), in scaled units, the inverse of their information, and the cost above the fit's."""
+        """c, s and the slopes over the power (p + f + all followers,), the inverse of their information, and the cost.
+
+        In scaled units; the cost is that above the fit's.
+        """
         heat = np.concatenate(heats)
         heat = heat - heat.mean()
         I, b, p = self._information, self._score, self._p
-        f = len(index)
-        N, r = np.zeros((p + f, p + f)), np.zeros(p + f)
-        N[:p, :p], r[:p] = I.sum(axis=0), b.sum(axis=0)
-        once, twice = np.tensordot(heat, I, 1), np.tensordot(heat**2, I, 1)
-        N[:p, p:] = once[:, index]
-        N[p:, :p] = N[:p, p:].T
-        N[p:, p:] = twice[np.ix_(index, index)]
-        r[p:] = (heat @ b)[index]
-        inverse = np.asarray(np.linalg.inv(N + _RIDGE * np.diag(np.diag(N))), np.float64)
+        f, every = p + len(index), self.index
+        N, r = np.zeros((f + len(every), f + len(every))), np.zeros(f + len(every))
+        once, twice, both = (np.tensordot(w, I, 1) for w in (heat, heat**2, heat * self._power))
+        N[:p, :p], N[:p, p:f], N[:p, f:] = I.sum(axis=0), once[:, index], self._once
+        N[p:f, p:f], N[p:f, f:], N[f:, f:] = (
+            twice[np.ix_(index, index)],
+            both[np.ix_(index, every)],
+            self._twice,
+        )
+        N = np.triu(N) + np.triu(N, 1).T
+        r[:p], r[p:f], r[f:] = b.sum(axis=0), (heat @ b)[index], (self._power @ b)[every]
+        inverse = np.asarray(np.linalg.inv(N + _RIDGE * np.diag(np.maximum(np.diag(N), _RIDGE))), np.float64)
         beta: Floats = np.asarray(inverse @ r, np.float64)
         return beta, inverse, -float(r @ beta)
 
@@ -210,51 +226,48 @@ class Search:
     def _fit(self, tau_s: float, free: Floats, index: list[int]) -> WarmUpFit:
         heats, starts = self.heats(tau_s, free)
         beta, inverse, cost = self.solve(heats, index)
-        p, heat = self._p, np.concatenate(heats)
+        p, f, heat = self._p, self._p + len(index), np.concatenate(heats)
         heat = heat - heat.mean()
-        left = _left(self._information, self._score, heat, beta[:p], index, beta[p:])
-        g = np.concatenate([left, heat[:, np.newaxis] * left[:, index]], axis=1)
-        groups = np.add.reduceat(g, np.arange(0, len(g), GROUP), axis=0)
-        covariance = (inverse @ (groups.T @ groups) @ inverse)[p:, p:]
-        size = self._size[index]
-        covariance = covariance * size[:, np.newaxis] * size
-        covariance += 1e-12 * np.diag(np.diag(covariance))
-        sd = np.sqrt(np.diag(covariance))
-        constants = beta[:p] * self._size
-        return WarmUpFit(tau_s, starts, heats, index, constants, beta[p:] * size, sd, covariance, cost)
+        follow = np.zeros((2, p))
+        follow[0, index], follow[1, self.index] = beta[p:f], beta[f:]
+        left = _left(self._information, self._score, beta[:p], np.column_stack([heat, self._power]) @ follow)
+        over = heat[:, np.newaxis] * left[:, index], self._power[:, np.newaxis] * left[:, self.index]
+        groups = np.add.reduceat(np.hstack([left, *over]), np.arange(0, len(left), GROUP), axis=0)
+        sd = np.sqrt(((groups @ inverse) ** 2).sum(axis=0)[p:f])
+        size, constants = self._size[index], beta[:p] * self._size
+        return WarmUpFit(tau_s, starts, heats, index, constants, beta[p:f] * size, sd * size, cost)
 
 
-def _left(
-    information: Floats, score: Floats, heat: Floats, constants: Floats, index: list[int], slopes: Floats
-) -> Floats:
-    """Scores of windows (W, p) less what constants (p,) and slopes over the heat (W,) explain."""
-    delta = np.repeat(constants[np.newaxis], heat.size, axis=0)
-    delta[:, index] += heat[:, np.newaxis] * slopes
-    return np.asarray(score - np.einsum("wij,wj->wi", information, delta))
+def _left(information: Floats, score: Floats, constants: Floats, more: Floats) -> Floats:
+    """Scores of windows (W, p) less what constants (p,) and what is added to them in each (W, p) explain."""
+    return np.asarray(score - np.einsum("wij,wj->wi", information, constants + more))
 
 
 def left_of(windows: Sequence[Windows], fit: WarmUpFit) -> list[Floats]:
-    """Scores of the windows (W, p) of each record less what a fit explains."""
+    """Scores of the windows (W, p) of each record less what a fit explains by the heat."""
     mean = float(np.concatenate(fit.heats).mean())
+    slopes = np.zeros(fit.constants.size)
+    slopes[fit.which] = fit.slopes
     return [
-        _left(w.information, w.score, heat - mean, fit.constants, fit.which, fit.slopes)
+        _left(w.information, w.score, fit.constants, np.outer(heat - mean, slopes))
         for w, heat in zip(windows, fit.heats, strict=True)
     ]
 
 
 def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
-    """The fit with the followers that the records show; None: none."""
+    """The fit with the followers that the records show, each beside the others; None: they show none."""
     value = dict(zip(search.index, values, strict=True))
-    fit = search.best(search.index)
-    shown = [i for i, s, sd in zip(fit.which, fit.slopes, fit.sd, strict=True) if abs(s) > _SHOWN * sd]
-    if not shown:
-        # Two that go together: each one alone stands for both.
-        shown = [min(fit.which, key=lambda i: search.best([i]).cost)]
-    if shown != fit.which:
-        fit = search.best(shown)
-    heat = np.concatenate(fit.heats)
-    reach = float(np.ptp(heat))
-    falls = [abs(s) * reach / max(abs(value[i]), 1e-300) for i, s in zip(fit.which, fit.slopes, strict=True)]
-    if fit.chance > _CHANCE or max(falls) < LEAST_FALL:
-        return None
-    return fit
+    found: WarmUpFit | None = None
+    while rest := [i for i in search.index if found is None or i not in found.which]:
+        which = [] if found is None else found.which
+        fit = min((search.best([*which, i]) for i in rest), key=lambda fit: fit.cost)
+        if not _shows(fit, value[fit.which[-1]], _CHANCE if found is None else _CHANCE_BESIDE):
+            break
+        found = fit
+    return found
+
+
+def _shows(fit: WarmUpFit, value: float, chance: float) -> bool:
+    """Whether the records show that the last follower of a fit, of this value, follows beside the others."""
+    fall = abs(float(fit.slopes[-1])) * float(np.ptp(np.concatenate(fit.heats)))
+    return fit.chance <= chance and fall >= LEAST_FALL * abs(value)

@@ -19,7 +19,7 @@ from monitor_core.identification import (
     Trace,
 )
 from monitor_core.settings import MODEL_ERRORS
-from monitor_core.wording import duration
+from monitor_core.wording import duration, listed
 from service.ingest.identification_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
@@ -55,6 +55,7 @@ class IdentificationReport:
             *self._standstill(),
             *self._short_of_warm(),
             *self._beside_the_heat(),
+            *self._not_following(),
         )
 
     @property
@@ -161,6 +162,20 @@ class IdentificationReport:
             yield (
                 "These records are too short to judge by how much friction is off beside the heat, and the tests"
                 " allow for nothing: give two records from cold on."
+            )
+
+    def _not_following(self) -> Iterator[str]:
+        """Which friction is taken as constant, though it was searched for a warm-up."""
+        names, found = self.result.not_following, self.result.warm_up
+        if names and found is not None:
+            yield (
+                f"The records show that {listed(list(found.slopes))} changes as the axis warms up, but not that"
+                f" {listed(names)} would, too: taken as constant."
+            )
+        elif names:
+            yield (
+                f"The records do not show that friction falls as the axis warms up: {listed(names)} taken as constant."
+                " If the axis was warm when they began, record it from cold on."
             )
 
     def _held(self) -> Iterator[str]:
