@@ -41,9 +41,7 @@ def record_entry(connection: sqlite3.Connection, entry: Entry) -> int:
     alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
     life = AlarmLife() if known is None else known.life
     rules, removed_by = removal(connection, entry.axis, entry.rules)
-    if known is not None and _is_named_anew(known, entry.alarm):
-        e = entry.alarm
-        at_us = e.past[-1].until_us if e.past else e.updated_us
+    if known is not None and (at_us := _named_us(known, entry.alarm)) is not None:
         take(connection, alarm_id, [transition(life, AlarmEvent.NAME)], Note(at_us, SERVICE))
     for change, note in lived(life, _courses(known, entry.alarm, rules), rules, entry.acknowledged):
         take(connection, alarm_id, [change], note, removed_by)
@@ -142,12 +140,13 @@ def _columns_of(entry: Entry) -> dict[str, Value]:
     return own | {name: getattr(e, name) for name in shared} | lists
 
 
-def _is_named_anew(known: RecordedAlarm, e: Alarm) -> bool:
-    """Whether the cause of an alarm has been found since its last record, or is another one than was found."""
-    same = known.raised_us == e.raised_us and e.stage == "named"
-    return same and any(
-        getattr(known, n) != getattr(e, n) for n in ("stage", "parameter", "direction", "doubt")
-    )
+def _named_us(known: RecordedAlarm, e: Alarm) -> int | None:
+    """When the cause was found since the last record of an alarm, or another one, or a doubt of it; None: none was."""
+    if known.raised_us != e.raised_us or e.stage != "named":
+        return None
+    if (known.stage, known.parameter, known.direction) != (e.stage, e.parameter, e.direction):
+        return e.past[-1].until_us if e.past else e.updated_us
+    return e.updated_us if known.doubt != e.doubt else None
 
 
 def _courses(known: RecordedAlarm | None, e: Alarm, rules: AlarmRules) -> Iterator[tuple[bool, int]]:

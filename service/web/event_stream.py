@@ -5,7 +5,7 @@ import threading
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Query
+from fastapi import APIRouter, Depends, Header, Query, Request
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -161,7 +161,7 @@ def router(state: AppState) -> APIRouter:
         dependencies=[Depends(slots.take)],
     )  # fmt: skip
     async def events(
-        axis: Annotated[str | None, Depends(known_axis)], last_id: LastId = None
+        request: Request, axis: Annotated[str | None, Depends(known_axis)], last_id: LastId = None
     ) -> AsyncIterator[ServerSentEvent]:
         """Events `axes`: the axes that have changed, at most twice a second; `alarm`: each transition of an alarm.
 
@@ -174,7 +174,7 @@ def router(state: AppState) -> APIRouter:
         stream = Stream(state, texts, axis, last_id)
         loop = asyncio.get_running_loop()
         axes_at, alive_at = loop.time(), loop.time() + KEEP_ALIVE_S
-        while not state.stopping():
+        while not state.stopping() and request.state.is_known():  # by the gate
             found = await run_in_threadpool(stream.alarms)
             if loop.time() >= axes_at and (axes := await run_in_threadpool(stream.axes)) is not None:
                 found.append(ServerSentEvent(event="axes", raw_data=axes))

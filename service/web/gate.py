@@ -6,6 +6,8 @@ nothing.  HEAD is answered wherever GET is.  Each request that would change some
 
 import asyncio
 import re
+from contextlib import suppress
+from functools import partial
 
 import structlog
 from fastapi.responses import JSONResponse
@@ -109,6 +111,12 @@ class Gate:
             return _unknown(headers), None
         return None, caller
 
+    def _is_known(self, scope: Scope) -> bool:
+        """Whether the caller of a stream still is: the token may have been revoked since it has begun."""
+        with suppress(StoreError):
+            return self._access.caller(_secret(Headers(scope=scope), scope["path"])) is not None
+        return False
+
     def _is_open(self, path: str) -> bool:
         """Whether it needs no token."""
         return path == "/healthz" or is_page(path) or (path == _METRICS and self._access.open_metrics)
@@ -128,7 +136,8 @@ class Gate:
         scope = exchange.scope
         # To HEAD the server sends the head only; routes know nothing of it.
         method = "GET" if scope["method"] == "HEAD" else scope["method"]
-        inner = {**scope, "method": method, "state": {**scope.get("state", {}), "caller": who}}
+        state = {**scope.get("state", {}), "caller": who, "is_known": partial(self._is_known, scope)}
+        inner = {**scope, "method": method, "state": state}
         try:
             async with asyncio.timeout(LONGEST_REQUEST_S) as exchange.limit:
                 await self._app(inner, exchange.receive, exchange.send)

@@ -30,7 +30,6 @@ from tests.end_to_end.processes import (
     Daemon,
     daemon,
     demo_config,
-    robot,
     running,
     wait_for,
 )
@@ -281,17 +280,15 @@ def wait_until_silent(d: Daemon) -> list[dict[str, Any]]:
 def test_kill_9_at_any_moment_loses_no_shown_alarm_and_nothing_of_a_checkpoint(
     tmp_path: Path, seed: int
 ) -> None:
-    assert killed(tmp_path, seed, kills=10, fault_after_s=5, while_starting=False)
+    assert killed(tmp_path, seed, kills=10, while_starting=False)
 
 
-def killed(
-    folder: Path, seed: int, *, kills: int, fault_after_s: int, while_starting: bool
-) -> dict[int, dict[str, Any]]:
+def killed(folder: Path, seed: int, *, kills: int, while_starting: bool) -> dict[int, dict[str, Any]]:
     """The alarms shown last.  All shown before are still there each time, and of the estimation what a checkpoint has.
 
     The first daemon waits for an alarm and a checkpoint; the others are killed at any moment, and with
-    ``while_starting`` one more each time while it starts.  Otherwise the robot is a record: a simulated one leaves out
-    what it cannot send in time, and on a busy machine its gaps keep all from being estimated.  Meanwhile an operator
+    ``while_starting`` one more each time while it starts.  The robot is a record: a simulated one leaves out what it
+    cannot send in time, and on a busy machine its gaps keep all from being estimated.  Meanwhile an operator
     acknowledges alarms and comments on them, and an engineer begins epochs of both axes.
     """
     config, chance = demo_config(folder, service=FAST_CHECKPOINTS), random.Random(seed)
@@ -304,11 +301,8 @@ def killed(
                     time.sleep(chance.uniform(0, 1.5))
             with daemon(config) as d:
                 if not number:
-                    moving.enter_context(
-                        robot(config, "--fault", "fm=1.6", "--fault-after", str(fault_after_s))
-                        if while_starting
-                        else played_robot(config, 40, seed, Fault("demo.axis1", {"fm": 1.6}, fault_after_s))
-                    )
+                    fault = Fault("demo.axis1", {"fm": 1.6}, 5.0)
+                    moving.enter_context(played_robot(config, 4 * kills, seed, fault))
                 now, first = alarms(d), d.axis()
                 assert {k: still(shown[k]) for k in shown} == {k: still(now[k]) for k in shown}
                 assert list(overlaps(now.values())) == []

@@ -82,6 +82,18 @@ def test_an_alarm_from_its_raising_to_the_work_order(journal: Journal) -> None:
     ]
 
 
+def test_each_step_of_its_name_has_the_time_of_its_own(journal: Journal) -> None:
+    """Crossed again in the block in which it is named; then the name stays, and is in doubt for a while."""
+    number = recorded(journal)
+    named = RAISED.named(4 * SECOND, "fm", "up")
+    recorded(journal, named.detected_again(5 * SECOND))
+    recorded(journal, doubtful := named.named(60 * SECOND, "fm", "up", doubt="several"))
+    recorded(journal, doubtful.detected_again(70 * SECOND))
+    recorded(journal, doubtful.named(80 * SECOND, "fm", "up", doubt=""))
+    found = [(t.at_us // SECOND, t.event) for t in journal.transitions(number)]
+    assert found == [(2, "raise"), (4, "name"), (60, "name"), (80, "name")]
+
+
 def test_what_is_not_possible_changes_nothing(journal: Journal) -> None:
     number = recorded(journal)
     journal.act(number, E.ACKNOWLEDGE, by("anna", 5))

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import httpx
@@ -14,7 +15,9 @@ import pytest
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
+from service.store.tokens import Scope, TokenFile
 from service.web import event_stream, gate, models
+from service.web.access import Access
 from tests.service.web.conftest import NOON_US, Daemon, Stage, monitored_axis, serving
 
 NOTE = Note(NOON_US, "anna")
@@ -153,6 +156,23 @@ def test_a_stream_ends_with_the_daemon(stage: Stage) -> None:
         next(events)
         daemon.stop()
         assert list(events) == [], "it is closed as it should be: httpx fails where it is cut"
+
+
+@pytest.mark.parametrize("with_token", [True, False])
+def test_a_stream_ends_when_its_caller_is_no_longer_known(
+    stage: Stage, tmp_path: Path, with_token: bool
+) -> None:
+    """Its token is revoked, or it had none and one is needed now."""
+    tokens = TokenFile(tmp_path / "tokens.json")
+    headers = {"Authorization": f"Bearer {tokens.new('anna', Scope.READ)}"} if with_token else {}
+    stage.access = Access(tokens)
+    with serving(stage) as address, stream(address, **headers) as events:
+        next(events)
+        if with_token:
+            tokens.revoke("anna")
+        else:
+            tokens.new("ben", Scope.READ)
+        assert next(events, None) is None
 
 
 def test_a_client_that_does_not_read_is_cut_off(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
