@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.drive import COSINE, COULOMB, DELAY, ONE, SINE, Drive, split_name
+from monitor_core.drive import COSINE, COULOMB, DELAY, LOAD, ONE, SINE, Drive, split_name
 from monitor_core.identification import (
     LEVEL,
     Basis,
@@ -30,6 +30,8 @@ from monitor_core.wording import duration, listed
 from service.ingest.identification_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
+_MEANINGS = {DELAY: "delay of the torque", LOAD: "weight of arm and payload, relative to that of the records"}
+"""Of what is watched and no parameter of the drive"""
 _MOST_NAMED = 3
 _WARM = 3.0
 """Time constants after which an axis counts as warm: 5 % of the warm-up are still to come."""
@@ -373,7 +375,7 @@ def watched_table(result: IdentificationResult) -> Table:
     rows = []
     for w in result.watched:
         base, inverse = split_name(w.name)
-        meaning = "delay of the torque" if w.name == DELAY else drive.parameter(base).meaning
+        meaning = _MEANINGS.get(w.name) or drive.parameter(base).meaning
         change = _change(w, result) if w.obstacle is None else "cannot be watched"
         rows.append((w.name, f"reciprocal of: {meaning}" if inverse else meaning, change))
     return Table(("parameter", "what it is", "changes from"), rows)
@@ -408,6 +410,8 @@ def _obstacle(w: Watched, result: IdentificationResult) -> str:
 def _motion(name: str, result: IdentificationResult) -> str:
     """The record that would determine a parameter."""
     drive, base = result.estimate.drive, split_name(name)[0]
+    if base == LOAD:
+        return "motion of the whole arm at several speeds, slow and fast, in both directions"
     acts = _acts_by(drive, base)
     if acts & {ONE, COSINE, SINE}:
         return "motion over more of the angle range, in both directions"
