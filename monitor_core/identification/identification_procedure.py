@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.signal_terms import Term
+from monitor_core.drive.structure import LOAD, split_name
 from monitor_core.drive.thermal_state import HEAT
 from monitor_core.identification.bode import bode_of
 from monitor_core.identification.friction_scale import with_best_scale
@@ -19,7 +20,7 @@ from monitor_core.identification.identification_result import (
     IdentificationResult,
     Start,
 )
-from monitor_core.identification.outlook import outlook, shortest_memory
+from monitor_core.identification.outlook import outlook, shortest_memory, with_load
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records.measured_record import Record, lively_parts
@@ -46,6 +47,8 @@ from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 MOST_ITERATIONS = 100
 MOST_MASSES, USUAL_MASSES = 9, 5
 """A motor hardly feels more masses."""
+_LOAD_MEMORIES = 2
+"""Times the longest memory: to tell the load from the torque constant it must hold several motions either way."""
 
 Progress = Callable[[str, int, int], None]
 """Called with the present phase, the steps done and the most steps of it."""
@@ -132,6 +135,14 @@ def _identify(
     memory_s = options.memory_s
     if options.memories_s:
         memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
+    watched = outlook(estimate, options.monitored, records, memory_s, options.sizes)
+    if weight := _turning_weight(estimate, options):
+        longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
+        if found := with_load(estimate, watched, records, longer_s, options.sizes, weight):
+            memory_s, watched = longer_s, found
+        elif options.load:
+            names = (*options.monitored, LOAD)
+            watched = outlook(estimate, names, records, memory_s, options.sizes, weight)
     return IdentificationResult(
         start=problem,
         estimate=estimate,
@@ -143,7 +154,7 @@ def _identify(
         options=options,
         verdict=verdict,
         held=held,
-        watched=outlook(estimate, options.monitored, records, memory_s, options.sizes),
+        watched=watched,
         memory_s=memory_s,
         warm_up=warm_up,
         not_following=tuple(name for name in searched if warm_up is None or name not in warm_up.slopes),
@@ -196,6 +207,13 @@ def _warming(
     if not (again.converged and again.cost < found.cost):
         return None, found, records, options.scheduled
     return warm_up, again, heated, (*options.scheduled, *scheduled)
+
+
+def _turning_weight(estimate: Estimate, options: IdentificationOptions) -> dict[str, float]:
+    """References of what the constant torque follows as a weight, by slope; empty: no weight is an input."""
+    torques = set(estimate.drive.constant_torques()) - {split_name(name)[0] for name in options.monitored}
+    turning = [t for t in options.scheduled if t.parameter in torques and Term.read(t.term).turns]
+    return {term.slope: term.reference for term in turning if term.parameter == turning[0].parameter}
 
 
 def _silent(*_: object) -> None:

@@ -34,6 +34,7 @@ class IdentificationOptions:
     Args:
         start: where the fit starts.
         monitored: parameters that will be monitored; the colour of the prediction errors is computed for them.
+        load: the load will be, whatever the records tell of it; else where they tell it.
         interval_mean: the drive reports the mean speed of each interval, not the speed at the sample.
         max_masses: also compare chains of one, two, .. so many masses; None: do not.
         held: why each held parameter is held, for reports.
@@ -50,6 +51,7 @@ class IdentificationOptions:
 
     start: Start = "search"
     monitored: tuple[str, ...] = ()
+    load: bool = False
     interval_mean: bool = False
     max_masses: int | None = None
     held: Mapping[str, str] = field(default_factory=dict)

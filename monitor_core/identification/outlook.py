@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.structure import DELAY, split_name, value_of
+from monitor_core.drive.structure import DELAY, LOAD, split_name, value_of
 from monitor_core.identification.greybox import Estimate, monitored_information
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.wording import rounded_down
@@ -23,6 +23,9 @@ _LARGEST = 1.0
 
 _SMALL = 0.2
 """A change of 20 % is what robots are watched for."""
+_OF_LOAD = 0.3
+"""Of the weight: a change of the payload that is to be told."""
+_HARDLY_LESS = 1.1
 _NEEDED = 33
 """Memories that a record must hold: ten to find P(0), twenty to calibrate, the rest for what cannot be used."""
 
@@ -53,6 +56,7 @@ def outlook(
     records: Sequence[Record],
     memory_s: float,
     sizes: Mapping[str, float] = {},
+    weight: Mapping[str, float] = {},
 ) -> tuple[Watched, ...]:
     """What can be watched, in the order of ``monitored``.
 
@@ -62,6 +66,7 @@ def outlook(
         records: of the motion that the axis will make.
         memory_s: of the monitor, s.
         sizes: given by the user, by name; of the others the value is the size.
+        weight: what LOAD scales, if it is among them, as in ``monitored_information``.
     """
     found = dict[str, Watched]()
     names = list(monitored)
@@ -69,16 +74,16 @@ def outlook(
         if name not in sizes and _is_zero(estimate, name):
             found[name] = Watched(name, np.nan, Obstacle.NO_SIZE)
             names.remove(name)
-    changes = _changes(estimate, names, records, memory_s, sizes)
+    changes = _changes(estimate, names, records, memory_s, sizes, weight)
     while names:
         worst = max(names, key=changes.__getitem__)
         if changes[worst] <= _LARGEST:
             break
-        alone = _changes(estimate, [worst], records, memory_s, sizes)[worst]
+        alone = _changes(estimate, [worst], records, memory_s, sizes, weight)[worst]
         obstacle = Obstacle.NOT_SHOWN if alone > _LARGEST else Obstacle.TOGETHER
         found[worst] = Watched(worst, alone, obstacle)
         names.remove(worst)
-        changes = _changes(estimate, names, records, memory_s, sizes)
+        changes = _changes(estimate, names, records, memory_s, sizes, weight)
     found |= {name: Watched(name, changes[name], None) for name in names}
     return tuple(found[name] for name in monitored)
 
@@ -106,17 +111,42 @@ def shortest_memory(
     return most_s
 
 
+def with_load(
+    estimate: Estimate,
+    without: Sequence[Watched],
+    records: Sequence[Record],
+    memory_s: float,
+    sizes: Mapping[str, float],
+    weight: Mapping[str, float],
+) -> tuple[Watched, ...] | None:
+    """The outlook with the load beside these; None: the records hardly tell it, or are too short to calibrate it.
+
+    Another load is told from another torque constant by friction and inertia alone, so both show less together: none of
+    the others may show much less than without it, unless it still shows small changes.
+    """
+    if sum(record.duration_s for record in records) < _NEEDED * memory_s:
+        return None
+    names = [*(w.name for w in without if w.obstacle is None), LOAD]
+    found = {w.name: w for w in outlook(estimate, names, records, memory_s, sizes, weight)}
+    most = {w.name: max(_SMALL, _HARDLY_LESS * w.change) for w in without} | {LOAD: _OF_LOAD}
+    if any(w.obstacle is not None or w.change > most[name] for name, w in found.items()):
+        return None
+    return (*(found.get(w.name, w) for w in without), found[LOAD])
+
+
 def _changes(
     estimate: Estimate,
     names: Sequence[str],
     records: Sequence[Record],
     memory_s: float,
     sizes: Mapping[str, float],
+    weight: Mapping[str, float],
 ) -> Mapping[str, float]:
     """Smallest change of each that shows within the memory, the others being monitored, too."""
     if not names:
         return {}
-    called, result = monitored_information(estimate, names, records)
+    own = [name for name in names if name != LOAD or not weight]
+    called, result = monitored_information(estimate, own, records, weight if LOAD in names else {})
     duration_s = sum(record.duration_s for record in records)
     longer = np.sqrt(max(duration_s / memory_s, 1.0))
     known_as = {_base(name): name for name in called}  # Ja or 1/Ja
@@ -130,7 +160,7 @@ def _changes(
 
 
 def _is_zero(estimate: Estimate, name: str) -> bool:
-    if name == DELAY:
+    if name in (DELAY, LOAD):
         return False
     value = _size(estimate, name)
     signed = estimate.drive.parameter(_base(name)).least < 0
@@ -145,5 +175,7 @@ def _base(name: str) -> str:
 def _size(estimate: Estimate, name: str) -> float:
     if name == DELAY:
         return estimate.interval_s
+    if name == LOAD:
+        return 1.0
     base = _base(name)
     return abs(value_of(estimate.values, name)) if estimate.values[base] else 0.0

@@ -17,7 +17,6 @@ from monitor_core.drive import (
     LOAD,
     AxisModel,
     Drive,
-    Term,
     ThermalStart,
     friction_of,
     split_name,
@@ -48,7 +47,7 @@ from service.config import AxisConfig, Config, NamedAxis, given_values, predicto
 from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
-from service.config.drives import lacking_for
+from service.config.drives import lacking_for, watches_load
 from service.ingest.identification_records import Loaded, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
@@ -167,9 +166,11 @@ def prepare(
     problem = _problem(axis, drive, nominal, selection, used, request, schedule, speed_scale)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
+    load_too = watches_load(axis.config)
     options = IdentificationOptions(
         start=start,
-        monitored=_monitored(axis.config, drive, schedule),
+        monitored=tuple(name for name in axis.config.model.monitor if name != LOAD or not load_too),
+        load=load_too,
         interval_mean=axis.config.interval_mean,
         max_masses=request.masses,
         held=selection.held,
@@ -248,19 +249,6 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
                 raise IdentificationError(f"{parameter} follows {name} twice")
             schedule[parameter] = (*schedule.get(parameter, ()), name)
     return schedule
-
-
-def _monitored(axis: AxisConfig, drive: Drive, schedule: Schedule) -> tuple[str, ...]:
-    """The monitored parameters; in place of the load the constant torque that is its weight, which it scales."""
-    offsets = drive.constant_torques()
-    turning = (
-        name
-        for name, terms in schedule.items()
-        if name in offsets and any(Term.read(term).turns for term in terms)
-    )
-    weight = next(turning, None)
-    names = [weight if name == LOAD else name for name in axis.model.monitor]
-    return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
 def _thermal_start(

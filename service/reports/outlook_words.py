@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from monitor_core.drive import COSINE, COULOMB, DELAY, ONE, SINE, Drive, split_name
+from monitor_core.drive import COSINE, COULOMB, DELAY, LOAD, ONE, SINE, Drive, split_name
 from monitor_core.identification import (
     Basis,
     Effect,
@@ -24,6 +24,8 @@ _MEASURE = {
     Measure.MOTION: ("the simulation", "motion"),
     Measure.TORQUE: ("the drive, moved as measured,", "torque"),
 }
+_MEANINGS = {DELAY: "delay of the torque", LOAD: "weight of arm and payload, relative to that of the records"}
+"""Of what is watched and no parameter of the drive"""
 _MISSING = {
     Effect.POSE: (
         "torque depends on the angle, as that of a weight does: add gravity to the drive (AxisWatch.Gravity, or"
@@ -98,7 +100,7 @@ def watched_table(result: IdentificationResult) -> Table:
     rows = []
     for w in result.watched:
         base, inverse = split_name(w.name)
-        meaning = "delay of the torque" if w.name == DELAY else drive.parameter(base).meaning
+        meaning = _MEANINGS.get(w.name) or drive.parameter(base).meaning
         change = _change(w, result) if w.obstacle is None else "cannot be watched"
         rows.append((w.name, f"reciprocal of: {meaning}" if inverse else meaning, change))
     return Table(("parameter", "what it is", "changes from"), rows)
@@ -133,6 +135,8 @@ def _obstacle(w: Watched, result: IdentificationResult) -> str:
 def _motion(name: str, result: IdentificationResult) -> str:
     """The record that would determine a parameter."""
     drive, base = result.estimate.drive, split_name(name)[0]
+    if base == LOAD:
+        return "motion of the whole arm at several speeds, slow and fast, in both directions"
     acts = _acts_by(drive, base)
     if acts & {ONE, COSINE, SINE}:
         return "motion over more of the angle range, in both directions"

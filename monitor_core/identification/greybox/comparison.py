@@ -8,13 +8,14 @@ would fall in a simulation of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import DELAY, Output, split_name
+from monitor_core.drive.structure import DELAY, LOAD, Output, split_name
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.residuals import Information, information
@@ -175,11 +176,16 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
 
 
 def monitored_information(
-    estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]
+    estimate: Estimate,
+    monitored: Sequence[str],
+    records: Sequence[Record],
+    weight: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[str], Information]:
     """Names of the monitored parameters, and what the records tell of them where everything else is held.
 
-    As in the daemon: values, K and delay are the estimates, and schedules are followed.
+    As in the daemon: values, K and delay are the estimates, and schedules are followed.  ``weight``: the reference of
+    what the constant torque follows as a weight, by the name of the slope; if there is any, LOAD comes last, which
+    scales the torque of the weight.
 
     Raises:
         ValueError: a record of another output than the drive's.
@@ -198,9 +204,16 @@ def monitored_information(
     errors = predictor.errors(fit_starts(predictor))
     end = len(free) + sum(map(len, problem.varying.values()))  # parameters and slopes, before the delay
     own, start = [*range(len(watched)), *[end] * problem.free_delay], end + problem.free_delay
-    gradients, starts = [e.psi[:, own] for e in errors], [e.psi[:, start:] for e in errors]
-    names = [predictor.layout.names[k] for k in own]
-    sizes, eps = np.ones(len(own)), [e.eps for e in errors]
+    every, columns = predictor.layout.names, np.eye(start)[:, own]
+    if weight:
+        theta, load = dict(zip(estimate.names, estimate.theta.tolist(), strict=True)), np.zeros(start)
+        for slope, reference in weight.items():
+            load[every.index(slope)] = theta[slope]
+            load[every.index(slope.partition(" per ")[0])] += theta[slope] * reference
+        columns = np.column_stack([columns, load])
+    gradients, starts = [e.psi[:, :start] @ columns for e in errors], [e.psi[:, start:] for e in errors]
+    names = [*(every[k] for k in own), *([LOAD] if weight else [])]
+    sizes, eps = np.ones(len(names)), [e.eps for e in errors]
     return names, information(names, sizes, gradients, starts, eps, estimate.lam0)
 
 

@@ -141,9 +141,9 @@ def fit_starts(predictor: Predictor) -> Floats:
         columns = np.split(np.arange(own.size), len(errors))
         return _normal(predictor, errors, columns, np.ones(own.size), np.inf)
 
-    own = xi[shared:]
+    own, region = xi[shared:], Region(clipped=predictor.farthest_starts())
     try:
-        found = minimise(evaluate, own, Region(), _START_STEPS, None, UNDAMPED, NEARLY).xi
+        found = minimise(evaluate, own, region, _START_STEPS, None, UNDAMPED, NEARLY).xi
     except ValueError:
         found = own
     return np.concatenate([xi[:shared], found])
@@ -223,6 +223,8 @@ def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> fl
 
 def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> End:
     longest, clipped = np.full((2, xi.size), np.inf)
+    # Of an axis that stands at first, with errors that count from min_speed on, nothing tells the initial state.
+    clipped[predictor.layout.shared :] = predictor.farthest_starts()
     for k, entry in enumerate(predictor.layout.entries):
         if entry.name.startswith(LEVEL):
             clipped[k] = _LEVEL_STEP

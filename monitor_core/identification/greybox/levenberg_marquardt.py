@@ -22,7 +22,7 @@ _FLAT = 1e-13
 """A part of the cost that no more is to be gained than this ends the search, too (data without noise)."""
 _NOTHING = 1e-6
 """What an entry's longest step adds to the sum of squares, in variances, where it no longer matters: a noise level that
-has all but vanished is not to be followed for ever."""
+has all but vanished is not to be followed for ever, nor an initial state that no error shows."""
 _DAMPING = 1.0
 UNDAMPED = 1e-12
 _LEAST_DAMPING = 1e-3

@@ -31,6 +31,9 @@ from monitor_core.kernel.fixed_predictor import (
 )
 from monitor_core.kernel.tables import COULOMB, TORQUE, WEIGHT
 
+_FAR = 1e4
+"""Times the largest output."""
+
 
 class Errors(NamedTuple):
     """Errors of one record: eps (N,) and psi (N, shared + n), zero where they do not count.
@@ -122,6 +125,10 @@ class Predictor:
         lower, upper = self.layout.bounds()
         endless = np.full(self.own * len(self.series), math.inf)
         return np.concatenate([lower, -endless]), np.concatenate([upper, endless])
+
+    def farthest_starts(self) -> Floats:
+        """Far more than an initial state can be (len(xi) - shared,)."""
+        return np.repeat([_FAR * float(np.abs(s.y).max(initial=0.0)) or 1.0 for s in self.series], self.own)
 
     def gain(self, xi: Floats) -> Gain:
         """K and its derivatives (n, shared), in units of d.

@@ -12,6 +12,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
+from monitor_core.drive import LOAD
 from monitor_core.identification import (
     IdentificationOptions,
     IdentificationResult,
@@ -336,6 +337,47 @@ def test_the_outlook_follows_a_weight_that_is_not_monitored(seed: int) -> None:
     for own, expected in zip(held, outlook(light.estimate, ("fv", "fc"), [plain], 5.0), strict=True):
         assert own.obstacle is None
         assert own.change == pytest.approx(expected.change, rel=0.1)
+
+
+def with_weight(
+    seed: int, size: float, seconds: float, *, asked: bool = False, memories_s: tuple[float, ...] = ()
+) -> tuple[Record, IdentificationResult]:
+    """A record of an axis that bears the weight of a link, which turns with an angle of its own; what it tells."""
+    plain = record(seed, seconds=seconds)
+    other = np.asarray(1.3 * np.sin(plain.t / 3), np.float64)
+    heavy = replace(plain, u=plain.u + size * np.cos(other), signals={"other": other})
+    scheduled = scheduled_terms({"tau0": ("cos(other)",)}, [heavy])
+    problem = Problem(one_mass(), VALUES, ALL, speed_scale=SCALE, varying={"tau0": ("cos(other)",)})
+    options = IdentificationOptions(
+        start="values", monitored=("kT", "fv", "fc"), scheduled=scheduled,
+        load=asked, memory_s=1.0, memories_s=memories_s,
+    )  # fmt: skip
+    return with_terms(heavy, scheduled), identify(problem, [with_terms(heavy, scheduled)], (), options)
+
+
+def test_the_load_is_offered_where_the_record_tells_it(seed: int) -> None:
+    """With a memory that is long enough to tell it from the torque constant, and one parameter of four less sure."""
+    heavy, found = with_weight(seed, 5.0, 40.0, memories_s=(0.25, 0.5))
+    *others, load = found.watched
+    assert (load.name, load.obstacle, found.memory_s) == (LOAD, None, 1.0)
+    assert load.change < 0.3
+    assert [w.name for w in others] == ["kT", "fv", "fc"]
+    alone = {w.name: w.change for w in outlook(found.estimate, ("kT", "fv", "fc"), [heavy], 1.0)}
+    assert all(w.change >= alone[w.name] for w in others)
+    heavier = with_weight(seed, 10.0, 40.0, memories_s=(0.25, 0.5))[1].watched[-1]
+    assert 0.4 * load.change < heavier.change < load.change
+
+
+@pytest.mark.parametrize(
+    ("size", "seconds"), [(0.01, 40.0), (5.0, 30.0)], ids=["a small weight", "too short"]
+)
+def test_a_load_that_the_record_does_not_tell_is_not_offered_unless_asked(
+    seed: int, size: float, seconds: float
+) -> None:
+    names = [w.name for w in with_weight(seed, size, seconds)[1].watched]
+    assert names == ["kT", "fv", "fc"]
+    asked = with_weight(seed, size, seconds, asked=True)[1].watched
+    assert [w.name for w in asked] == [*names, LOAD]
 
 
 def test_a_slow_motion_leaves_enough_for_the_black_box(seed: int) -> None:

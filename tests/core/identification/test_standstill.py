@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import IdentificationOptions, Problem, identify
+from monitor_core.identification.greybox import fit
+from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import speed_scales
 from monitor_core.identification.records.standstill import find_standstill
 from monitor_core.identification.verdict import Quality
+from monitor_core.modeling.drive_drawings import one_mass
+from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.statespace import drive_of
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import H, healthy, picks
 
@@ -41,6 +46,23 @@ def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> No
     assert found.verdict.quality is Quality.GOOD
     for name, value in TRUE.items():
         assert found.estimate.values[name] == pytest.approx(value, rel=0.1), name
+
+
+@pytest.mark.parametrize("stands_s", [0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 20.0])
+def test_an_axis_that_stands_at_first_is_identified(seed: int, stands_s: float) -> None:
+    """No error that counts shows its initial speed then, as the predictor forgets it before the axis moves."""
+    rng, step = np.random.default_rng(seed), 0.004
+    t = np.arange(0.0, stands_s + 20.0, step)
+    w = np.where(t < stands_s, 0.0, 40.0 * np.sin(2 * np.pi * 0.5 * (t - stands_s)))
+    u = 2e-3 * np.gradient(w, step) + 5e-3 * w + 0.5 * np.tanh(w / 0.5)
+    w, u = w + rng.normal(0, 0.02, t.size), u + rng.normal(0, 0.02, t.size)
+    true = {"J": 2e-3, "fm": 5e-3, "fc": 0.5}
+    drive = drive_of(eliminate(one_mass().flat(), "speed"))
+    problem = Problem(drive, {**true, "tau0": 0.0, "kT": 1.0}, tuple(true), speed_scale=0.5, min_speed=2.0)
+    found = fit(problem, [Record(t, u, w, "speed")])
+    assert found.converged
+    for name, value in true.items():
+        assert found.values[name] == pytest.approx(value, rel=0.05), name
 
 
 def test_at_rest_it_is_the_torque_of_the_weight(seed: int) -> None:
