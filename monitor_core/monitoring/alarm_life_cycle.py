@@ -23,6 +23,8 @@ PRIORITIES: tuple[Priority, ...] = ("low", "medium", "high")
 
 MAX_SHELF_S = 7 * 86400.0
 """Longest time for which an alarm may be shelved [s]: until the next planned maintenance, not until it is forgotten."""
+_SET_S = 3600.0
+"""By so much the clock may be set back meanwhile [s]"""
 
 
 class AlarmState(StrEnum):
@@ -147,8 +149,11 @@ class AlarmLife(NamedTuple):
         return self.state in HIDDEN_STATES
 
     def at(self, now_us: int) -> AlarmLife:
-        """The state at a time: a shelf that is over hides nothing, even before its end is recorded."""
-        over = self.until_us is not None and self.until_us <= now_us
+        """The state at a time: a shelf that is over hides nothing, even before its end is recorded.
+
+        Nor does one that would last too long from now: the clock was ahead when the alarm was shelved.
+        """
+        over = self.until_us is not None and not 0 < self.until_us - now_us <= (MAX_SHELF_S + _SET_S) * 1e6
         return AlarmLife(self.below) if over else self
 
 

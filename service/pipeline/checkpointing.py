@@ -228,12 +228,13 @@ def restore(
             found = loader.load(at, state.name, state.key)
             if found is not None and loader.use(at, state.name, state.restore, found.arrays):
                 times.append(found.at_us)
-        messages += _close_unmonitored(axis_id, monitor, journal, now_us)
+        messages += _close_unmonitored(axis_id, monitor.causes, journal, now_us)
         recorded = journal.open_alarms(axis_id)
         opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
         own = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
         changes += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, own, journal)]
-    messages += _removed_axes(monitors.by_id if configured is None else configured, journal)
+    for axis_id in sorted({a.axis for a in journal.standing()}.difference(configured or monitors.by_id)):
+        messages += _close_unmonitored(axis_id, (), journal, now_us)
     _restore_trends(monitors.trends, loader)
     changes += monitors.trends.adopt(opened, now_us)
     messages += loss_messages(loader.losses)
@@ -261,8 +262,9 @@ def _restore_history(history: SlowHistory, gathered: Floats, arrays: Arrays) -> 
 # --- open alarms ----------------------------------------------------------------------------------------
 
 
-def _close_unmonitored(axis_id: str, monitor: AxisMonitor, journal: Journal, now_us: int) -> list[str]:
-    ended = journal.close_unmonitored(axis_id, monitor.causes, now_us)
+def _close_unmonitored(axis_id: str, causes: Collection[str], journal: Journal, now_us: int) -> list[str]:
+    """End the alarms that nothing would ever end: of other causes, or of an axis that is no longer configured."""
+    ended = journal.close_unmonitored(axis_id, causes, now_us)
     words = "{axis}: the alarm of {name} was ended: that is no longer monitored"
     return [sentence("unmonitored", words, axis=axis_id, name=a.parameter) for a in ended]
 
@@ -279,13 +281,6 @@ def _adopt(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journa
 def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
     found, _ = journal.query(axis_id, since_us=alarm.raised_us, until_us=alarm.raised_us + 1)
     return any(recorded.first == alarm.first for recorded in found)
-
-
-def _removed_axes(configured: Collection[str], journal: Journal) -> list[str]:
-    alarms, _ = journal.query(active=True, limit=1000)
-    removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in configured)
-    words = "{axis} is no longer configured, but has open alarms in the journal"
-    return [sentence("not configured", words, axis=axis) for axis in removed]
 
 
 # --- report ---------------------------------------------------------------------------------------------

@@ -155,5 +155,5 @@ def end_shelf(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife, no
     if life.at(now_us) == life:
         return life
     ended = transition(life, AlarmEvent.SHELF_ENDED)
-    take(connection, alarm_id, [ended], Note(life.until_us or now_us, SERVICE))
+    take(connection, alarm_id, [ended], Note(min(life.until_us or now_us, now_us), SERVICE))
     return ended.after

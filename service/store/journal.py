@@ -170,9 +170,8 @@ class Journal:
 
     def end_shelves(self, now_us: int) -> None:
         """Record the end of every shelf and every off-delay that is over."""
-        over = "WHERE state = 'shelved' AND shelved_until_us <= ?"
         with self._db.write() as connection:
-            for alarm in select_alarms(connection, over, [now_us]):
+            for alarm in select_alarms(connection, "WHERE state = 'shelved'"):
                 end_shelf(connection, alarm.id, alarm.life, now_us)
             self._end_delays(connection, now_us)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from monitor_core.monitoring import AlarmEvent
 from service.can.bus import open_buses, send
 from service.can.frames import Frame
 from service.config import Config
@@ -121,6 +122,22 @@ def test_axes_are_added_and_removed(
         (AXIS, 2800),
         (OTHER, 2600),
     ]
+
+
+def test_the_alarms_of_an_axis_end_with_it_and_its_fault_is_found_again_where_it_comes_back(
+    core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
+) -> None:
+    (alarm,), _ = core.journal.query(AXIS)
+    note = Note(core.now_us, "anna")
+    core.journal.act(alarm.id, AlarmEvent.SHELVE, note, core.now_us + 3_600_000_000)
+    (robot,) = core.config.robot
+    without = robot.model_copy(update={"axis": [axis for axis in robot.axis if axis.name != "axis1"]})
+    assert reloading.reload(core.config.model_copy(update={"robot": [without]})).removed == (AXIS,)
+    assert core.journal.query(AXIS, active=True)[1] == 0
+    assert reloading.reload(core.config).added == (AXIS,)
+    wait_for(lambda: len(core.worker.snapshot.axes) == 2)
+    core.feed(seconds(frames, 12, 24))
+    assert [a.parameter for a in core.axis().open_alarms] == ["fm"]
 
 
 def test_what_is_not_possible_changes_nothing(

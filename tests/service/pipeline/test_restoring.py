@@ -9,7 +9,7 @@ import pytest
 from monitor_core.detection import Alarm, Crossing, Name
 from monitor_core.detection.cusum.cusum_evidence import Evidence
 from monitor_core.detection.onset import Past
-from monitor_core.monitoring import AxisMonitor
+from monitor_core.monitoring import AlarmState, AxisMonitor
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
@@ -198,10 +198,11 @@ def test_alarms_of_what_is_no_longer_monitored(
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.messages == (
         "demo.axis1: the alarm of fc was ended: that is no longer monitored",
-        "demo.axis7 is no longer configured, but has open alarms in the journal",
+        "demo.axis7: the alarm of fm was ended: that is no longer monitored",
     )
     assert found.by_id[AXIS].open_alarms == ()
-    assert journal.query(active=True)[1] == 1
+    assert journal.query(active=True)[1] == 0
+    assert {a.life.state for a in journal.query()[0]} == {AlarmState.RETURNED}
 
 
 # --- what is lost: one message for each axis ----------------------------------------------------------------

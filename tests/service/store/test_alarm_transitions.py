@@ -137,6 +137,16 @@ def test_a_shelf_ends_by_itself_and_the_cause_is_followed(journal: Journal) -> N
     assert (last.at_us, last.event, last.who) == (60 * SECOND, "shelf ended", "axiswatch")
 
 
+def test_a_shelf_of_a_clock_that_was_far_ahead_ends_when_the_clock_is_right(journal: Journal) -> None:
+    number, day = recorded(journal), 86_400
+    journal.act(number, E.SHELVE, by("anna", 7 * day), 14 * day * SECOND)
+    journal.end_shelves((7 * day - 60) * SECOND)  # it was set back by a minute
+    assert state(journal, number).hidden
+    journal.end_shelves(5 * day * SECOND)
+    assert state(journal, number) == AlarmLife(S.UNACKNOWLEDGED)
+    assert journal.transitions(number)[-1].at_us == 5 * day * SECOND
+
+
 def test_a_person_may_act_when_the_shelf_is_over_but_its_end_is_not_recorded(journal: Journal) -> None:
     number = recorded(journal)
     journal.act(number, E.SHELVE, by("anna", 5), 60 * SECOND)

@@ -235,7 +235,6 @@ const SENTENCES: Record<string, string> = {
   "history not written": "Die Geschichte kann noch nicht geschrieben werden, es wird wieder versucht: {why}",
   "not saved": "Der Zustand der Überwachung kann nicht gespeichert werden: {why}",
   unmonitored: "{axis}: der Alarm von {name} wurde beendet: das wird nicht mehr überwacht",
-  "not configured": "{axis} ist nicht mehr konfiguriert, hat aber offene Alarme im Journal",
   "not used": "{axis}: der gesicherte Zustand wird nicht verwendet und wurde beiseitegelegt: {why}",
   "part not used": "{axis}: ein Teil des gesicherten Zustands wird nicht verwendet und wurde beiseitegelegt: {why}",
   lost: "{why} (neu begonnen: {parts})",
