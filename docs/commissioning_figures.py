@@ -17,8 +17,8 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.plot_style import LIMIT, TEXT, ZONE, as_svg, figure
 from service.reports.replay_html import overview_picture
 from service.reports.replay_result import Replay, Replayed
-from service.simulation.healthy_table import table_lines
 from service.simulation.robot import Fault
+from service.simulation.robot_table import table_lines
 
 SECONDS, BROKEN_S, GROWN = 60.0, 30.0, 1.3
 _SEED = 7

@@ -30,7 +30,7 @@ class SampleBlock(NamedTuple):
     inside: NDArray[np.bool_] | None = None
     """(N,) whether the conditions are those of the calibration; None: that is not known"""
     name: str = ""
-    """Of the record, as shown to the user"""
+    """Name of the record, as shown to the user"""
 
     @property
     def size(self) -> int:

@@ -73,12 +73,12 @@ def percent(value: float) -> str:
 
 
 def rounded_down(value: float) -> float:
-    """To two digits, for a number that the user is asked to stay below."""
+    """The value rounded down to two digits: a number that the user is asked to stay below."""
     return _rounded(value, math.floor)
 
 
 def rounded_up(value: float) -> float:
-    """To two digits, for a number that the user is asked to reach."""
+    """The value rounded up to two digits: a number that the user is asked to reach."""
     return _rounded(value, math.ceil)
 
 

@@ -14,10 +14,10 @@ from monitor_core.settings import Threshold
 CONFIDENCE = 0.90
 LOWER, UPPER = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
 LEAST_H, LEAST_NU, MOST_NU = 0.5, 0.3, 2.5
-"""Thresholds over sigma times memory, and nu over sigma, for which run lengths are known."""
+"""Bounds within which the run-length formula holds: of h over (sigma memory), and of nu over sigma."""
 _OFF, _FARTHER = 0.03, 0.03
-"""Standard deviation, logarithmic, of what the shape of the run length is off by: so much, and so much for each
-factor e by which it is extrapolated."""
+"""Standard deviation of the error of the log rate that comes from the formula: a constant part, and a part for each
+factor e by which the rate is extrapolated."""
 _NEAR = 0.02
 """Accuracy of logarithms of rates."""
 
@@ -34,7 +34,7 @@ class Rates:
     lower: float
     upper: float
     beyond: float
-    """By which factor, at most, a rate is below what was simulated"""
+    """Largest factor by which a rate lies below the rates that were simulated"""
 
 
 def best_nu(log_time: float, within: float) -> float:
@@ -144,7 +144,7 @@ def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-
 
 
 def bisected(is_below: Callable[[Floats], Bools], low: Floats, high: Floats, halvings: int) -> Floats:
-    """Points (H,) up to which ``is_below`` holds, from above, after so many halvings of [low, high]."""
+    """Points (H,) up to which ``is_below`` holds: upper ends of [low, high] after this number of halvings."""
     for _ in range(halvings):
         middle = (low + high) / 2
         below = is_below(middle)

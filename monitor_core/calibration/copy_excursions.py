@@ -29,20 +29,20 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
-"""That are simulated, for the tests' sums, and of them at most for what copies are off by."""
+"""Numbers of simulated samples: for the excursions, and at most for the error of the copies."""
 MANY, FEW, FEWEST = 8.0, 0.125, 8
-"""Blocks that a copy has, over those of the record: so that all copies are alike, and so that they differ; at least so
-many."""
+"""Blocks of a copy over those of the record: with MANY all copies are alike, with FEW they differ.  FEWEST: the least
+number of blocks of a copy."""
 SETTLED = 3
 """Memories until the deviations have forgotten their start."""
 LEAST = 0.5
-"""Excursions above that are kept, in sigma times memory."""
+"""Only excursions above this are kept, in sigma times memory."""
 _ROOM, _KNOWN = 300_000, 50
 
 
 @dataclass(frozen=True)
 class Excursions:
-    """Peaks of the sums of the tests in each excursion from zero, falling; [direction][parameter].
+    """Peaks of the CUSUM sums in each excursion from zero, largest first; [direction][parameter].
 
     In sizes times samples, of tests with nu over sigma = k (p,), in ``samples`` of each test.
     """
@@ -50,9 +50,9 @@ class Excursions:
     k: Floats
     sigma: Floats
     mean: Floats
-    """Of the deviation, in sizes (p,)"""
+    """Mean of the deviation, in sizes (p,)"""
     error: Floats
-    """Covariance (2 p, 2 p) of what the means, over sigma, and log sigma are off by themselves (``own_error``)"""
+    """Covariance (2 p, 2 p) of the errors of the copies: of mean over sigma, and of log sigma (``own_error``)"""
     largest: tuple[tuple[Floats, ...], ...]
     samples: float
 

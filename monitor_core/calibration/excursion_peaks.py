@@ -9,9 +9,9 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.excursions import ORIGIN, PEAK, PLACE, START, excursion_peaks
 
 TOP = 500
-"""Excursions that go highest: of more of them the lower ones tell a shape that the higher ones no longer have."""
+"""Number of highest excursions that are used: lower ones have another distribution than the tail."""
 LEAST_HEIGHT = 2.0
-"""Lower ones do not tell the tail."""
+"""Lower excursions are left out: they say nothing about the tail."""
 
 
 class ExcursionPeaks:

@@ -23,7 +23,7 @@ from monitor_core.calibration.copy_excursions import Excursions
 from monitor_core.calibration.scatter import Scatter
 
 _ALARMING_K = 0.02
-"""A test with less drift than that, or the wrong way, alarms all the time."""
+"""With a smaller drift, or a negative one, a test alarms all the time."""
 _LEAST_H = 1e-3
 
 
@@ -54,15 +54,14 @@ def log_single(k: Floats, h: Floats) -> Floats:
 
 
 ENOUGH, FEW = 300, 15
-"""Excursions that go farthest, which tell how often; a rate of which there were fewer than the second is not known
-without the formula."""
+"""Number of highest excursions that are used at most; with fewer than FEW a rate is known by the formula only."""
 LEAST_H = 1.0
-"""Sigma times memory: of lower thresholds the formula is not right enough to be fitted to."""
+"""Lowest threshold, in sigma times memory, at which the formula is good enough to be fitted."""
 TAU_SD, LEVEL_SD = 0.2, 0.2
-"""Logarithmic: how far memory and rate may be from those of white noise, as far as is known before."""
+"""Prior standard deviations of the logs of memory and rate, around those of white noise."""
 _FAR = 2.0
-"""Of these standard deviations: if few excursions, or none, say more than that, the formula does not hold at thresholds
-as low as theirs, and they say nothing of higher ones."""
+"""In prior standard deviations: where few excursions lead to a fit farther away than this, the formula does not hold at
+their low thresholds.  They then say nothing about higher thresholds, and the prior is used."""
 _STEP, _TINY = 1e-3, 1e-300
 _LEAST_K = 0.1
 
@@ -79,13 +78,13 @@ class Tail:
     """False-alarm rate of one parameter as a function of the threshold."""
 
     k: float
-    """nu over sigma with which it was simulated, and is meant to be used"""
+    """nu over sigma of the simulation, and of the test"""
     sigma: float
-    """Of the records, in sizes"""
+    """Standard deviation in the records, in sizes"""
     ways: tuple[PeakFit, PeakFit]
-    """Of an increase and of a decrease"""
+    """Fits for an increase and for a decrease"""
     log_known: float
-    """Logarithm of the least rate, of one direction and per sample, that was simulated well"""
+    """Logarithm of the lowest rate per sample, of one direction, that the simulation determines well"""
 
     @property
     def nu(self) -> float:

@@ -24,7 +24,7 @@ from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 
 PARTS = 20
-"""Of the time that is watched: where the cause is named, the rest is left out."""
+"""The samples after an onset are run in this number of parts; once the cause is named, the rest is left out."""
 PROBES = 20
 """Onsets at which the multi-model detector is tried first."""
 

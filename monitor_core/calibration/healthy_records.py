@@ -25,9 +25,9 @@ class RecordDeviations:
     s: Floats  # (N, p)
     tested: Bools  # (N, p)
     seeding: int
-    """Samples before P(0) was found"""
+    """Number of samples before P(0) was found"""
     gated: int
-    """Samples after that which a gate leaves out, or ``min_speed``"""
+    """Number of samples after that which a gate or ``min_speed`` leaves out"""
     confounded: tuple[str, ...]
     """What could not be distinguished at the end, in words"""
     uncertain: tuple[str, ...] = ()
@@ -77,7 +77,7 @@ def _deviations(
 
 
 def first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:
-    """Run a record until the tests run; returns the number of samples that this takes, all where they never do."""
+    """Run a record until the tests run.  Returns the number of samples until then; all, if they never run."""
     st, step = monitor.batch.state, monitor.settings.span
     for k in range(0, len(record.t_us), step):
         monitor.update(record.select(slice(k, k + step)))

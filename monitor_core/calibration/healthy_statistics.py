@@ -22,7 +22,7 @@ class HealthyStatistics:
 
     scatter: Scatter
     alone: Scatter
-    """As uncertain as the records alone leave it, whatever copies of them know"""
+    """The same scatter with the uncertainty that the records alone leave, without the knowledge of the copies"""
     allowance: Floats  # (p,), in sizes
     tails: tuple[Tail, ...]
 
@@ -52,11 +52,11 @@ def healthy_statistics(
 
 
 SHORTEST, MOST = 20, 10
-"""Memories in a part, and parts of a record."""
+"""Least number of memories in a part of a record, and largest number of parts."""
 FACTOR = 3.0
-"""The allowance is so many standard deviations of what the means of parts differ by."""
+"""The allowance is this multiple of the standard deviation between the means of the parts."""
 LEVEL = 0.99
-"""A spread that chance makes less often than in one of a hundred is real."""
+"""Confidence with which the parts must differ by more than chance."""
 
 
 def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:

@@ -12,9 +12,9 @@ from scipy.linalg import solve_toeplitz
 from monitor_core.arrays import Floats
 
 ALIKE, LEAST_ALIKE = 0.03, 4
-"""Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""
+"""The next block is drawn from this share of all blocks on each side of the best match, or from this number."""
 LONGEST = 500
-"""Samples of the past that promise anything."""
+"""Largest number of past samples that the prediction uses."""
 _RIDGE = 1e-6
 
 

@@ -22,11 +22,11 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 COPIES = 8_000_000
-"""Samples of copies that the bank is run over."""
+"""Number of samples of copies over which the bank is run."""
 PARTS = 8
-"""Of a record, in none of which anything may speak for a hypothesis all along."""
+"""Number of parts of a record; in none of them may the mean evidence for a hypothesis be positive."""
 LOOK = 2
-"""Blocks over which the power of the innovations is estimated: what an offset looks at is next to zero."""
+"""Blocks over which the power of the innovations is estimated: an offset needs the power close to frequency zero."""
 _CHUNK = 10_000
 
 
@@ -98,7 +98,7 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
 
 
 def _as_they_may_be(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iterator[Sequence[SampleBlock]]:
-    """The records, and with nominal values that are off by what is allowed for as they follow a model."""
+    """The records; and the records with nominal values moved by the allowed model error, each way."""
     yield records
     p = len(axis.model.monitored)
     for i, error in enumerate(axis.settings.model_errors(p) * axis.model.scale):

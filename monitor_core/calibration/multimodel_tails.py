@@ -25,12 +25,12 @@ from monitor_core.arrays import Bools, Floats
 from monitor_core.calibration.excursion_peaks import TOP, ExcursionPeaks
 
 ALIKE = 10
-"""So many excursions as an exact model would have are added where there are fewer than TOP."""
+"""Where there are fewer than TOP excursions, this number is added, distributed as for an exact model."""
 _LEAST_SHAPE, _MOST_SHAPE = -0.1, 0.45
-"""No tail falls faster than an exponential for ever; but where it is one, chance makes half of the shapes negative."""
+"""Bounds of the shape.  No tail falls faster than an exponential, but chance makes half of its shapes negative."""
 _NO_SHAPE = 1e-6
 _UNSURE = 0.25
-"""Standard deviation of what all shapes become farther out, over what they are."""
+"""Relative standard deviation of the shapes beyond the range in which they were seen."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class BankTails:
     mean: Floats
     shape: Floats
     seen: float
-    """Logarithm of the factor that excursions above base become seldomer by, as far as they are seen"""
+    """Logarithm of the factor by which the rate of excursions above ``base`` falls within the range that was seen"""
 
     def log_rates(self, h: Floats, steeper: Floats) -> Floats:
         """Logarithms (B, H) of the rates of excursions above h (H,), where g is steeper by a factor (B, H)."""

@@ -25,13 +25,13 @@ from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.samples import SampleBlock
 
 _LARGEST = 1.1
-"""A threshold is so many times what the healthy records themselves reach, at least."""
+"""A threshold is at least this multiple of the largest g in the healthy records."""
 _DRAWS = 1000
 _MOST = 4.0
-"""Logarithm of a factor, by which the hypotheses' shares of the budget may be off."""
+"""Logarithm of the largest factor by which the shares of the budget are corrected."""
 _NEAR = 0.01
 _HALVINGS = 14
-"""Of a height's bounds, to find it."""
+"""Number of bisections for a threshold."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +123,10 @@ def _height_for_rate(log_rate: Callable[[Floats], Floats], share: float, least: 
 # remaining alarms falls as a power of their rate, which two counts determine.
 
 _OFTEN, _FEW = TOP, TOP // 20
-"""Excursions of each: far enough apart, and enough of them, that the two shares are hardly ever the wrong way round."""
+"""Excursions of each hypothesis for the two counts: so different that the two shares are hardly ever in wrong order."""
 _STEEPEST = 1.0
 _UNSURE = 0.2
-"""Standard deviation of the exponent's logarithm of the share, over itself."""
+"""Relative standard deviation of the logarithm of the share."""
 
 
 def log_share(found: ExcursionPeaks, hypotheses: int, log_rate: float, draws: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""What bootstrap copies of healthy records are off by, because the records are short.
+"""Error of bootstrap copies of healthy records, because the records are short.
 
 Copies that each have only a few of the innovations, blocks drawn with replacement, differ from each other by the chance
 of these blocks.  All the innovations of the records are chance, too, but less so the more there are (bootstrap of a
@@ -13,11 +13,11 @@ import numpy as np
 from monitor_core.arrays import Floats
 
 PartSums = tuple[Floats, float]
-"""Sums of the deviations of a part of the records, and of their squares (2, p, W), and their number."""
+"""Of a part of the records: sums of the deviations and of their squares (2, p, W), and number of samples."""
 
 
 def part_sums(d: Floats) -> PartSums:
-    """Of the deviations (n, p, W)."""
+    """Sums of the deviations d (n, p, W) of a part of the records."""
     return np.stack([d.sum(axis=0), (d * d).sum(axis=0)]), float(len(d))
 
 

@@ -17,20 +17,20 @@ from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed, rounded_up
 
 FEWEST = 20
-"""Memories of tested samples."""
+"""Least number of memories of tested samples."""
 LEAST_TESTED = 0.5
-"""Of the samples after P(0) was found."""
+"""Least share of tested samples among those after P(0) was found."""
 STEP = 5.0
-"""Standard deviations of the estimate by which it changes inside a record, or is off all along, where it is faulty."""
+"""In standard deviations of the estimate: a larger change inside a record, or constant deviation, is a fault."""
 OFF = 0.1
-"""And so much of the parameter's size: less is allowed for in nu, as no nominal values are quite those of the axis."""
+"""A constant deviation is a fault only beyond this share of the size: nu allows for less, as no values are exact."""
 _SURE = 6.0
-"""And of the difference of two means: chance does not make it."""
+"""In standard deviations of the difference of two means: a larger one is not chance."""
 _EDGE = 5
 """Memories at each end in which no change is looked for."""
 WIDEST = 1000.0
-"""Times the rate that is most likely: if it may be more, nothing can be promised.  A budget that is farther away than
-the square of so many memories is known to the root of that, as no record of minutes knows a year better."""
+"""Largest ratio of the upper bound of the rate to the most likely rate; beyond it nothing is promised.  For a
+budget of more than its square in memories it is the root of their number: no record of minutes knows a year better."""
 
 
 class CalibrationError(Exception):

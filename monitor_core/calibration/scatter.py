@@ -14,13 +14,13 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy_records import RecordDeviations
 
 BINS = 50
-"""In a memory: of so many samples one is looked at."""
+"""Samples that are used in each memory; the others are left out, as the deviations are correlated."""
 OFFSET = 0.3
-"""Standard deviations: a mean that is farther off the nominal value would leave a test no threshold."""
+"""In standard deviations: the part of the mean deviation that the rates include; the allowance covers the rest."""
 _SMALL = 1e-12
 _RESAMPLINGS = 1000
 LONGEST, MOST_BLOCKS = 5, 30
-"""Memories in a block, and how many blocks there are at least, where the record is long enough for both."""
+"""Memories in a block at most, and number of blocks at least."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Scatter:
 
 
 def stride(memory: float) -> int:
-    """Number of samples from one that is looked at to the next."""
+    """Number of samples from one that is used to the next."""
     return max(1, round(memory / BINS))
 
 
@@ -84,7 +84,7 @@ def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Gen
 
 
 def looked_at(deviations: RecordDeviations, memory: float) -> Ints:
-    """Indices of the samples that are looked at: of the tested ones, BINS in a memory."""
+    """Indices of the samples that are used: of the tested ones, BINS in a memory."""
     q = stride(memory)
     return np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
 

@@ -19,13 +19,13 @@ from monitor_core.calibration.copy_excursions import Excursions
 from monitor_core.calibration.scatter import Scatter
 
 MOST_OWN = 0.5
-"""Of the chance of a record, what copies of it are off by themselves."""
+"""Largest share of the error of the copies in the chance of a record."""
 EXPECTED = 0.25
-"""Numbers that are something, beforehand: one, of four axes.  What is far out is believed all the same."""
+"""Prior number of nonzero differences: one in four axes.  A large difference is not shrunk in any case."""
 _STEPS, _SCALES, _WIDE = 120, 60, 9.0
-"""Points of zeta and of tau, equal steps of their logarithms, to so far from what is in the middle."""
+"""Points of zeta and of tau in equal steps of their logarithms, and the largest logarithm."""
 _FARTHEST = 1e3
-"""Standard deviations: what is farther out is not shrunk at all, and its weights would underflow."""
+"""In standard deviations: beyond it nothing is shrunk, and the weights would underflow."""
 _TINY = 1e-300
 
 

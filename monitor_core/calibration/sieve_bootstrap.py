@@ -1,4 +1,4 @@
-"""Synthetic innovations of any length, of the spectrum and with the shocks of a record's.
+"""Synthetic innovations of any length, with the spectrum and the shocks of those of a record.
 
 The colour is removed by an autoregression, the shocks that are left are drawn in pieces too short to hold a burst, and
 the colour is restored (Buehlmann 1997).
@@ -12,9 +12,9 @@ from monitor_core.arrays import Floats, Ints
 
 _ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 _SAMPLES_EACH = 20
-"""Of the record, for each coefficient, at least."""
+"""Least number of samples of the record for each coefficient."""
 _TOGETHER = 10
-"""Samples that are drawn in a piece: what they have in common but their colour stays."""
+"""Samples that are drawn in one piece, which keeps what they have in common beside their colour."""
 _SETTLING = 1000
 
 
@@ -77,11 +77,11 @@ def whitening_filter(eps: Floats) -> Floats:
 # McNeil and Frey 2000, who draw the tails of residuals in this way).
 
 _SHARE = 0.02
-"""Of the shocks, on each side, that are large."""
+"""Share of the shocks on each side that count as large."""
 _FEWEST = 500
-"""With fewer large ones, which tell their shape no better than within 0.05, all stay as they are."""
+"""With fewer large shocks their shape is known no better than within 0.05: then all stay as they are."""
 _MOST_SHAPE = 0.45
-"""From 0.5 on what exceeds the level has no variance, and its moments do not tell the shape."""
+"""From a shape of 0.5 on the exceedances have no variance, and their moments do not determine the shape."""
 _NO_SHAPE = 1e-6
 
 

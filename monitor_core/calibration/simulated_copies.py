@@ -17,7 +17,7 @@ from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 
 _ENDLESS = 1 - 1e-6
-"""lambda of a run that looks for P(0) so long that theta stays nominal over any record."""
+"""lambda with which the search for P(0) lasts longer than any record, so that theta stays nominal."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Plants:
 
 
 def _side_by_side(drives: Floats, which: Ints) -> Floats:
-    """Of each axis the numbers of its drive (.., W), from those of the drives (F, ..)."""
+    """The numbers of the drive of each axis (.., W), from those of all drives (F, ..)."""
     return np.ascontiguousarray(np.moveaxis(drives[which], 0, -1))
 
 

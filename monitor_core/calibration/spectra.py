@@ -26,7 +26,7 @@ from monitor_core.calibration.budget import bisected
 _DOUBLINGS, _HALVINGS = 30, 60
 _LEAST = 1e-9
 _MOST = 0.5
-"""Standard deviation of log r: beyond that it does not follow the power in a straight line."""
+"""Largest standard deviation of log r: beyond it, log r is no linear function of the power."""
 
 
 class Spectra:
@@ -105,7 +105,7 @@ class Spectra:
 
 
 def _root(f: Callable[[Floats], Floats], most: Floats) -> Floats:
-    """Second root (H,) of convex functions that fall from 0 at 0, below ``most``; far out if there is none."""
+    """Second root (H,), below ``most``, of convex functions that fall from 0 at 0; very large if there is none."""
     low, high = np.zeros_like(most), np.minimum(most, 1.0)
     for _ in range(_DOUBLINGS):
         high = np.where(f(high) < 0, np.minimum(2 * high, most), high)

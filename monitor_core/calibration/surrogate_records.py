@@ -22,9 +22,9 @@ from monitor_core.settings import Settings
 LANES = 64
 CHUNK = 4000
 BLOCK = 1.0
-"""Memories in a block of innovations: in longer ones what these have by chance stays, in shorter ones less colour."""
+"""Memories in a block of innovations.  Longer blocks repeat chance patterns, shorter ones lose colour."""
 LEAST_PARTS = 8
-"""Of a record."""
+"""Least number of chunks of a record."""
 
 
 @dataclass(frozen=True)

@@ -238,7 +238,7 @@ def _ordered(factors: dict[int, int]) -> tuple[tuple[int, int], ...]:
 
 
 def _output_terms(products: Sequence[tuple[int, int, int]]) -> OutputTerms:
-    """Of products (slot, element, parameter or -1)."""
+    """The output terms of products (slot, element, parameter or -1)."""
     return OutputTerms(*(_ints(q[k] for q in products) for k in range(3)))
 
 

@@ -34,7 +34,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.wording import sentence
 
 MARGIN = 0.1
-"""Of the width of the range in which a slope was found: so far beyond its ends the nominal value still follows."""
+"""Share of the width of the range in which a slope was found, up to which a nominal value follows beyond its ends."""
 
 _HEAT = Term.read(HEAT)
 _SAME = 1e-6
@@ -52,7 +52,7 @@ class Follow(NamedTuple):
     low: float = -math.inf
     high: float = math.inf
     margin: float = MARGIN
-    """Of the width of that range: so far beyond its ends the parameter still follows"""
+    """Share of the width of that range, up to which the parameter follows beyond its ends"""
 
     def change(self, at: Floats) -> Floats:
         """Change of the parameter (N,), at values of the term (N,); NaN where it is unknown."""
@@ -223,7 +223,7 @@ class Operating:
 
     @property
     def far_beyond(self) -> str:
-        """That the heat at the last sample is beyond that range and its margin, in words; empty: it is not."""
+        """A sentence if the heat at the last sample is beyond that range and its margin; otherwise empty."""
         if self.thermal is None or self._last is None:
             return ""
         low, high = self.heat_range

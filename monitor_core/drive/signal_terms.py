@@ -21,7 +21,7 @@ from monitor_core.arrays import Floats
 FUNCTIONS: Mapping[str, Callable[[float], float]] = MappingProxyType(
     {"cos": math.cos, "sin": math.sin, "square": lambda value: value * value}
 )
-"""Of a signal, or of a sum of signals: cos(angle2 + angle3)."""
+"""Functions of a signal, or of a sum of signals: cos(angle2 + angle3)."""
 
 _NAME = r"(?=[\w-]*[^\W\d])\w[\w-]*"  # with a letter: 2 is no signal
 _SUM = rf"(?:-\s*)?{_NAME}(?:\s*\+\s*{_NAME}|\s+-\s*{_NAME})*"

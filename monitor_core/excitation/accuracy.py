@@ -14,16 +14,16 @@ from monitor_core.arrays import Floats
 from monitor_core.wording import listed, percent
 
 LIMIT = 0.95
-"""Of a correlation."""
+"""From this magnitude of a correlation on, two parameters are not distinguished."""
 POOR = 1.0
 """A standard deviation of 100 % tells nothing."""
 FAIR = 0.1
-"""With standard deviations below 10 % a parameter is determined, whatever it correlates with."""
+"""A parameter with a smaller relative standard deviation is determined, whatever its correlations are."""
 
 _HIDDEN = 1e-9
 """A direction that changes the output so much less than the strongest is not seen at all."""
 _LARGE = 0.3
-"""Of the largest component of a weak direction: what is named with it."""
+"""Parameters are named with a weak direction from this share of its largest component on."""
 _TAKES_PART = 1e-6
 """The same of a hidden one, where a component is either there or rounding."""
 

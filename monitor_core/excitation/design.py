@@ -95,7 +95,7 @@ class Task:
 
     @property
     def frequency_hz(self) -> Floats:
-        """Of the lines (L,)."""
+        """Frequencies of the lines (L,), Hz."""
         return np.asarray(self.grid / (self.period * self.plant.interval_s))
 
     def over_limits(self, frequency_hz: Floats) -> dict[str, Complex]:
@@ -238,7 +238,7 @@ _MOST_LINES = 80
 _WORTH_IT = 1.5
 """A band that makes a standard deviation so much smaller is worth the words."""
 _OFF = 0.2
-"""Of Coulomb friction: it may well have changed so much since it was configured, with the temperature alone."""
+"""Share of Coulomb friction by which it may have changed since it was configured, by the temperature alone."""
 
 
 def warnings(experiment: PlannedExperiment) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ class Schedule:
 
     @property
     def samples(self) -> int:
-        """Of the whole record."""
+        """Number of samples of the record."""
         return self.N * (1 + self.periods) + self.fade
 
     @property
@@ -120,7 +120,7 @@ class PlannedMotion:
 
     @cached_property
     def _gains(self) -> Floats:
-        """Of the controller, on angle and speed at each sample (2, samples)."""
+        """Gains of the controller on angle and speed at each sample (2, samples)."""
         bandwidth = _FIRM if self.plant.is_linear else _SOFT
         acts = np.ones(self.schedule.samples)
         if self.plant.is_linear:

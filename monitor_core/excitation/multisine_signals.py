@@ -76,13 +76,13 @@ class Multisine:
     def random(
         cls, rng: np.random.Generator, N: int, interval_s: float, lines: NDArray[np.intp]
     ) -> Multisine:
-        """With equal amplitudes and uniform phases, rms value 1."""
+        """A multisine with equal amplitudes and uniform phases, rms value 1."""
         amplitudes = np.full(len(lines), np.sqrt(2 / len(lines)))
         return cls(N, interval_s, lines, amplitudes, 2 * np.pi * rng.random(len(lines)))
 
     @property
     def frequency_hz(self) -> Floats:
-        """Of each line (L,)."""
+        """Frequency of each line (L,), Hz."""
         return np.asarray(self.lines / (self.N * self.interval_s))
 
     @property
@@ -115,7 +115,7 @@ class Multisine:
 
 _EXPONENTS = (2, 4, 8, 16, 32, 64, 128)
 _STEPS = 100
-"""Of L-BFGS, for each exponent."""
+"""Steps of L-BFGS for each exponent."""
 _OVERSAMPLING = 16
 """Samples in a period of the highest line, from which on a peak between two of them does not count."""
 

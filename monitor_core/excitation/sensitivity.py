@@ -18,7 +18,7 @@ from monitor_core.drive.structure import Drive, Matrix, split_name
 from monitor_core.kernel.fixed_predictor import simulate_known
 
 _STEP = 1e-30
-"""Of the complex step: so far below rounding that the derivative is exact."""
+"""Relative size of the complex step: so far below rounding that the derivative is exact."""
 
 
 class Sensitivities:

@@ -22,19 +22,12 @@ from monitor_core.kernel.admission import (
     restart_predictor,
 )
 from monitor_core.kernel.compile import entry, kernel, outlined
-from monitor_core.kernel.cusum import (
-    Events,
-)
-from monitor_core.kernel.evidence import EvidenceColumns, count_until_kept
+from monitor_core.kernel.cusum import Events
+from monitor_core.kernel.evidence import EvidenceColumns, Kept, count_until_kept
 from monitor_core.kernel.friction import MiddleSpeed, hold_friction
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.propagate import choose_substeps, evaluate_coefficients, evaluate_inputs, propagate
-from monitor_core.kernel.recursion import (
-    correct,
-    gain,
-    predict,
-    propagate_joint,
-)
+from monitor_core.kernel.recursion import correct, gain, predict, propagate_joint
 from monitor_core.kernel.sample_interval import (
     divide_by_interval,
     interval_gain,
@@ -46,11 +39,7 @@ from monitor_core.kernel.sample_interval import (
     switch_torque,
     time_since_correction,
 )
-from monitor_core.kernel.state import (
-    State,
-    kernel_constant_views,
-    kernel_state_views,
-)
+from monitor_core.kernel.state import State, kernel_constant_views, kernel_state_views
 from monitor_core.kernel.tables import Tables
 from monitor_core.kernel.taylor_series import SECTIONS
 from monitor_core.kernel.update import Work, update_estimates, update_tests
@@ -157,13 +146,13 @@ def run(
 ) -> None:
     """Run a block of samples through a batch with constants C and state F, I, ``len(lanes)`` axes at a time.
 
-    ``kept_t`` (KEPT, axes) and ``kept_d`` (KEPT kept_numbers, axes) are state, too, but are seldom used.
+    ``kept_t`` and ``kept_d`` are ``Kept``: state, too, but seldom used.
 
     ``lanes``: an array of a multiple of eight, or (0,); the branch for the other shape is not compiled.
 
     Lanes beyond the last axis repeat it without samples; their results are discarded.
     """
-    T, z = tables, tables.p * tables.n
+    T, z, kept = tables, tables.p * tables.n, Kept(kept_t, kept_d)
     W = 0 + len(lanes)  # not the literal 1: numba would compile what gets it once more
     n, p, wide = T.n, T.p, 1 if len(lanes) == 1 else EIGHT
     F_X = T.product if len(lanes) == 1 else strided_product(T.product, p, wide, W)
@@ -245,7 +234,7 @@ def run(
                 if T.mean >= 0:
                     mark_sampled(lanes, mode, lost)
                     restart_integral(lanes, T.mean, T.n, lost, X)
-                update_tests(lanes, con, st, w, a0, reset, kept_t, kept_d, events, noted)
+                update_tests(lanes, con, st, w, a0, reset, kept, events, noted)
             restart_predictor(lanes, mode, con.rest, y, X)
             hold_inputs(lanes, T, con.u_scale, con.rest, t, u, y, weight, mode, st.t, st.u, st.torque_before)
             if trace.eps.size:

@@ -35,6 +35,13 @@ class EvidenceColumns(NamedTuple):
     before: NDArray[np.float64]  # (capacity, KEPT, kept_numbers) these deviations and P, its upper triangle
 
 
+class Kept(NamedTuple):
+    """Deviations that are kept of the time before, of all axes; state, too, but seldom used."""
+
+    t: Ints  # (KEPT, axes) us
+    d: Floats  # (KEPT kept_numbers, axes) these deviations and P, its upper triangle
+
+
 def kept_numbers(p: int) -> int:
     """Number of values kept for one time: the deviations and the upper triangle of P."""
     return p + p * (p + 1) // 2
@@ -81,8 +88,7 @@ def gather_evidence(
     d: Floats,
     on: Ints,
     a0: int,
-    kept_t: Ints,
-    kept_d: Floats,
+    kept: Kept,
     events: Ints,
     noted: EvidenceColumns,
 ) -> None:
@@ -96,38 +102,27 @@ def gather_evidence(
         keeps |= until[a] == 0
         notes |= (on[a] != 0) & (left[a] <= 0)
     if keeps:
-        _keep(lanes, st.span, t, until, learned, d, st.P, a0, kept_t, kept_d)
+        _keep(lanes, st, t, until, d, a0, kept)
     if notes:
-        _note(lanes, st, t, d, on, a0, kept_t, kept_d, events, noted)
+        _note(lanes, st, t, d, on, a0, kept, events, noted)
 
 
 @outlined
-def _keep(
-    lanes: Any,
-    span: Floats,
-    t: Ints,
-    until: Ints,
-    learned: Ints,
-    d: Floats,
-    P: Floats,
-    a0: int,
-    kept_t: Ints,
-    kept_d: Floats,
-) -> None:
-    """Keep the present values in place of the oldest ones; ``learned`` (W,) is the number of learned samples."""
-    p = d.shape[0]
+def _keep(lanes: Any, st: EvidenceState, t: Ints, until: Ints, d: Floats, a0: int, kept: Kept) -> None:
+    """Keep the present values in place of the oldest ones."""
+    span, learned, P, p = st.span, st.learned, st.P, d.shape[0]
     for a in range(len(lanes)):
         if until[a] == 0:
             until[a] = int(span[a])
             k = learned[a] // int(span[a]) % KEPT
-            kept_t[k, a0 + a] = t[a]
+            kept.t[k, a0 + a] = t[a]
             row = k * _numbers(p)
             for i in range(p):
-                kept_d[row + i, a0 + a] = d[i, a]
+                kept.d[row + i, a0 + a] = d[i, a]
             row += p
             for i in range(p):
                 for j in range(i, p):
-                    kept_d[row, a0 + a] = P[i, j, a]
+                    kept.d[row, a0 + a] = P[i, j, a]
                     row += 1
 
 
@@ -139,8 +134,7 @@ def _note(
     d: Floats,
     on: Ints,
     a0: int,
-    kept_t: Ints,
-    kept_d: Floats,
+    kept: Kept,
     events: Ints,
     noted: EvidenceColumns,
 ) -> None:
@@ -169,7 +163,7 @@ def _note(
         newest = learned[a] // int(span[a])
         for q in range(KEPT):
             k = (newest + 1 + q) % KEPT
-            noted.t[c, q] = kept_t[k, a0 + a]
+            noted.t[c, q] = kept.t[k, a0 + a]
             for i in range(noted.before.shape[2]):
-                noted.before[c, q, i] = kept_d[k * noted.before.shape[2] + i, a0 + a]
+                noted.before[c, q, i] = kept.d[k * noted.before.shape[2] + i, a0 + a]
         left[a], noting[a] = int(needed[a]), COURSE

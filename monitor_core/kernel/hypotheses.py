@@ -52,6 +52,7 @@ from monitor_core.kernel.predictors import (
     SHORTEST,
     USUAL,
     Predictors,
+    Torques,
     correct,
     correct_speed,
     has_gain,
@@ -175,21 +176,19 @@ def run_hypotheses(
         if mode[0] >= SETTLE:
             for a in range(H):
                 over[a] = h[0]
+            torque = Torques(numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0])
             if P.moving.size:
                 copy_rows(u, acting)
             if P.moving.size and T.friction.number:
-                torques_in_turn(lanes, T.kind, own, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0],
-                                before, late, acting)
+                torques_in_turn(lanes, T.kind, own, h[0], torque, before, late, acting)
                 hold_friction(lanes, T.friction, T.kind, P.u_scale, P.V0, late, before, over, x, acting, None,
                               middle)
             usual = t[0] - integers[LAST, 0] - shortest
             if 0 <= usual < USUAL:
-                propagate_usual(n, usual, P.terms, P.moving, numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0],
-                                flat_u, X, new)
+                propagate_usual(n, usual, P.terms, P.moving, torque, flat_u, X, new)
                 K_now = P.usual_K[usual * n : (usual + 1) * n]
             else:
-                propagate_interval(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], acting,
-                                   x, over, K)
+                propagate_interval(lanes, T, P, h[0], torque, acting, x, over, K)
                 K_now = K
             predict(lanes, T.outputs, P.V0, x, yhat, psi)
             if T.mean >= 0:

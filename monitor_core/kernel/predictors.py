@@ -60,19 +60,26 @@ class Predictors(NamedTuple):
     axis: Floats  # (8, 1)
 
 
+class Torques(NamedTuple):
+    """Measured torques that may act in an interval [N m]."""
+
+    before: float  # of the sample before the last
+    held: float  # of the last sample
+    now: float  # of the sample that ends the interval
+
+
 @kernel
 def propagate_usual(
-    n: int, usual: int, terms: Floats, moving: Ints, before: float, held: float, now: float, u: Floats, x: Floats,
-    new: Floats,
-) -> None:  # fmt: skip
+    n: int, usual: int, terms: Floats, moving: Ints, torque: Torques, u: Floats, x: Floats, new: Floats
+) -> None:
     """x = Ad x + Bd u over this one of the usual intervals; all flat, H numbers a row; ``new`` is scratch."""
     H = x.size // n
     at = usual * H * n * (TERMS + n + moving.size)
     for a in range(0, H, EIGHT):
         for r in range(n):
-            total = load8(terms, at) + load8(terms, at + EIGHT) * spread8(held)
-            total = total + load8(terms, at + 2 * EIGHT) * spread8(before)
-            total = total + load8(terms, at + 3 * EIGHT) * spread8(now)
+            total = load8(terms, at) + load8(terms, at + EIGHT) * spread8(torque.held)
+            total = total + load8(terms, at + 2 * EIGHT) * spread8(torque.before)
+            total = total + load8(terms, at + 3 * EIGHT) * spread8(torque.now)
             at += TERMS * EIGHT
             for c in range(n):
                 total = total + load8(terms, at + c * EIGHT) * load8(x, c * H + a)
@@ -96,21 +103,20 @@ def scale_torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) 
 
 @kernel
 def torques_in_turn(
-    lanes: Any, kind: Ints, own: Floats, h: float, before: float, held: float, now: float, first: Floats,
-    late: Floats, u: Floats,
-) -> None:  # fmt: skip
+    lanes: Any, kind: Ints, own: Floats, h: float, torque: Torques, first: Floats, late: Floats, u: Floats
+) -> None:
     """The two torques that act in an interval h one after the other: ``first`` (H,) for ``late`` (H,), then that in u.
 
     A torque that acts late follows the previous one; one that acts early is followed by that of the next sample.
     """
     for a in range(len(lanes)):
         early = own[DELAY, a] < 0.0
-        first[a] = own[TORQUE_SCALE, a] * (held if early else before) + own[TORQUE_OFFSET, a]
+        first[a] = own[TORQUE_SCALE, a] * (torque.held if early else torque.before) + own[TORQUE_OFFSET, a]
         late[a] = max(own[DELAY, a] + (h if early else 0.0), 0.0)
     for c in range(kind.size):
         if kind[c] == TORQUE:
             for a in range(len(lanes)):
-                second = now if own[DELAY, a] < 0.0 else held
+                second = torque.now if own[DELAY, a] < 0.0 else torque.held
                 u[c, a] = own[TORQUE_SCALE, a] * second + own[TORQUE_OFFSET, a]
 
 
@@ -150,9 +156,16 @@ def _over(
 
 @array_function
 def propagate_interval(
-    lanes: Any, T: Tables, P: Predictors, h: float, torque_before: float, torque_held: float, torque_now: float,
-    u: Floats, x: Floats, over: Floats, K: Floats,
-) -> None:  # fmt: skip
+    lanes: Any,
+    T: Tables,
+    P: Predictors,
+    h: float,
+    torque: Torques,
+    u: Floats,
+    x: Floats,
+    over: Floats,
+    K: Floats,
+) -> None:
     """Propagate X over an interval h that is not usual, in parts.
 
     K (n, H) is the gain after it; ``over`` (H,) is the interval of a mean speed.
@@ -165,17 +178,17 @@ def propagate_interval(
         intervals[a], lams[a], over[a] = P.axis[INTERVAL, 0], P.axis[LAM, 0], h
     interval_gain(lanes, intervals, lams, P.K, over, over, lam, K)
     _parts(lanes, P.own, h, before, held, now)
-    _over(lanes, T, P, torque_before, before, u, x, work, more)
+    _over(lanes, T, P, torque.before, before, u, x, work, more)
     if T.mean >= 0:
         for a in range(H):
             held[a] += now[a]
         if split_at_mean(lanes, intervals, before, held, cut, over, lost):
-            _over(lanes, T, P, torque_held, cut, u, x, work, more)
+            _over(lanes, T, P, torque.held, cut, u, x, work, more)
             restart_integral(lanes, T.mean, n, lost, x)
         for a in range(H):
             held[a] = max(held[a] - now[a], 0.0)
-    _over(lanes, T, P, torque_held, held, u, x, work, more)
-    _over(lanes, T, P, torque_now, now, u, x, work, more)
+    _over(lanes, T, P, torque.held, held, u, x, work, more)
+    _over(lanes, T, P, torque.now, now, u, x, work, more)
 
 
 @kernel

@@ -19,7 +19,7 @@ from monitor_core.kernel.cusum import (
     note_crossings,
     update_cusum,
 )
-from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, gather_evidence
+from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, Kept, gather_evidence
 from monitor_core.kernel.outliers import check_start, reject_outliers, update_running_variance
 from monitor_core.kernel.recursion import drift_P, find_P0, update_P, update_theta
 from monitor_core.kernel.state import GATED as GATED_COUNT
@@ -95,8 +95,7 @@ def update_tests(
     w: Work,
     a0: int,
     reset: bool,
-    kept_t: Ints,
-    kept_d: Floats,
+    kept: Kept,
     events: Events,
     noted: EvidenceColumns,
 ) -> None:
@@ -115,7 +114,7 @@ def update_tests(
     compute_deviations(lanes, tests, cusum, d, w.nu)
     if update_cusum(lanes, con.h, w.t, st.g, st.onset, d, w.nu, w.tested):
         note_crossings(lanes, tests, cusum, w.t, w.tested, a0, reset, events)
-    gather_evidence(lanes, evidence, w.t, w.until, d, tracks, a0, kept_t, kept_d, events.filled, noted)
+    gather_evidence(lanes, evidence, w.t, w.until, d, tracks, a0, kept, events.filled, noted)
     # fmt: on
 
 
@@ -139,8 +138,7 @@ def compile_update(
     C: Floats,
     F: Floats,
     I: Ints,
-    kept_t: Ints,
-    kept_d: Floats,
+    kept: Kept,
     reset: bool,
     events: Events,
     noted: EvidenceColumns,
@@ -156,5 +154,5 @@ def compile_update(
         np.zeros((p, W), np.int64),
     )
     w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
-    compile_part(update_tests, lanes, con, st, w, 0, reset, kept_t, kept_d, events, noted)
+    compile_part(update_tests, lanes, con, st, w, 0, reset, kept, events, noted)
     compile_part(update_estimates, lanes, con, st, w, xs, False)

@@ -62,7 +62,7 @@ def resonances_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> 
 
 
 def resonances(A: Floats, b: Floats, c: Floats) -> Resonances:
-    """Of  x' = A x + b u,  y = c x  with A (n, n), b (n,), c (n,)."""
+    """Resonances of  x' = A x + b u,  y = c x  with A (n, n), b (n,), c (n,)."""
     A, b, c = _balanced(A, b, c)
     poles, zeros = _sorted(np.linalg.eigvals(A)), _sorted(zeros_of(A, b, c))
     return Resonances(

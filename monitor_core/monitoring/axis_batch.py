@@ -14,7 +14,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.stable_range import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, run
 from monitor_core.kernel.cusum import Events
-from monitor_core.kernel.evidence import KEPT, EvidenceColumns, kept_numbers, noted_numbers
+from monitor_core.kernel.evidence import KEPT, EvidenceColumns, Kept, kept_numbers, noted_numbers
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
@@ -73,8 +73,8 @@ class AxisBatch:
         self._floats = np.zeros((float_rows + KEPT * kept_numbers(t.p), W))
         self._ints = np.zeros((int_rows + KEPT, W), dtype=np.int64)
         self._parts = self._floats[:float_rows], self._ints[:int_rows]
-        self._kept = self._ints[int_rows:], self._floats[float_rows:]
-        self._kept[0][:] = NEVER
+        self._kept = Kept(self._ints[int_rows:], self._floats[float_rows:])
+        self._kept.t[:] = NEVER
         self.state: State = state_views(*self._parts, t.n, t.p, t.m)
         """Named views into the state, axis last.  Writing to them changes the monitors."""
         named = constant_views(self._constants, t)
@@ -132,7 +132,7 @@ class AxisBatch:
         return self._run(self._samples(t_us, u, y, **more), trace), trace
 
     def trace(self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]) -> Trace:
-        """As ``run_traced`` without the events, which take as long to tell as many axes take to run."""
+        """As ``run_traced`` without the events: to make them takes as long as to run many axes."""
         trace = self._trace(len(t_us))
         self._advance(self._samples(t_us, u, y, **more), trace)
         return trace
@@ -184,7 +184,7 @@ class AxisBatch:
     def compile_update(self) -> None:
         """Compile the second half of a sample only, for another process, which then compiles the whole sooner."""
         compile_update(
-            _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
+            _lanes(len(self.models)), self._tables, self._constants, *self._parts, self._kept,
             not self.settings[0].run_on, self._events(0), self._noted(0),
         )  # fmt: skip
 
@@ -237,7 +237,7 @@ class AxisBatch:
     def move_nominal(self, a: int, step: Floats) -> None:
         """Move theta_0(s) of an axis by a step (p,), but not its estimates; former deviations are forgotten."""
         self.state.shift[:, a] += step
-        self._kept[0][:, a] = NEVER
+        self._kept.t[:, a] = NEVER
 
     def column(self, a: int) -> tuple[Floats, Ints]:
         """A copy of the whole state of one axis: floats and integers."""

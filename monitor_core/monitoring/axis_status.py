@@ -102,7 +102,7 @@ class AxisStatus:
     memory_s: float = 0.0
     """Memory of the estimates [s]"""
     covariance: tuple[tuple[float, ...], ...] = ()
-    """Of the estimates, lambda_0 P / (1 + lambda), in the order and the units of the parameters; empty: not known"""
+    """Covariance lambda_0 P / (1 + lambda) of the estimates, in order and units of the parameters; empty: unknown"""
 
     def untested(self) -> dict[NotTested, tuple[str, ...]]:
         """Parameters that are not tested now, by reason."""

@@ -24,7 +24,7 @@ RMS_SPEED = "rms speed"
 """Root mean square of the speed [rad/s]; no signal can have this name."""
 RMS_MEMORIES = 10
 MARGIN = 0.1
-"""Of the width of a range, and of the magnitude of its ends: so far beyond them counts as inside."""
+"""A value counts as inside up to this share of the width of a range, and of the magnitude of its ends, beyond them."""
 
 
 class Range(NamedTuple):

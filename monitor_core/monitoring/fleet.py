@@ -25,7 +25,7 @@ from monitor_core.trend.entries import Reading
 
 _T = TypeVar("_T", bound=np.generic)
 _NO_AXIS = -1
-"""Of a lane that takes no samples."""
+"""Number of the axis of a lane that takes no samples."""
 _NOTHING: Mapping[int, Any] = MappingProxyType({})
 
 
@@ -33,11 +33,11 @@ class AxisTrace(NamedTuple):
     """Values of an axis at every sample of a block."""
 
     estimator: Trace
-    """Of the recursion; axis dropped from the fields"""
+    """Values of the recursion, without the dimension of the axes"""
     crossings: Sequence[Crossing]
     """The samples at which g crossed h"""
     multimodel: BankTrace | None
-    """Of the multi-model detector, if it runs"""
+    """Values of the multi-model detector, if it runs"""
 
 
 class AxisUpdate(NamedTuple):

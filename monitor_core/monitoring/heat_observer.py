@@ -31,15 +31,15 @@ from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 
 LOOKS_PER_MEMORY = 2
-"""So often it is looked whether there is enough to observe the heat."""
+"""Number of checks per memory whether the heat can be observed."""
 MEMORIES = 4
-"""Of motion that is learned from, until estimates are those of the present heat."""
+"""Memories of motion until the estimates belong to the present heat."""
 SHARE = 0.5
-"""Of what the tests tolerate: the uncertainty of the heat may move a nominal value by so much."""
+"""Share of what the tests tolerate by which the uncertainty of the heat may move a nominal value."""
 LOOKS_ALIKE = "a warmer or colder gearbox"
 """Than its motion makes it: what a change of a parameter that follows the heat may also be, for alarms."""
 _STEP = 1e-3
-"""Of the largest heat: for slopes."""
+"""Step for slopes, as a share of the largest heat."""
 
 
 class WarmUp:
@@ -69,7 +69,7 @@ class WarmUp:
         self._learned = 0  # samples, at that time or at the last observation
         self._last_us: int | None = None
         self.widened = ""
-        """That the heat is far beyond that of the records, where friction is tested with a wider allowance, in words"""
+        """A sentence if the heat is far beyond that of the records, where friction is tested with a wider allowance"""
 
     def part(self, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
         """The first samples of a block, with their conditions, for the monitor; and the others, if any.

@@ -25,13 +25,13 @@ class Limit(NamedTuple):
     """A limit of a monitored parameter, and its name for the user: one of Ja is one of 1/Ja, the other way round."""
 
     value: float
-    """Of the monitored parameter, in its unit"""
+    """Value of the monitored parameter, in its unit"""
     upper: bool
     """The monitored parameter must stay below"""
     name: str
     unit: str
     shown: float
-    """As the user gave it"""
+    """The limit as the user gave it"""
     above: bool
     """What the user named must stay below: it is reached from below"""
 

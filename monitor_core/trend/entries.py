@@ -33,7 +33,7 @@ class Reading(NamedTuple):
     span_s: float
     """Time in operation since the last one"""
     correlation: float
-    """Of the estimates of two readings in a row"""
+    """Correlation of the estimates of two successive readings"""
     holds: bool = True
     """The model explains the measurements"""
 
@@ -47,7 +47,7 @@ class Entry(NamedTuple):
     """Mean of the times of what is in it"""
     mean: float
     variance: float
-    """Of the mean, by P: at least so much"""
+    """Least variance of the mean, from P"""
     operating_s: float
     """Time in operation, observed"""
 

@@ -75,11 +75,11 @@ class Trend(NamedTuple):
     """Trend of a slow history; per second, in the unit of the parameter."""
 
     time_us: int
-    """Of the last entry: it ends here"""
+    """Time of the last entry, at which the trend ends"""
     since_us: int
     """Begin of the first entry"""
     probability: dict[str, float]
-    """Of steady, drift, step, both (a step, and a drift since)"""
+    """Probabilities of steady, drift, step, both (a step, and a drift since)"""
     level: float
     level_sd: float
     slope: float

@@ -128,7 +128,7 @@ LEVELS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.1, 1.3, 1.6, 2.0, 3.0)
 """Standard deviations of the whole scatter, beside that of what is left when a course is taken out."""
 
 SHARES = (0.1, 0.3, 0.6, 0.85, 1.0)
-"""Of its variance that stays for a while."""
+"""Shares of the variance that persist for a while."""
 
 LASTING = 7
 """Possible times that it stays, from the distance of two entries to half of the whole history, at least LONG."""

@@ -5,7 +5,7 @@ A condition is an alarm of the journal.  It is no node: clients name it by the C
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import structlog
@@ -66,15 +66,12 @@ class Conditions:
     Args:
         journal: of the alarms.
         priorities: alarms of these.
-        now_us: wall clock.
     """
 
     most = PAGE
 
-    def __init__(
-        self, journal: Journal, priorities: Sequence[Priority], now_us: Callable[[], int] = now_us
-    ) -> None:
-        self._journal, self._priorities, self._now_us = journal, priorities, now_us
+    def __init__(self, journal: Journal, priorities: Sequence[Priority]) -> None:
+        self._journal, self._priorities = journal, priorities
         self._server: InternalServer | None = None
         self._tree: Tree | None = None
         self._events = dict[int, set[bytes]]()
@@ -145,7 +142,7 @@ class Conditions:
             return _code(ua.StatusCodes.BadNodeIdUnknown)
         if not isinstance(event_id, bytes) or event_id not in self._events[number]:
             return _code(ua.StatusCodes.BadEventIdUnknown)
-        return self._done(number, event, Note(self._now_us(), who, comment))
+        return self._done(number, event, Note(now_us(), who, comment))
 
     def _shelve(
         self, who: str, event: AlarmEvent, number: int, arguments: list[object], wanted: int
@@ -155,16 +152,16 @@ class Conditions:
             return _code(ua.StatusCodes.BadArgumentsMissing if few else ua.StatusCodes.BadTooManyArguments)
         if number not in self._events:
             return _code(ua.StatusCodes.BadNodeIdUnknown)
-        now_us, until_us = self._now_us(), None
+        at_us, until_us = now_us(), None
         if event is AlarmEvent.SHELVE:
             time_ms, *arguments = arguments
             if not isinstance(time_ms, float) or not 0 < time_ms <= MAX_SHELF_S * 1e3:
                 return _code(ua.StatusCodes.BadShelvingTimeOutOfRange)
-            until_us = now_us + round(time_ms * 1e3)
+            until_us = at_us + round(time_ms * 1e3)
         comment = _comment(arguments[0]) if arguments else ""
         if comment is None or len(comment) > MOST_COMMENT:
             return _code(ua.StatusCodes.BadInvalidArgument)
-        return self._done(number, event, Note(now_us, who, comment), until_us)
+        return self._done(number, event, Note(at_us, who, comment), until_us)
 
     def _done(self, number: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> ua.StatusCode:
         """What came of an event in the journal."""

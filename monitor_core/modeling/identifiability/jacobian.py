@@ -27,7 +27,7 @@ from monitor_core.modeling.modular import (
 from monitor_core.modeling.statespace import Definition, Entries, StateSpace
 
 Gradients = Mapping[str, Ints]
-"""Of each name, the derivatives (p,) of its logarithm with respect to those of the coordinates."""
+"""By name, the derivatives (p,) of its logarithm with respect to those of the coordinates."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class _Varying:
         return self._summed(self.value * X[self.col] % self.prime) % self.prime, dY % self.prime
 
     def _summed(self, products: Ints) -> Ints:
-        """Of each row the sum of its products; they are sorted by row."""
+        """The sum of the products of each row; they are sorted by row."""
         out = np.zeros((self.rows, *products.shape[1:]), dtype=np.int64)
         if len(products):
             out[self.filled] = np.add.reduceat(products, self.first, axis=0)

@@ -18,7 +18,7 @@ from monitor_core.arrays import Ints
 from monitor_core.modeling.modular import null_space, rank
 
 MOST_SUBSETS = 3000
-"""So many subsets are looked through for short vectors, then the echelon form has to do."""
+"""Largest number of subsets that are searched for short vectors; after that the echelon form is used."""
 
 Vector = tuple[int, ...]
 

@@ -117,7 +117,7 @@ def _held(
 
 
 _FEW = 12
-"""So many names are listed; more are counted."""
+"""Largest number of names that are listed; of more the number is given."""
 
 
 def _sentences(result: Identifiability) -> Iterator[str]:

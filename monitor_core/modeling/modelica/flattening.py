@@ -182,7 +182,7 @@ class _Flattening:
             yield FlatVariable(name, variable_unit(units.get(name, "")), origin=self.places[name])
 
     def _declared_units(self, library: Fragment) -> dict[str, str]:
-        """Of parameters and variables; angle and torque of a flange by its definition."""
+        """Units of parameters and variables; of angle and torque of a flange by its definition."""
         symbols = self.flat.symbols.items()
         units = {name: str(plain(s.unit) or "") for name, s in symbols if s.type.name == "Real"}
         units.update((v.name, v.unit) for v in library.variables)
