@@ -34,7 +34,7 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.warm_up_error import model_errors
 from monitor_core.identification.warm_up_search import Search, chosen, heat_course, speeds_of, windows_of
 
-LEAST_MOTION_S = 180.0
+LEAST_MOTION_S = 60.0
 """Records with less motion are not searched for a warm-up."""
 _A_LITTLE = 0.01
 """Of a friction: by that it changes, to see whether all of it falls"""

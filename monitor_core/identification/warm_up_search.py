@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, minimize
-from scipy.special import chdtrc  # not scipy.stats: to import that takes seconds
+from scipy.special import fdtrc  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.measured_speed import MeasuredSpeed
@@ -117,15 +117,21 @@ class WarmUpFit(NamedTuple):
     """(p,) of all parameters, at the mean of the heats"""
     slopes: Floats
     sd: Floats
+    groups: int
+    """Of windows, whose scatter the standard deviations come from"""
     cost: float
 
     @property
     def chance(self) -> float:
         """Probability of such a slope of the last follower if it did not follow.
 
-        For the first one, a time constant was chosen, too.
+        For the first one, a time constant was chosen, too.  A few groups may agree by chance: the F distribution.
         """
-        return float(chdtrc(2 if len(self.which) == 1 else 1, (self.slopes[-1] / self.sd[-1]) ** 2))
+        if self.groups < 2:
+            return 1.0
+        chosen_for_it = 2 if len(self.which) == 1 else 1
+        wald = float(self.slopes[-1] / self.sd[-1]) ** 2
+        return float(fdtrc(chosen_for_it, self.groups - 1, wald / chosen_for_it))
 
 
 class Search:
@@ -235,7 +241,8 @@ class Search:
         groups = np.add.reduceat(np.hstack([left, *over]), np.arange(0, len(left), GROUP), axis=0)
         sd = np.sqrt(((groups @ inverse) ** 2).sum(axis=0)[p:f])
         size, constants = self._size[index], beta[:p] * self._size
-        return WarmUpFit(tau_s, starts, heats, index, constants, beta[p:f] * size, sd * size, cost)
+        slopes = beta[p:f] * size
+        return WarmUpFit(tau_s, starts, heats, index, constants, slopes, sd * size, len(groups), cost)
 
 
 def _left(information: Floats, score: Floats, constants: Floats, more: Floats) -> Floats:
