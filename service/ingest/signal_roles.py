@@ -11,7 +11,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
-from service.ingest.column_roles import LIKELY, SURE, axis_name, role_of, words_in
+from service.ingest.roles_by_name import axis_name, role_of, words_in
+from service.ingest.roles_by_values import LIKELY, SURE
 from service.ingest.unit_names import Quantity, unit_in
 
 Sureness = Literal["sure", "likely", "guess"]
