@@ -22,6 +22,8 @@ from monitor_core.wording import did_you_mean
 from service.config import NamedAxis, drive_of, given_values
 from service.config.axis_settings import axis_settings, unknown_of
 from service.config.drives import axis_model
+from service.ingest.roles_by_name import role_of
+from service.ingest.unit_names import unit_in
 
 _LONGEST = 2_000_000
 
@@ -67,9 +69,6 @@ def torque_columns(axis: NamedAxis) -> dict[str, float]:
     A current without a torque constant is the torque of the configuration, whose unit is then A.  A part of
     the rated torque that nobody has put into N m stays what the records have: as N m it would be far too large.
     """
-    from service.ingest.name_words import role_of  # which loads what takes a second, for every command
-    from service.ingest.unit_names import unit_in
-
     source = axis.config.torque
     if source.kT_Nm_per_A is not None:
         return {"torque_Nm": 1.0, "current_A": 1.0 / source.kT_Nm_per_A}

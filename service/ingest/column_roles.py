@@ -6,69 +6,25 @@ motion of one axis explain each other as a rigid mass with friction.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.identification import Record, has_wrong_sign, rigid_fit, wrap_of
-from service.ingest.name_words import axis_name, own_word, owners, role_of, words_in
+from service.ingest.roles_by_name import axis_number, own_word, owners, role_of, role_with, words_in
+from service.ingest.roles_by_values import MOST, AxisRoles, Named, axes_by_values, changes
 from service.ingest.time_of_day import TimeOfDay
-from service.ingest.unit_names import Quantity, current_in, unit_in, unit_of
+from service.ingest.unit_names import unit_of
 
-_QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 _MOST_ROWS = 20_000
-_SLOPE, _SAME = 0.95, 0.99
-"""Correlation of a speed with the slope of its angle, and with another speed of the same axis."""
-_IN_STEP = 0.5
-"""Of the torque that must be explained beyond that by a torque elsewhere, to take one that is out of step."""
-_ABOUT, _ROUGHER = 0.1, 3.0
-"""Torques that fit as well but for this part, and are smoother by this factor, are wanted ones."""
-_JERKS, _RATHER = 0.9, 6.0
-"""A torque without a name is rougher than the motion by this factor, in this share of the rows: as its slopes are."""
-_ALIKE, _LATER = 0.05, 0.9
-"""Columns have the same numbers where they differ by less of their spread; and rows by which one is later"""
-_MOVES = 1e-9
 _ABSURD = 1e30
 """No quantity of a robot is as large, whatever its unit."""
-_MOST = (0.01, 0.99)
-"""Quantiles between which 98 % of a column lies"""
 _FAR = 100.0
 """Values farther than this from the middle, in units of the range of 98 % of them, are faults of the file, .."""
 _FEW = 3
 """.. unless at least so many rows in a row have them: an axis that nearly always stands has moved."""
-_TURNED = 0.2
-"""Of the torque that must be explained beyond that by a torque of the right sign, to take one of the wrong sign."""
-SURE, LIKELY = 0.6, 0.2
-"""Part of the torque that a rigid mass explains, from which on a pair is sure, or likely."""
-
-
-class AxisRoles(NamedTuple):
-    """The columns of one axis; ``explained``: part of the torque that the motion explains as a rigid mass."""
-
-    name: str
-    torque: str
-    motion: str
-    output: Literal["angle", "speed"]
-    explained: float
-    current: bool
-    """The torque is a current: its factor is the torque constant"""
-    turned: bool
-    """The torque has the wrong sign"""
-    wrap_period: float | None = None
-    """After which the angle starts again, in its own unit"""
-    rivals: tuple[str, ...] = ()
-    """Other columns without a name that may be the torque as well"""
-
-    @property
-    def sureness(self) -> str:
-        """In a word."""
-        if self.rivals:
-            return f"likely; or torque {', '.join(self.rivals)}"
-        return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
 
 
 class TableRoles(NamedTuple):
@@ -81,15 +37,6 @@ class TableRoles(NamedTuple):
     unused: tuple[str, ...]
     units: Mapping[str, str] = MappingProxyType({})
     """Of the columns, by name, where the table has them below its names"""
-
-
-def role_with(name: str, unit: str) -> str:
-    """What a column is by its name and its unit, which may be empty."""
-    role = role_of(name)
-    if role in ("", "torque") and current_in(unit) is not None:
-        return "current"
-    known = ((quantity, unit_in(unit, quantity)) for quantity in _QUANTITIES)
-    return role or next((q for q, found in known if found is not None and not found.linear), "")
 
 
 def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxyType({})) -> TableRoles:
@@ -108,7 +55,7 @@ def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxy
     places = {name: place for place, name in enumerate(columns)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
     of_axis = owners(
-        {name: _number(name) for name in moving},
+        {name: axis_number(name) for name in moving},
         {name: own_word(name) for name in moving},
         {name: "torque" if kind == "current" else kind for name, kind in kinds.items()},
     )
@@ -133,7 +80,7 @@ def _absurd(v: Floats) -> Bools:
     finite = v[np.isfinite(v) & ~absurd]
     if not finite.size:
         return absurd
-    low, high = np.quantile(finite, _MOST)
+    low, high = np.quantile(finite, MOST)
     if low == high:
         return absurd
     with np.errstate(over="ignore"):
@@ -142,12 +89,6 @@ def _absurd(v: Floats) -> Bools:
     for start, end in zip(steps[::2], steps[1::2], strict=True):
         absurd[start:end] = end - start < _FEW
     return absurd
-
-
-def changes(v: Floats) -> bool:
-    """Whether a column (N,) is not constant."""
-    finite = v[np.isfinite(v)]
-    return finite.size > 2 and float(np.ptp(finite)) > _MOVES
 
 
 # --- The time ---------------------------------------------------------------------------------------------------------
@@ -185,231 +126,3 @@ def _interval_of_rows(values: Mapping[str, Floats]) -> float | None:
         if role_of(name) == "time" and len(steps) >= _FEWEST_STEPS and (np.diff(v[steps]) == 1).all():
             return (len(steps) - 1) / float(steps[-1] - steps[0])
     return None
-
-
-# --- Torque and motion of each axis -----------------------------------------------------------------------------------
-
-
-class Named(NamedTuple):
-    """What the name of a column says."""
-
-    role: str
-    """As ``role_of``"""
-    number: str
-    """Of its axis, or its word; empty: it has neither"""
-    place: int | None = None
-    """Of the column in its table"""
-
-
-def axes_by_values(
-    values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]
-) -> list[AxisRoles]:
-    """Which columns are torque and motion of which axis.
-
-    ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: what names say.
-    """
-    by_role: dict[str, list[str]] = {}
-    for name in values:
-        by_role.setdefault(named[name].role, []).append(name)
-    # An axis that sends both: the torque needs no constant.
-    known = {named[name].number for name in by_role.get("torque", [])}
-    torques = [
-        *by_role.get("torque", []),
-        *(n for n in by_role.get("current", []) if named[n].number not in known),
-    ]
-    asked = _asked(values, by_role.get("", []))
-    angles, unnamed = by_role.get("angle", []), [n for n in by_role.get("", []) if n not in asked]
-    # An axis that sends both: the angle gives the better estimates.
-    numbers = {named[name].number for name in angles}
-    motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
-    speeds: Mapping[str, str] = {}
-    if not torques or not motions:
-        speeds = _speeds(values, unnamed, t)
-        motions = motions or list(speeds) or unnamed
-        # A column may be a speed once more, as wanted for instance; a torque of friction is less like it.
-        slopes = {
-            n
-            for n in unnamed
-            if n in speeds.values() or any(_likeness(values[s], values[n]) > _SAME for s in speeds.values())
-        }
-        torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
-    step = _step(speeds, named)
-    rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
-    found_pairs = (
-        _pair(values, u, y, output, named, t)
-        for u in torques
-        for y in motions
-        for output in _outputs(named[y].role, bool(speeds))
-        if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
-    )
-    pairs = sorted(
-        found_pairs,
-        key=lambda pair: _weight(pair, named, step),
-        reverse=True,
-    )
-    taken, found = set[str](), list[AxisRoles]()
-    for pair in pairs:
-        if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
-            continue
-        best = _measured(pair, pairs, values, named, step)
-        taken |= {best.torque, best.motion, *best.rivals}
-        found.append(best)
-    order = list(values)
-    found.sort(key=lambda pair: order.index(pair.motion))
-    if len({pair.name for pair in found}) < len(found):
-        found = [pair._replace(name=f"axis{k}") for k, pair in enumerate(found, 1)]
-    return found
-
-
-def _outputs(role: str, beside_speeds: bool) -> Sequence[Literal["angle", "speed"]]:
-    """What a motion may be: one that no name tells, and beside which no slope of an angle was found, is either."""
-    return ("speed",) if role == "speed" else ("angle",) if role or beside_speeds else ("angle", "speed")
-
-
-def _weight(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
-    """Pairs with the same number come first, then those that explain each other; of equals the first in the table."""
-    alike = named[pair.torque].number == named[pair.motion].number
-    beside = _IN_STEP * _in_step(pair, named, step)
-    digits = 1 if named[pair.torque].role or named[pair.motion].role else 2
-    return alike, round(pair.explained + beside - _TURNED * pair.turned, digits)
-
-
-# --- Columns without names: their places, and what is measured --------------------------------------------------------
-
-
-def _step(speeds: Mapping[str, str], named: Mapping[str, Named]) -> int | None:
-    """How many columns one quantity of all axes takes: from each angle to its speed; None: there is no such number."""
-    places = [(named[angle].place, named[speed].place) for angle, speed in speeds.items()]
-    steps = {b - a for a, b in places if a is not None and b is not None}
-    step = steps.pop() if len(steps) == 1 else 0
-    return step if step > 1 else None
-
-
-def _in_step(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> bool:
-    """Whether the torque is whole steps behind its angle."""
-    torque, motion = named[pair.torque].place, named[pair.motion].place
-    return bool(step and torque is not None and motion is not None and (torque - motion) % step == 0)
-
-
-def _measured(
-    pair: AxisRoles,
-    pairs: Sequence[AxisRoles],
-    values: Mapping[str, Floats],
-    named: Mapping[str, Named],
-    step: int | None,
-) -> AxisRoles:
-    """Of the torques in step with a motion that fit it about as well, the roughest: what is wanted is smooth."""
-    if not _in_step(pair, named, step):
-        return pair
-    alike = [
-        other
-        for other in pairs
-        if other.motion == pair.motion
-        and _in_step(other, named, step)
-        and other.explained > pair.explained - _ABOUT
-        and other.turned == pair.turned
-    ]
-    best = max(alike, key=lambda other: _roughness(values[other.torque]))
-    rough = _roughness(values[best.torque])
-    rivals = [other.torque for other in alike if _roughness(values[other.torque]) * _ROUGHER > rough]
-    return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
-
-
-def _asked(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
-    """Columns whose numbers another one has later: what a controller asks for, which is measured when it is done."""
-    centres = {name: float(np.nanmean(values[name])) for name in names}
-    spreads = {name: float(np.nanstd(values[name])) for name in names}
-    return {
-        a
-        for a in names
-        for b in names
-        if a != b
-        and abs(centres[b] - centres[a]) < _ALIKE * spreads[a]
-        and abs(spreads[b] - spreads[a]) < _ALIKE * spreads[a]
-        and _delay(values[a], values[b]) > _LATER
-    }
-
-
-def _delay(first: Floats, second: Floats) -> float:
-    """By how many rows the second column (N,) has the numbers of the first one later; 0: they are not the same."""
-    slope = np.gradient(first)
-    rows = np.column_stack([first, slope, np.ones_like(first)])
-    good = np.isfinite(rows).all(axis=1) & np.isfinite(second)
-    rows, right = rows[good], second[good]
-    if len(right) < _FEW or not changes(rows[:, 1]):
-        return 0.0
-    found = np.linalg.lstsq(rows, right, rcond=None)[0]
-    factor, lead, _ = found.tolist()
-    left = right - rows @ found
-    same = abs(factor - 1) < _ALIKE and float(np.std(left)) < _ALIKE * float(np.std(right))
-    return -lead / factor if same else 0.0
-
-
-def _roughness(v: Floats, share: float = 0.5) -> float:
-    """Of a column (N,): the change of its slope that this share of the rows has at most, as part of its usual range."""
-    finite = v[np.isfinite(v)]
-    low, high = np.quantile(finite, _MOST)
-    return float(np.quantile(abs(np.diff(finite, 2)), share) / (high - low)) if high > low else 0.0
-
-
-def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:
-    """Columns of which another one is the slope, with that one."""
-    found = dict[str, str]()
-    for angle in names:
-        slope = np.asarray(np.gradient(values[angle], 1.0 if t is None else t))
-        alike = {name: _likeness(slope, values[name]) for name in names if name != angle}
-        best = max(alike, key=alike.__getitem__, default=None)
-        if best is not None and alike[best] > _SLOPE:
-            found[angle] = best
-    return found
-
-
-def _likeness(a: Floats, b: Floats) -> float:
-    """Correlation; zero where one is constant."""
-    both = np.isfinite(a) & np.isfinite(b)
-    if not both.any():
-        return 0.0
-    # A few faulty rows must not hide it: what is beyond the range of 98 % counts as its end.
-    u, v = (np.clip(x[both], *np.quantile(x[both], _MOST)) for x in (a, b))
-    return float(np.corrcoef(u, v)[0, 1]) if changes(u) and changes(v) else 0.0
-
-
-def _pair(
-    values: Mapping[str, Floats],
-    torque: str,
-    motion: str,
-    output: Literal["angle", "speed"],
-    named: Mapping[str, Named],
-    t: Floats | None,
-) -> AxisRoles:
-    u, y = values[torque], values[motion]
-    good = np.isfinite(u) & np.isfinite(y)
-    times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
-    good &= np.isfinite(times)
-    good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
-    explained, turned = 0.0, False
-    period = wrap_of(y[good]) if output == "angle" else None
-    if np.count_nonzero(good) > 1:
-        motion_of = y[good] if period is None else np.unwrap(y[good], period=period)
-        record = Record(times[good], u[good], motion_of, output, torque)
-        fit = rigid_fit(record)
-        explained = max(fit.explained, 0.0) if fit is not None else 0.0
-        # Most pairs of columns without names have nothing to do with each other.
-        turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
-    number = named[torque].number or named[motion].number
-    return AxisRoles(
-        axis_name(number),
-        torque,
-        motion,
-        output,
-        explained,
-        named[torque].role == "current",
-        turned,
-        period,
-    )
-
-
-def _number(name: str) -> str:
-    """The number of the axis in a column's name; empty: there is none."""
-    found = re.findall(r"\d+", name)
-    return found[-1] if found and not name.isdigit() else ""

@@ -17,8 +17,8 @@ from service.can.decoder import Decoder
 from service.can.frames import FrameBlock, FrameKey
 from service.can.inferred_layout import counts_frames
 from service.can.messages import DescriptionError, Message, MessageSet, Signal
-from service.ingest.column_roles import AxisRoles, Named, axes_by_values, changes
-from service.ingest.name_words import role_of
+from service.ingest.roles_by_name import role_of
+from service.ingest.roles_by_values import AxisRoles, Named, axes_by_values, changes
 from service.ingest.signal_roles import (
     BusAxis,
     SignalRole,

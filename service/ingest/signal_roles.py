@@ -11,8 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
-from service.ingest.column_roles import LIKELY, SURE
-from service.ingest.name_words import (
+from service.ingest.roles_by_name import (
     MEASURED,
     NO_MOTION,
     NOT_MEASURED,
@@ -22,6 +21,7 @@ from service.ingest.name_words import (
     role_of,
     words_in,
 )
+from service.ingest.roles_by_values import LIKELY, SURE
 from service.ingest.unit_names import Quantity, unit_in
 
 Sureness = Literal["sure", "likely", "guess"]

@@ -24,7 +24,7 @@ from monitor_core.arrays import Floats
 from monitor_core.wording import did_you_mean
 from service.can.left_out import too_many
 from service.can.user_errors import RecordError
-from service.ingest.name_words import role_of
+from service.ingest.roles_by_name import role_of
 from service.ingest.table_head import is_number, plain, read_head, seconds_of
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")

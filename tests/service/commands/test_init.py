@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from service.config import load
-from service.ingest.name_words import role_of
+from service.ingest.roles_by_name import role_of
 from tests.service.command_line import refused, shown
 from tests.service.commands.commissioning.test_commission import table
 

@@ -1,10 +1,12 @@
-"""The words in the names of columns and signals: what they say that it is, and of which axis."""
+"""What a column or a signal is by the words in its name and by its unit, and which axis it belongs to."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Hashable, Mapping
 from typing import TypeVar
+
+from service.ingest.unit_names import Quantity, current_in, unit_in
 
 K = TypeVar("K", bound=Hashable)
 
@@ -30,6 +32,7 @@ _ENDINGS = {
 }
 """What the end of a German word says that it is: Motorstrom, Istwinkel; Sollwinkel is what the controller asks for."""
 _ASKED = "soll"
+_QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 NOT_MEASURED = {
     *("input", "limit", "limits", "max", "min", "ff", "error", "err"),
     *("warning", "gain", "config", "offset", "request", "requested", "param"),
@@ -66,6 +69,15 @@ def _role_of_word(word: str) -> str:
     return "wanted" if found and word.startswith(_ASKED) else found
 
 
+def role_with(name: str, unit: str) -> str:
+    """What a column is by its name and its unit, which may be empty."""
+    role = role_of(name)
+    if role in ("", "torque") and current_in(unit) is not None:
+        return "current"
+    known = ((quantity, unit_in(unit, quantity)) for quantity in _QUANTITIES)
+    return role or next((q for q, found in known if found is not None and not found.linear), "")
+
+
 def own_word(name: str) -> str:
     """The first word of a name that says neither what is measured nor how; empty: there is none."""
     known = _ANY | MEASURED | NOT_MEASURED | NO_MOTION
@@ -92,3 +104,9 @@ def owners(numbers: Mapping[K, str], words: Mapping[K, str], quantities: Mapping
 def axis_name(number: str) -> str:
     """Of an axis, by its number, its letter, or the word that tells it from others; empty: it has none of these."""
     return number if len(number) > 1 and not number.isdigit() else f"axis{number.upper()}"
+
+
+def axis_number(name: str) -> str:
+    """The number of the axis in a column's name; empty: there is none."""
+    found = re.findall(r"\d+", name)
+    return found[-1] if found and not name.isdigit() else ""
