@@ -35,6 +35,10 @@ _SHORTEST_S, _LONGEST = 60.0, 2.0
 """Time constants that are tried; the longest in lengths of the records."""
 GROUP = 6
 """Windows in a row whose errors may be correlated."""
+_FEWEST_GROUPS, _SMALLEST_GROUP = 10, 2
+"""Groups are smaller where they would be fewer."""
+_TERMS = 3
+"""That are fitted to the groups for each parameter: a constant, what goes with the power, what follows the heat"""
 _RIDGE = 1e-9
 
 
@@ -127,11 +131,12 @@ class WarmUpFit(NamedTuple):
 
         For the first one, a time constant was chosen, too.  A few groups may agree by chance: the F distribution.
         """
-        if self.groups < 2:
+        freedom = self.groups - _TERMS
+        if freedom < 1:
             return 1.0
         chosen_for_it = 2 if len(self.which) == 1 else 1
-        wald = float(self.slopes[-1] / self.sd[-1]) ** 2
-        return float(fdtrc(chosen_for_it, self.groups - 1, wald / chosen_for_it))
+        wald = float(self.slopes[-1] / self.sd[-1]) ** 2 * freedom / self.groups
+        return float(fdtrc(chosen_for_it, freedom, wald / chosen_for_it))
 
 
 class Search:
@@ -238,11 +243,13 @@ class Search:
         follow[0, index], follow[1, self.index] = beta[p:f], beta[f:]
         left = _left(self._information, self._score, beta[:p], np.column_stack([heat, self._power]) @ follow)
         over = heat[:, np.newaxis] * left[:, index], self._power[:, np.newaxis] * left[:, self.index]
-        groups = np.add.reduceat(np.hstack([left, *over]), np.arange(0, len(left), GROUP), axis=0)
+        size = min(GROUP, max(_SMALLEST_GROUP, len(left) // _FEWEST_GROUPS))
+        groups = np.add.reduceat(np.hstack([left, *over]), np.arange(0, len(left), size), axis=0)
         sd = np.sqrt(((groups @ inverse) ** 2).sum(axis=0)[p:f])
-        size, constants = self._size[index], beta[:p] * self._size
-        slopes = beta[p:f] * size
-        return WarmUpFit(tau_s, starts, heats, index, constants, slopes, sd * size, len(groups), cost)
+        unit, constants = self._size[index], beta[:p] * self._size
+        return WarmUpFit(
+            tau_s, starts, heats, index, constants, beta[p:f] * unit, sd * unit, len(groups), cost
+        )
 
 
 def _left(information: Floats, score: Floats, constants: Floats, more: Floats) -> Floats:
