@@ -138,7 +138,7 @@ def _identify(
     watched = outlook(estimate, options.monitored, records, memory_s, options.sizes)
     if weight := _turning_weight(estimate, options):
         longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
-        if found := with_load(estimate, watched, records, longer_s, options.sizes, weight):
+        if found := with_load(estimate, options.monitored, records, longer_s, options.sizes, weight):
             memory_s, watched = longer_s, found
         elif options.load:
             names = (*options.monitored, LOAD)

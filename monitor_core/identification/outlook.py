@@ -113,19 +113,20 @@ def shortest_memory(
 
 def with_load(
     estimate: Estimate,
-    without: Sequence[Watched],
+    monitored: Sequence[str],
     records: Sequence[Record],
     memory_s: float,
     sizes: Mapping[str, float],
     weight: Mapping[str, float],
 ) -> tuple[Watched, ...] | None:
-    """The outlook with the load beside these; None: the records hardly tell it, or are too short to calibrate it.
+    """The outlook with the load at the end; None: the records hardly tell it, or are too short to calibrate it.
 
     Another load is told from another torque constant by friction and inertia alone, so both show less together: none of
     the others may show much less than without it, unless it still shows small changes.
     """
     if sum(record.duration_s for record in records) < _NEEDED * memory_s:
         return None
+    without = outlook(estimate, monitored, records, memory_s, sizes)
     names = [*(w.name for w in without if w.obstacle is None), LOAD]
     found = {w.name: w for w in outlook(estimate, names, records, memory_s, sizes, weight)}
     most = {w.name: max(_SMALL, _HARDLY_LESS * w.change) for w in without} | {LOAD: _OF_LOAD}
