@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from monitor_core.identification import Obstacle, Watched
+from monitor_core.drive import ThermalModel
+from monitor_core.identification import FoundWarmUp, IdentificationResult, Obstacle, Watched
 from service.commands.identification_task import Request, prepare
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile, structure_of
@@ -22,6 +23,7 @@ from service.reports.formats import percent, plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
 from service.reports.identification_report import IdentificationReport, print_text, residual_words
+from service.reports.outlook_words import watched_table
 from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
 
@@ -280,3 +282,25 @@ def test_what_would_help_to_watch_a_parameter(
     lost = replace(found, result=replace(found.result, watched=(Watched(name, 2.0, obstacle),)))
     assert lost.outlook.startswith(f"Nothing can be watched with this. Cannot: {name}, since")
     assert words in lost.outlook
+
+
+def test_friction_that_is_taken_as_constant_is_reported(found: IdentificationReport) -> None:
+    """With a heat that something else follows, and without any."""
+    heat = FoundWarmUp(ThermalModel(300.0, 1e-3, 0.1, 10.0), {"fm": (-1e-5, 1e-6)}, (0.0,))
+    none = replace(found.result, not_following=("fm", "fc"))
+    assert any("friction falls as the axis warms up: fm and fc taken" in w for w in notes(found, none))
+    some = replace(found.result, not_following=("fc",), warm_up=heat)
+    assert any("fm changes as the axis warms up, but not that fc would, too" in w for w in notes(found, some))
+    assert not any("warms up" in w for w in found.warnings)
+
+
+def notes(found: IdentificationReport, result: IdentificationResult) -> tuple[str, ...]:
+    return replace(found, result=result).warnings
+
+
+def test_a_load_is_explained_though_no_drive_has_it(found: IdentificationReport) -> None:
+    shown = Watched("load", 0.06, None)
+    table = watched_table(replace(found.result, watched=(shown,)))
+    assert table.rows == [("load", "weight of arm and payload, relative to that of the records", "6 %")]
+    hidden = replace(found.result, watched=(shown._replace(obstacle=Obstacle.NOT_SHOWN),))
+    assert "record motion of the whole arm" in replace(found, result=hidden).outlook
