@@ -302,7 +302,7 @@ def killed(folder: Path, seed: int, *, kills: int, while_starting: bool) -> dict
             with daemon(config) as d:
                 if not number:
                     fault = Fault("demo.axis1", {"fm": 1.6}, 5.0)
-                    moving.enter_context(played_robot(config, 4 * kills, seed, fault))
+                    moving.enter_context(played_robot(config, 8 * kills, seed, fault))
                 now, first = alarms(d), d.axis()
                 assert {k: still(shown[k]) for k in shown} == {k: still(now[k]) for k in shown}
                 assert list(overlaps(now.values())) == []
