@@ -138,8 +138,9 @@ class IdentificationReport:
         if longest_s < needed_s:
             yield (
                 f"The axis warms up with a time constant of {duration(found.model.tau_s)}, and the longest record lasts"
-                f" {duration(longest_s)}: in operation it becomes warmer than in any record, and may raise false alarms"
-                f" then. Record at least {duration(needed_s)} of operation without a pause, from cold on."
+                f" {duration(longest_s)}: in operation it becomes warmer than in any record. More than a tenth beyond"
+                ' that it is not tested (with outside_calibration = "widen" in [robot.axis.detector], for larger'
+                f" changes). Record at least {duration(needed_s)} of operation without a pause, from cold on."
             )
 
     def _beside_the_heat(self) -> Iterator[str]:
