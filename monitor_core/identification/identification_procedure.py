@@ -136,20 +136,22 @@ def _identify(
     if options.memories_s:
         memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
     watched = outlook(estimate, options.monitored, records, memory_s, options.sizes)
-    if weight := _turning_weight(estimate, options):
+    weight = _turning_weight(estimate, options)
+    if weight:
         longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
         if found := with_load(estimate, options.monitored, records, longer_s, options.sizes, weight):
             memory_s, watched = longer_s, found
         elif options.load:
             names = (*options.monitored, LOAD)
             watched = outlook(estimate, names, records, memory_s, options.sizes, weight)
+    carried = weight if any(w.name == LOAD for w in watched) else {}
     return IdentificationResult(
         start=problem,
         estimate=estimate,
         estimation=own,
         validation=validated,
         bode=bode_of(estimate, None if options.unknown else problem, records),
-        colour=colour_of(estimate, options.monitored or estimate.problem.free, records),
+        colour=colour_of(estimate, options.monitored or estimate.problem.free, records, carried),
         growth=growth,
         options=options,
         verdict=verdict,

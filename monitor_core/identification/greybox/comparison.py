@@ -163,13 +163,20 @@ def _nrmse(y: Floats, eps: Floats) -> float:
 # factor.
 
 
-def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]) -> float:
+def colour_of(
+    estimate: Estimate,
+    monitored: Sequence[str],
+    records: Sequence[Record],
+    weight: Mapping[str, float] = MappingProxyType({}),
+) -> float:
     """Largest ratio of the variance of a monitored parameter to its variance with white errors; at least 1.
+
+    ``weight``: as in ``monitored_information``.
 
     Raises:
         ValueError: as ``monitored_information``.
     """
-    _, result = monitored_information(estimate, monitored, records)
+    _, result = monitored_information(estimate, monitored, records, weight)
     white, coloured = np.diag(result.white), np.diag(result.covariance)
     known = np.isfinite(white)
     return float(np.max(coloured[known] / white[known], initial=1.0))
