@@ -52,7 +52,7 @@ def test_they_end_with_the_command_that_is_killed(tmp_path: Path) -> None:
 
 
 INTERRUPTED = """
-import sys, time
+import signal, sys, time
 from types import SimpleNamespace
 from service.commands.commissioning import axis_processes
 
@@ -63,6 +63,7 @@ def endless(order, review, step):
 axis_processes.commission_axis = endless
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # tests that run in the background ignore it
     orders = [SimpleNamespace(axis_id=name) for name in ("one", "two")]
     shown = lambda step: print(step.axis_id, flush=True)
     try:

@@ -75,10 +75,10 @@ def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
 
 def test_each_axis_follows_the_links_that_it_holds(cell: Cell) -> None:
     shoulder, elbow = load(cell.config, {}).axes
-    assert follows(shoulder) >= {"cos(axis1)", "cos(axis1 + axis2)"}
-    assert follows(elbow) >= {"cos(axis1 + axis2)"}
+    assert follows(shoulder) >= {"cos(shoulder)", "cos(shoulder + elbow)"}
+    assert follows(elbow) >= {"cos(shoulder + elbow)"}
     for axis in (shoulder, elbow):
-        assert {s.axis for s in axis.config.signal} == {"axis1", "axis2"}
+        assert {s.axis for s in axis.config.signal} == {"shoulder", "elbow"}
         assert "kT" in axis.config.model.monitor
         assert "tau0" not in axis.config.model.monitor
         assert "load" not in axis.config.model.monitor  # for its memory this record is too short
@@ -98,8 +98,8 @@ def test_a_weak_motor_is_named_and_the_healthy_arm_is_quiet(cell: Cell) -> None:
     faulty = write(cell.folder / "faulty.csv", cell.arm.take(40.0, {"shoulder kT": 0.75}))
     assert alarms(cell, healthy) == {}
     found = alarms(cell, faulty)
-    assert set(found) == {"robot1.axis1"}
-    assert found["robot1.axis1"] == [("kT", "down")]
+    assert set(found) == {"robot1.shoulder"}
+    assert found["robot1.shoulder"] == [("kT", "down")]
 
 
 def alarms(cell: Cell, record: Path) -> dict[str, list[tuple[str, str]]]:
