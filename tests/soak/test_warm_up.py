@@ -135,6 +135,9 @@ def test_ten_days_with_a_cold_start_each(seed: int, tmp_path: Path) -> None:
     for fault in FAULTS:
         own = [trial for trial in tried if trial.fault == fault]
         good = [trial.alarms[0] for trial in own if trial.right]
+        if not good:
+            print(f"{fault}: 0 of {len(own)} named by one alarm")
+            continue
         delays, sizes = ([getattr(a, name) for a in good] for name in ("named_s", "size"))
         print(
             f"{fault}: {len(good)} of {len(own)} named by one alarm, after {np.median(delays):.0f} s (at most"
