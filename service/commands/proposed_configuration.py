@@ -9,11 +9,11 @@ from pathlib import Path
 
 from service.config.canopen_axis import CURRENT, VELOCITY
 from service.config.schema import BusConfig
+from service.config.unit_names import UNITS, Quantity, current_in, unit_in, unit_of
 from service.ingest.column_roles import TableRoles
 from service.ingest.drive_objects import DriveObjects
 from service.ingest.roles_by_values import AxisRoles
 from service.ingest.signal_roles import BusAxis, SignalRole
-from service.ingest.unit_names import UNITS, Quantity, current_in, unit_in, unit_of
 from service.ingest.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from service.config.unit_names import unit_of
 from service.ingest.roles_by_name import axis_number, own_word, owners, role_of, role_with, words_in
 from service.ingest.roles_by_values import MOST, AxisRoles, Named, axes_by_values, changes
 from service.ingest.time_of_day import TimeOfDay
-from service.ingest.unit_names import unit_of
 
 _MOST_ROWS = 20_000
 _ABSURD = 1e30

@@ -17,6 +17,7 @@ from service.can.decoder import Decoder
 from service.can.frames import FrameBlock, FrameKey
 from service.can.inferred_layout import counts_frames
 from service.can.messages import DescriptionError, Message, MessageSet, Signal
+from service.config.unit_names import Quantity
 from service.ingest.roles_by_name import role_of
 from service.ingest.roles_by_values import AxisRoles, Named, axes_by_values, changes
 from service.ingest.signal_roles import (
@@ -29,7 +30,6 @@ from service.ingest.signal_roles import (
     owners_of,
     role_in,
 )
-from service.ingest.unit_names import Quantity
 
 _FEWEST = 50
 """Values of a signal that can be looked at."""

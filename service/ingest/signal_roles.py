@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
+from service.config.unit_names import Quantity, unit_in
 from service.ingest.roles_by_name import (
     MEASURED,
     NO_MOTION,
@@ -22,7 +23,6 @@ from service.ingest.roles_by_name import (
     words_in,
 )
 from service.ingest.roles_by_values import LIKELY, SURE
-from service.ingest.unit_names import Quantity, unit_in
 
 Sureness = Literal["sure", "likely", "guess"]
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}

@@ -24,7 +24,7 @@ from monitor_core.modeling import (
     resonances_of,
     structural,
 )
-from service.ingest.unit_names import UNITS
+from service.config.unit_names import UNITS
 from service.reports.formats import json_text
 
 _MOST_STATES = 100

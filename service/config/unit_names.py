@@ -47,7 +47,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             "mm/s": _PATH._replace(words="mm/s of a linear axis"),
         },
         "torque": {
-            **dict.fromkeys(("nm", "n m", "n*m", "n.m"), Unit("N m", 1.0)),
+            "nm": Unit("N m", 1.0),
             **dict.fromkeys(("mnm", "nmm"), Unit("mN m", 1e-3)),
             "ncm": Unit("N cm", 1e-2),
             "knm": Unit("kN m", 1e3),
@@ -60,9 +60,16 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
 
 def unit_in(text: str, quantity: Quantity) -> Unit | None:
     """The unit of a quantity that a name like "A1_Pos_deg" or "speed [1/min]" holds; None: it holds none."""
-    words = [text.strip(), *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
+    at_once = re.sub(r"[\s.*·]", "", text)  # "mN m", "N*m"
+    words = [at_once, *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
     known = _TABLE[quantity]
     return next((known[word.lower()] for word in reversed(words) if word.lower() in known), None)
+
+
+def unit_passed_over(text: str, quantity: Quantity, factor: float) -> Unit | None:
+    """The unit that a name or a description states, where it is not the SI unit and no factor converts it."""
+    unit = unit_in(text, quantity)
+    return None if unit is None or unit.factor in (None, 1.0) or abs(factor) != 1 else unit
 
 
 _AMPERES = {"a": 1.0, "arms": 1.0, "amp": 1.0, "amps": 1.0, "ampere": 1.0, "ma": 1e-3}
