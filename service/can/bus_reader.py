@@ -15,7 +15,8 @@ import can
 from monitor_core.wording import sentence
 from service.can.bus import BusSettings, open_bus
 from service.can.frames import NO_FRAMES, FrameBlock, FrameFilter, concatenate_frames
-from service.can.receivers import BLOCK_FRAMES, BLOCK_S, Receiver, reader_of, receiver_of
+from service.can.receivers import BLOCK_S, Receiver
+from service.can.socket_receivers import BLOCK_FRAMES, reader_of, receiver_of
 from service.can.user_errors import BusError
 
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")

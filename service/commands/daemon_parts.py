@@ -60,7 +60,7 @@ class DaemonParts:
         stack.callback(recording.close)
         monitors = self.core.monitors
         self.saver = Checkpointer(
-            self.state.checkpoints, monitors, config.service.checkpoint_interval_s, None, now_us
+            self.state.checkpoints, monitors, config.service.checkpoint_interval_s, now_us
         )
         clock = WallClock()
         alarms, messages = _restored(config, monitors, self.state, self.saver, clock)

@@ -154,7 +154,7 @@ class Watcher:
         with tempfile.TemporaryDirectory() as folder:
             checkpoints = Checkpoints(Path(folder) / "checkpoints.sqlite")
             journal = Journal(Path(folder) / "alarms.sqlite")
-            Checkpointer(checkpoints, self.monitors, 60.0, None, lambda: 0).save()
+            Checkpointer(checkpoints, self.monitors, 60.0, lambda: 0).save()
             restored = restore(other.monitors, checkpoints, journal, 0)
             checkpoints.close()
             journal.close()

@@ -144,7 +144,7 @@ class Watcher:
         with tempfile.TemporaryDirectory() as folder:
             checkpoints = Checkpoints(Path(folder) / "checkpoints.sqlite")
             journal = Journal(Path(folder) / "alarms.sqlite")
-            Checkpointer(checkpoints, self._monitors, 60.0, None, lambda: START_US).save()
+            Checkpointer(checkpoints, self._monitors, 60.0, lambda: START_US).save()
             other = Watcher(self._config)
             restored = restore(other._monitors, checkpoints, journal, START_US)
             checkpoints.close()

@@ -15,7 +15,8 @@ import pytest
 from service.can.bus import can_devices, open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
 from service.can.frames import Frame, FrameBlock, FrameFilter, FrameKey
-from service.can.receivers import Receiver, Rejected, frame_of, receiver_of
+from service.can.receivers import Receiver, Rejected, frame_of
+from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
 from service.config.schema import BusConfig

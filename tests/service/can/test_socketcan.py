@@ -18,7 +18,8 @@ from can.interfaces.socketcan import SocketcanBus
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
 from service.can.frames import Frame, FrameFilter, FrameKey
-from service.can.receivers import Receiver, SocketReceiver, receiver_of
+from service.can.receivers import Receiver
+from service.can.socket_receivers import SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from service.simulation.playback import PlayFrame, play_frames

@@ -10,7 +10,8 @@ import pytest
 import scipy.io
 
 from service.can.user_errors import RecordError
-from service.ingest.table_files import CsvTable, LongTable, MatTable, open_table
+from service.ingest.csv_tables import CsvTable, LongTable
+from service.ingest.table_files import MatTable, open_table
 from service.ingest.table_head import head_of, seconds_of
 
 ROWS = ["0.000,1.5,2.5", "0.005,1.6,2.6", "0.010,1.7,2.7"]
