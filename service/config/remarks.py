@@ -148,11 +148,12 @@ def _other_unit(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
         if not config.records_only:
             place = f"{source.message}.{source.signal}"
             text = find_signal(known_on(config.bus), source.message, source.signal)[1].unit or ""
-        unit = unit_passed_over(text, quantity, source.factor)
+        current = quantity == "torque" and config.torque.kT_Nm_per_A is not None
+        unit = unit_passed_over(text, quantity, source.factor, current)
         if unit is not None and unit.factor is not None:
             yield (
                 f"{axis.id}: {place} is in {unit.words} by its description, but {quantity}.factor ="
-                f" {source.factor:g} takes it as {UNITS[quantity]}; {quantity}.factor ="
+                f" {source.factor:g} takes it as {'A' if current else UNITS[quantity]}; {quantity}.factor ="
                 f" {source.factor * unit.factor:.6g} converts it"
             )
 

@@ -66,18 +66,21 @@ def unit_in(text: str, quantity: Quantity) -> Unit | None:
     return next((known[word.lower()] for word in reversed(words) if word.lower() in known), None)
 
 
-def unit_passed_over(text: str, quantity: Quantity, factor: float) -> Unit | None:
-    """The unit that a name or a description states, where it is not the SI unit and no factor converts it."""
-    unit = unit_in(text, quantity)
-    return None if unit is None or unit.factor in (None, 1.0) or abs(factor) != 1 else unit
-
-
 _AMPERES = {"a": 1.0, "arms": 1.0, "amp": 1.0, "amps": 1.0, "ampere": 1.0, "ma": 1e-3}
 
 
 def current_in(text: str) -> float | None:
     """What a unit is in amperes, where it is one of a current; None: it is none."""
     return _AMPERES.get(text.strip().lower())
+
+
+def unit_passed_over(text: str, quantity: Quantity, factor: float, current: bool = False) -> Unit | None:
+    """The unit that a name or a description states, where it is not the SI unit and no factor converts it.
+
+    ``current``: the torque is a current, which its torque constant converts from A.
+    """
+    unit = Unit(text.strip(), current_in(text)) if current else unit_in(text, quantity)
+    return None if unit is None or unit.factor in (None, 1.0) or abs(factor) != 1 else unit
 
 
 def unit_of(name: str, below: str = "") -> str:

@@ -90,6 +90,7 @@ secret_file = "orders.secret"
         ("Torque", "mN m", None, "torque.factor = 1 takes it as N m; torque.factor = 0.001 converts it"),
         ("Angle", "deg", -1.0, "angle.factor = -1 takes it as rad; angle.factor = -0.0174533 converts it"),
         ("Torque", "mN m", 0.001, None),
+        ("Torque", "mA", 1.0, "torque.factor = 1 takes it as A; torque.factor = 0.001 converts it"),
         ("Torque", "%", None, None),  # how much that is depends on the drive
         ("Angle", "rad", None, None),
     ],
@@ -101,7 +102,8 @@ def test_a_unit_of_the_bus_that_no_factor_converts_is_noted(
     head, line = dbc[: dbc.index(f"SG_ {signal} ")], dbc[dbc.index(f"SG_ {signal} ") :]
     (tmp_path / "demo.dbc").write_text(head + re.sub('"[^"]*"', f'"{unit}"', line, count=1), encoding="utf-8")
     if factor is not None:
-        text = text.replace(f'signal = "{signal}"', f'signal = "{signal}"\nfactor = {factor}')
+        constant = "kT_Nm_per_A = 2.0\n" if unit == "mA" else ""
+        text = text.replace(f'signal = "{signal}"\n', f'signal = "{signal}"\nfactor = {factor}\n{constant}')
     (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
     result = check(tmp_path / "robot.toml")
     assert result.exit_code == 0
