@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from service.config.schema import BusConfig
 
 LOG_KINDS = ".log .asc .blf .trc .mf4 .csv, also .gz"
-"""Of CAN logs, in the help"""
+"""Suffixes of CAN logs, for the help"""
 ConfigPath = Annotated[
     Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")
 ]

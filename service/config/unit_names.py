@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 Quantity = Literal["torque", "angle", "speed"]
 UNITS: Mapping[str, str] = MappingProxyType({"torque": "N m", "angle": "rad", "speed": "rad/s"})
-"""Of what is measured of an axis, SI"""
+"""SI units of what is measured of an axis"""
 
 
 class Unit(NamedTuple):
@@ -19,7 +19,7 @@ class Unit(NamedTuple):
     words: str
     factor: float | None
     linear: bool = False
-    """Of a path, as a linear axis has it: the factor is 2 pi over what a turn of its motor moves it"""
+    """The unit of a path, as of a linear axis: the factor is 2 pi over the path of one turn of its motor"""
 
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from service.can.user_errors import RecordError
 
 _SAMPLE_LINES = 300
-"""By which it is seen where the numbers begin, and how numbers and dates are written."""
+"""Lines that show where the numbers begin, and how numbers and dates are written."""
 _BELOW_NAMES = 3
 """At most so many lines stand between the names and the numbers: units, descriptions."""
 _DECIMAL_COMMA, _DECIMAL_POINT = (

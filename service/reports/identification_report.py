@@ -19,9 +19,9 @@ from monitor_core.identification import (
     Trace,
 )
 from monitor_core.settings import MODEL_ERRORS
-from monitor_core.wording import duration, listed
+from monitor_core.wording import duration, listed, percent
 from service.ingest.identification_records import RecordOrigin
-from service.reports.formats import Provenance, Table, for_terminal, percent, plain
+from service.reports.formats import Provenance, Table, for_terminal, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 
 _MOST_NAMED = 3
