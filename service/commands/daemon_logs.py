@@ -16,9 +16,7 @@ _PRIORITIES = {"debug": 7, "info": 6, "warning": 4, "warn": 4, "error": 3, "exce
 
 
 def configure_logs(
-    log_format: LogFormat = "auto",
-    stream: TextIO | None = None,
-    environ: Mapping[str, str] = os.environ,
+    log_format: LogFormat = "auto", stream: TextIO | None = None, environ: Mapping[str, str] = os.environ
 ) -> None:
     """Send all logs, those of libraries too, to a stream.
 

@@ -11,16 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from monitor_core.drive import (
-    COULOMB,
-    HEAT,
-    LOAD,
-    AxisModel,
-    Drive,
-    ThermalStart,
-    friction_of,
-    split_name,
-)
+from monitor_core.drive import COULOMB, HEAT, LOAD, AxisModel, Drive, ThermalStart, friction_of, split_name
 from monitor_core.identification import (
     Disturbance,
     IdentificationError,

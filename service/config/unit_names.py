@@ -39,8 +39,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
             **dict.fromkeys(("deg/s", "degs", "dps", "°/s", "grad/s"), Unit("degrees per second", _DEGREE)),
             **dict.fromkeys(
-                ("rpm", "1/min", "u/min", "rev/min", "min-1"),
-                Unit("revolutions per minute", _TURN / 60),
+                ("rpm", "1/min", "u/min", "rev/min", "min-1"), Unit("revolutions per minute", _TURN / 60)
             ),
             **dict.fromkeys(("rps", "rev/s"), Unit("revolutions per second", _TURN)),
             **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),

@@ -118,11 +118,7 @@ def axes_by_values(
         for output in _outputs(named[y].role, bool(speeds))
         if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
     )
-    pairs = sorted(
-        found_pairs,
-        key=lambda pair: _weight(pair, named, step),
-        reverse=True,
-    )
+    pairs = sorted(found_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
     taken, found = set[str](), list[AxisRoles]()
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
@@ -271,12 +267,5 @@ def _pair(
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
-        axis_name(number),
-        torque,
-        motion,
-        output,
-        explained,
-        named[torque].role == "current",
-        turned,
-        period,
+        axis_name(number), torque, motion, output, explained, named[torque].role == "current", turned, period
     )

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import (
-    UNITS,
-    Bode,
-    Correlation,
-    FrequencyResponse,
-    ParameterRow,
-    Trace,
-)
+from monitor_core.identification import UNITS, Bode, Correlation, FrequencyResponse, ParameterRow, Trace
 from monitor_core.wording import percent
 from service.reports import identification_report as content
 from service.reports import plot_style as style

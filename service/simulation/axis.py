@@ -11,16 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive import (
-    DELAY,
-    LOAD,
-    AxisModel,
-    Conditions,
-    Follow,
-    Gate,
-    Operating,
-    split_name,
-)
+from monitor_core.drive import DELAY, LOAD, AxisModel, Conditions, Follow, Gate, Operating, split_name
 from monitor_core.excitation import Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
 from monitor_core.samples import SampleBlock

@@ -10,14 +10,7 @@ import urllib.request
 from pathlib import Path
 
 from service.commands.exit_codes import MISTAKE
-from tests.end_to_end.processes import (
-    PROGRAM,
-    ROOT,
-    alarms_shown,
-    demo,
-    demo_config,
-    wait_for,
-)
+from tests.end_to_end.processes import PROGRAM, ROOT, alarms_shown, demo, demo_config, wait_for
 from tests.service.commands.commissioning.test_commission import AXIS, H, configured, table
 
 

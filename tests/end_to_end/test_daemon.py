@@ -25,14 +25,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
 from service.texts.instants import iso, now_us
-from tests.end_to_end.processes import (
-    PATIENCE_S,
-    Daemon,
-    daemon,
-    demo_config,
-    running,
-    wait_for,
-)
+from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, running, wait_for
 from tests.end_to_end.test_readme import shown, write_log
 from tests.service.command_line import axiswatch
 from tests.service.found_files import nominal_text
