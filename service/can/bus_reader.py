@@ -184,8 +184,8 @@ class CanReader:
             self._dropped["queue_full"] += block.size
         if block:
             self._arrived()
-        # Frames may flow again without a pause in which nothing comes.
-        if self._state != "up" or self._errors >= _MOST_ERRORS:
+        # Frames may flow again without a pause in which nothing comes.  A bus that a fault has closed is not up.
+        if self._receiver is not None and (self._state != "up" or self._errors >= _MOST_ERRORS):
             self._look_again()
 
     def _fault(self, error: Exception) -> None:
