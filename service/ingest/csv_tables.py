@@ -42,7 +42,8 @@ class Rows(NamedTuple):
 class CsvTable:
     """A CSV file.  Where no names stand above its numbers, columns are "0", "1", ...
 
-    Cells are separated by tabs, semicolons or commas; where not by commas, numbers may have a decimal comma.
+    Cells are separated by tabs, semicolons, commas or single spaces; where not by commas, numbers may have a decimal
+    comma.
 
     Raises:
         RecordError: it cannot be read.
