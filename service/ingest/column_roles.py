@@ -14,7 +14,15 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from service.config.unit_names import unit_of
-from service.ingest.roles_by_name import axis_number, own_word, owners, role_of, role_with, words_in
+from service.ingest.roles_by_name import (
+    asked_role,
+    axis_number,
+    own_word,
+    owners,
+    role_of,
+    role_with,
+    words_in,
+)
 from service.ingest.roles_by_values import MOST, AxisRoles, Named, axes_by_values, changes
 from service.ingest.time_of_day import TimeOfDay
 
@@ -54,16 +62,26 @@ def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxy
     t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
+    axes = _axes(moving, t, kinds, places)
+    if not axes:  # many drives export no other torque than the one that they are asked for
+        asked = {name: asked_role(name) for name, kind in kinds.items() if kind == "wanted"}
+        kinds |= {name: role for name, role in asked.items() if role in ("torque", "current")}
+        axes = _axes(moving, t, kinds, places)
+    used = {time, *(axis.torque for axis in axes), *(axis.motion for axis in axes)}
+    unused = tuple(name for name in columns if name not in used)
+    return TableRoles(time, unit_s, interval_s, axes, unused, units)
+
+
+def _axes(
+    moving: Mapping[str, Floats], t: Floats | None, kinds: Mapping[str, str], places: Mapping[str, int]
+) -> tuple[AxisRoles, ...]:
     of_axis = owners(
         {name: axis_number(name) for name in moving},
         {name: own_word(name) for name in moving},
         {name: "torque" if kind == "current" else kind for name, kind in kinds.items()},
     )
     named = {name: Named(kinds[name], of_axis[name], places[name]) for name in moving}
-    axes = tuple(axes_by_values(moving, t, named))
-    used = {time, *(axis.torque for axis in axes), *(axis.motion for axis in axes)}
-    unused = tuple(name for name in columns if name not in used)
-    return TableRoles(time, unit_s, interval_s, axes, unused, units)
+    return tuple(axes_by_values(moving, t, named))
 
 
 def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -12,7 +12,7 @@ K = TypeVar("K", bound=Hashable)
 
 _TABLE = """
 time: t time times timestamp zeit sec secs seconds s ms us
-torque: trq torque torques tau moment drehmoment tq nm mot
+torque: trq torque torques tau moment drehmoment tq nm mot effort
 current: i cur curr current currents amp strom iq
 angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad
 speed: vel velocity velocities speed omega w qd dq qdot rpm drehzahl
@@ -67,6 +67,12 @@ def _role_of_word(word: str) -> str:
         return _WORDS[word]
     found = next((role for ending, role in _ENDINGS.items() if word.endswith(ending)), "")
     return "wanted" if found and word.startswith(_ASKED) else found
+
+
+def asked_role(name: str) -> str:
+    """What a controller asks for, by the name of a column with a word for that."""
+    words = [word.removeprefix(_ASKED) for word in words_in(name) if _WORDS.get(word) != "wanted"]
+    return role_of(" ".join(words))
 
 
 def role_with(name: str, unit: str) -> str:

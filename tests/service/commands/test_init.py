@@ -37,12 +37,13 @@ def test_names_of_columns(record: Path) -> None:
         ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
         ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
         ("Trq_Shoulder,Pos_Shoulder,Trq_Elbow,Pos_Elbow", ["shoulder", "elbow"]),
+        ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
+        ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),
         ("left motor torque,right arm angle,motor torque,arm angle", ["axis1", "axis2"]),
     ],
 )
-def test_axes_without_numbers_are_named_by_what_tells_them_apart(
-    record: Path, names: str, axes: list[str]
-) -> None:
+def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes: list[str]) -> None:
+    """A torque that a drive is asked for is one, too, where no other is recorded."""
     _, _, rows = record.read_text(encoding="utf-8").partition("\n")
     record.write_text(f"Time,{names}\n{rows}", encoding="utf-8")
     shown("init", record)
