@@ -62,8 +62,8 @@ def states_of(
             "multimodel",
             f"{axis_id} (multi-model detector)",
             epoch.key(monitor.multimodel_key),
-            lambda: multimodel.bank.to_arrays() if multimodel.made else None,
-            lambda arrays: multimodel.bank.from_arrays(arrays),
+            multimodel.to_arrays,
+            multimodel.from_arrays,
         )
     if epoch.learning is not None:
         number, window, _ = epoch.learning
