@@ -38,7 +38,7 @@ class Receiver:
     name = "python-can"
     """As shown to the user"""
     block_s = BLOCK_S
-    """In which frames are collected"""
+    """Time in which frames are collected"""
     overflow = 0
     """Frames that the kernel dropped because they were not read fast enough"""
 

@@ -192,10 +192,7 @@ def _restored(
 
 
 def _links(
-    config: Config,
-    journal: Journal,
-    snapshot: Callable[[], Snapshot],
-    extracts: Extracts | None,
+    config: Config, journal: Journal, snapshot: Callable[[], Snapshot], extracts: Extracts | None
 ) -> PlantLinks:
     def recording_of(t_us: int) -> str | None:
         return None if extracts is None else extracts.folder.holding(t_us)

@@ -18,7 +18,7 @@ from service.ingest.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
-"""Of every axis: from the motion of production, springs are seldom determined."""
+"""The model of every proposed axis: the motion of production seldom determines springs."""
 _INTERVAL_S = 0.005
 _BUS = "can0"
 

@@ -18,7 +18,7 @@ from service.config.toml_lines import Keys
 from service.texts.alarm_words import SENSORS
 
 _NEARLY = 1e-3
-"""Of a turn: as exactly as somebody may have written 2 pi."""
+"""Part of a turn: as exactly as somebody may have written 2 pi."""
 
 
 def motion(axis: AxisConfig) -> Iterator[Finding]:

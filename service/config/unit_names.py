@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 Quantity = Literal["torque", "angle", "speed"]
 UNITS: Mapping[str, str] = MappingProxyType({"torque": "N m", "angle": "rad", "speed": "rad/s"})
-"""Of what is measured of an axis, SI"""
+"""SI units of what is measured of an axis"""
 
 
 class Unit(NamedTuple):
@@ -19,7 +19,7 @@ class Unit(NamedTuple):
     words: str
     factor: float | None
     linear: bool = False
-    """Of a path, as a linear axis has it: the factor is 2 pi over what a turn of its motor moves it"""
+    """The unit of a path, as of a linear axis: the factor is 2 pi over the path of one turn of its motor"""
 
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
@@ -39,8 +39,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
             **dict.fromkeys(("deg/s", "degs", "dps", "°/s", "grad/s"), Unit("degrees per second", _DEGREE)),
             **dict.fromkeys(
-                ("rpm", "1/min", "u/min", "rev/min", "min-1"),
-                Unit("revolutions per minute", _TURN / 60),
+                ("rpm", "1/min", "u/min", "rev/min", "min-1"), Unit("revolutions per minute", _TURN / 60)
             ),
             **dict.fromkeys(("rps", "rev/s"), Unit("revolutions per second", _TURN)),
             **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),

@@ -96,7 +96,7 @@ def _absurd(v: Floats) -> Bools:
 
 _UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _RISES = 0.99
-"""Of the steps of a time: a few rows may be there twice."""
+"""Least share of the steps of a time that rise: a few rows may be there twice."""
 _FEWEST_STEPS = 4
 _LONGEST_S = 0.5
 """A longer interval of a drive's samples is none in seconds."""

@@ -23,11 +23,11 @@ from service.ingest.roles_by_name import role_of
 from service.ingest.table_head import is_number, plain, read_head, seconds_of
 
 ROWS = 8192
-"""Of a block"""
+"""Rows of a block"""
 _BLOCK_BYTES = 1 << 20
 _MOST_SIGNALS = 1000
 _ALONE = 0.5
-"""Of the times: with one signal only, so that signals have times of their own"""
+"""Share of the times with one signal only, from which on signals have times of their own"""
 _UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
@@ -42,7 +42,8 @@ class Rows(NamedTuple):
 class CsvTable:
     """A CSV file.  Where no names stand above its numbers, columns are "0", "1", ...
 
-    Cells are separated by tabs, semicolons or commas; where not by commas, numbers may have a decimal comma.
+    Cells are separated by tabs, semicolons, commas or single spaces; where not by commas, numbers may have a decimal
+    comma.
 
     Raises:
         RecordError: it cannot be read.

@@ -122,11 +122,7 @@ def axes_by_values(
         for output in _outputs(named[y].role, bool(speeds))
         if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
     )
-    pairs = sorted(
-        found_pairs,
-        key=lambda pair: _weight(pair, named, step),
-        reverse=True,
-    )
+    pairs = sorted(found_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
     taken, found = set[str](), list[AxisRoles]()
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):

@@ -56,7 +56,7 @@ class BusAxis(NamedTuple):
     counter: tuple[str, str] | None
     """Message and signal of a sample counter beside the torque"""
     interval_s: float | None
-    """Of the samples: cycle of the message with the torque, or as measured; None: not known"""
+    """Interval of the samples: cycle of the message with the torque, or as measured; None: not known"""
     measured: bool = False
     """The interval is measured"""
     bunched: bool = False

@@ -20,7 +20,7 @@ from service.ingest.csv_tables import ROWS, CsvTable, LongTable, Rows, numbers
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _MOST_COLUMNS = 100
-"""Of a matrix, to be columns of a table"""
+"""Most columns of a matrix that are columns of a table"""
 
 
 def open_table(path: Path) -> Table:

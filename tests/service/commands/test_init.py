@@ -217,10 +217,7 @@ def test_a_table_with_a_row_for_each_axis_or_signal(
 
 @pytest.mark.parametrize(
     ("times", "words"),
-    [
-        ("{:.0f}", "time: Time"),
-        ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005"),
-    ],
+    [("{:.0f}", "time: Time"), ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005")],
 )
 def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None:
     """In nanoseconds since 1970; in a way that is not read, which must not go unsaid."""

@@ -129,10 +129,7 @@ def test_a_monitored_torque_follows_the_pose_as_any_parameter(folder: Path) -> N
 
 
 def test_conditions_with_all_keys_and_with_none(folder: Path) -> None:
-    config = loaded(
-        folder,
-        with_conditions().replace("_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1),
-    )
+    config = loaded(folder, with_conditions().replace("_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1))
     axis, second = config.axes
     assert conditions_of(axis) == Conditions(
         ("temperature", "mode", "speed2"),
