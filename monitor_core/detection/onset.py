@@ -6,6 +6,7 @@ covariance lambda_0 dR, dR = R_k - lam^n R_(k-1), white from stretch to stretch.
 change is found by Bayes (``find_change``).
 """
 
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
@@ -59,11 +60,12 @@ class Past(NamedTuple):
 
 def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float) -> Past:
     """Past from the arrays of the kernel: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2)."""
-    known = t_us != NEVER
-    rows, columns = np.triu_indices(p)
-    P = np.empty((int(known.sum()), p, p))
-    P[:, rows, columns] = P[:, columns, rows] = kept[known, p:]
-    return Past(t_us[known], kept[known, :p], P, lam, walk, lam0, lag_us)
+    if not (known := t_us != NEVER).all():
+        t_us, kept = t_us[known], kept[known]
+    P = np.empty((len(kept), p, p))
+    for place, (i, j) in enumerate(combinations_with_replacement(range(p), 2), p):
+        P[:, i, j] = P[:, j, i] = kept[:, place]
+    return Past(t_us, kept[:, :p], P, lam, walk, lam0, lag_us)
 
 
 def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
