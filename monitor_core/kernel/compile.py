@@ -10,6 +10,9 @@ No fast-math: one axis and many axes give the same bits.  Division as in numpy: 
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
+# Numba imports this when something is compiled or loaded for the first time, which adds types to its table of types: a
+# call from another thread that looks them up at that moment would fail.
+import numba.experimental.function_type  # noqa: F401
 from llvmlite import binding as llvm
 from numba import njit, typeof
 

@@ -147,8 +147,9 @@ class Daemon:
     def _event(self, name: str) -> dict[str, Any]:
         def look() -> dict[str, Any] | None:
             found = next((event for event in self.events() if event["event"] == name), None)
-            ended = self.process.poll() is not None and found is None
-            assert not ended, self._log.read_text(encoding="utf-8")
+            if found is None and self.process.poll() is not None:
+                last = "\n".join(self._log.read_text(encoding="utf-8").splitlines()[self._skip :][-20:])
+                raise AssertionError(f"it has ended with {self.process.returncode}; its last lines:\n{last}")
             return found
 
         return wait_for(look)
