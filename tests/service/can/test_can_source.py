@@ -297,9 +297,9 @@ def test_a_bus_that_a_fault_has_closed_is_down_until_it_is_open_again(
     def torn_off(timeout: float | None = None) -> can.Message:
         raise OSError("adapter unplugged")
 
-    def opened(*of: Any) -> can.BusABC:
+    def opened(*arguments: Any) -> can.BusABC:
         states.append(reader.stats().state)
-        bus = open_bus(*of)
+        bus = open_bus(*arguments)
         if len(states) in (1, 3):
             monkeypatch.setattr(bus, "recv", torn_off)
         return bus
