@@ -111,14 +111,12 @@ class IdentificationReport:
         if slow:
             yield (
                 f"What is slower than {slow:.2g} rad/s is left out of the fit: its friction sticks and slips, other"
-                f" than fm and fc describe. With min_speed = {slow:.2g}, which `commission` sets, the monitor does so,"
-                " too."
+                " than fm and fc describe. The monitor leaves it out, too."
             )
         elif found is not None:
             yield (
                 f"The axis stands {percent(found.share)} of the time, and friction holds any torque then: the fit"
-                f" leaves that torque out. With min_speed = {found.speed:.2g}, which `commission` sets, the monitor"
-                " does so, too."
+                f" leaves that torque out. So does the monitor, below {found.speed:.2g} rad/s."
             )
 
     def _short_of_warm(self) -> Iterator[str]:
