@@ -53,6 +53,8 @@ def saved(config_file: Path) -> dict[str, AxisMonitor]:
 
 DETECTORS = ("cusum", "multimodel")
 """What raises the alarms of the first axis, and of the second."""
+COMPILED = "kernel is being compiled"
+"""In the messages of a daemon meanwhile: it is not ready, and takes longer than a robot may move."""
 
 
 def played_robot(
@@ -89,6 +91,7 @@ def test_a_robot_from_check_to_play_with_the_same_bits_and_what_is_left_of_it_af
     assert axiswatch(*simulate[1:], "--seconds", "0.2").exit_code == 0
     with daemon(config, "--record", record) as d:
         assert d.status("readyz") == 503
+        wait_for(lambda: not any(COMPILED in message for message in d.get("api/v1/service")["messages"]))
         with played_robot(config, 14, seed, Fault("demo.axis2", {"fm": 1.6}, 5.0)) as process:
             heard = axiswatch(*listen[1:])
             assert (heard.exit_code, "axis1" in heard.stdout) == (0, True)
@@ -249,7 +252,7 @@ def inside(file: Path) -> Iterator[Daemon]:
 def daemon_messages(d: Daemon) -> list[str]:
     """The messages of the daemon, except that the kernel is not ready yet."""
     messages: list[str] = d.get("api/v1/service")["messages"]
-    return [message for message in messages if "kernel is being compiled" not in message]
+    return [message for message in messages if COMPILED not in message]
 
 
 def alarm_sources(axes: Sequence[dict[str, Any]]) -> tuple[str, ...]:
