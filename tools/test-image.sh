@@ -40,7 +40,6 @@ debian_base() {
   mmdebstrap --quiet --variant=minbase --include=usr-is-merged,python3,python3-venv,ca-certificates \
     --dpkgopt='path-exclude=/usr/share/doc/*' --dpkgopt='path-exclude=/usr/share/man/*' \
     --dpkgopt='path-exclude=/usr/share/locale/*' \
-    --customize-hook='chroot "$1" apt-get purge --yes usrmerge perl "^perl-modules" "^libperl5" >/dev/null' \
     "$suite" "$work/base.tar"
   root=$(buildah from scratch)
   buildah add --quiet "$root" "$work/base.tar" / >/dev/null
