@@ -22,6 +22,9 @@ MODEL_ERRORS = 2.0
 """So many standard deviations of what a model of the nominal values lacks are allowed for.  They are those of its worst
 times, and an upper bound: with three of them 30 % more Coulomb friction of a warm axis was not always found."""
 
+ALLOWED = 3.0
+"""So many standard deviations of what healthy estimates differ by, beside their scatter, the tests allow for."""
+
 
 class Threshold(NamedTuple):
     """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size.
@@ -195,7 +198,13 @@ class Settings:
     def size_errors(self, p: int) -> Floats:
         """Standard deviation of what healthy estimates are off by beside their scatter, in sizes (p,)."""
         own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
-        return np.array([math.hypot(a, t.size_error) for a, t in zip(self.tests(p)[2], own, strict=True)])
+        errors = self.model_errors(p) / MODEL_ERRORS
+        return np.array(
+            [
+                math.hypot(max(t.allowance / ALLOWED, error), t.size_error)
+                for t, error in zip(own, errors.tolist(), strict=True)
+            ]
+        )
 
     def gain(self, n: int) -> Floats:
         """K as a vector (n,).

@@ -14,6 +14,7 @@ from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
 from monitor_core.calibration.shrinkage import shrink
 from monitor_core.samples import SampleBlock
+from monitor_core.settings import ALLOWED
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,6 @@ def healthy_statistics(
 
 SHORTEST, MOST = 20, 10
 """Least number of memories in a part of a record, and largest number of parts."""
-FACTOR = 3.0
-"""The allowance is this multiple of the standard deviation between the means of the parts."""
 LEVEL = 0.99
 """Confidence with which the parts must differ by more than chance."""
 
@@ -83,4 +82,4 @@ def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     Q, freedom = (w * (m - mean) ** 2).sum(axis=0), len(m) - 1
     excess = (Q - freedom) / (w.sum(axis=0) - (w**2).sum(axis=0) / w.sum(axis=0))
     real = 2 * gammaincinv(freedom / 2, LEVEL ** (1 / len(Q))) < Q
-    return np.asarray(scatter.beyond + np.where(real, FACTOR * np.sqrt(np.maximum(excess, 0.0)), 0.0))
+    return np.asarray(scatter.beyond + np.where(real, ALLOWED * np.sqrt(np.maximum(excess, 0.0)), 0.0))

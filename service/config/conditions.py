@@ -94,10 +94,17 @@ def conditions_of(axis: NamedAxis) -> Conditions:
         tuple(source.name for source in needed(axis)),
         tuple(_within(follow_of(v), axis.config) for _, v in varying_of(axis.config) if v not in weight),
         tuple(_gate(gate) for gate in axis.config.gate),
-        axis.config.min_speed or 0.0,
+        min_speed_of(axis.config),
         thermal_of(axis.config),
         tuple(map(follow_of, weight)),
     )
+
+
+def min_speed_of(axis: AxisConfig) -> float:
+    """Speed below which nothing is learned, rad/s at the sensor: as configured, or what the nominal values are of."""
+    found = axis.model.nominal_file
+    identified = 0.0 if found is None else found.predictor.min_speed
+    return identified if axis.min_speed is None else axis.min_speed
 
 
 def _within(follow: Follow, axis: AxisConfig) -> Follow:
@@ -155,8 +162,8 @@ def in_words(axis: AxisConfig) -> Iterator[str]:
         yield f"{v.parameter} follows {v.signal}"
     for g in axis.gate:
         yield f"only while {g.signal} is {_value(g)}"
-    if axis.min_speed is not None:
-        yield f"only from {axis.min_speed:g} rad/s on"
+    if least := min_speed_of(axis):
+        yield f"only from {least:.3g} rad/s on"
 
 
 def _value(gate: GateConfig) -> str:

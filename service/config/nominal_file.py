@@ -38,6 +38,8 @@ class PredictorTable(FoundTable):
     colour: Annotated[Real, Field(ge=1)] = 1.0
     states: tuple[str, ...]
     gain: tuple[Real, ...]
+    min_speed: NotNegative = 0.0
+    """Slower motion is no part of the fit, rad/s at the sensor; none in files of earlier versions"""
 
     @property
     def lam0(self) -> float:

@@ -11,7 +11,17 @@ from pydantic import Field, model_validator
 
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
-from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, written
+from service.config.base_table import (
+    FilePath,
+    Name,
+    NotNegative,
+    Positive,
+    Real,
+    Table,
+    Text,
+    Undecidable,
+    written,
+)
 from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
 from service.config.schema_links import LinksConfig
@@ -305,8 +315,8 @@ class AxisConfig(Table):
     """further signals: temperature, mode, angle of another axis, ..., [[robot.axis.signal]]"""
     gate: tuple[GateConfig, ...] = ()
     """the axis is monitored only while all of these are open, [[robot.axis.gate]]"""
-    min_speed: Positive | None = None
-    """the axis is not monitored while its motor turns more slowly than this [rad/s]"""
+    min_speed: NotNegative | None = None
+    """the axis is not monitored while its motor turns more slowly than this [rad/s]; None: as of the nominal file"""
     thermal: ThermalConfig = Field(default_factory=ThermalConfig)
     """warm-up without a thermometer"""
     model: ModelConfig

@@ -15,10 +15,11 @@ from monitor_core.identification import (
     Trace,
     Verdict,
 )
+from monitor_core.wording import percent
 from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
 from service.ingest.identification_records import RecordOrigin
-from service.reports.formats import fields_of, json_text, one_line, percent, toml_table
+from service.reports.formats import fields_of, json_text, one_line, toml_table
 from service.reports.identification_report import IdentificationReport, residual_words, verdict_line
 
 Json = dict[str, Any]
@@ -113,12 +114,14 @@ def _predictor_table(report: IdentificationReport) -> str:
         "colour": report.result.colour,
         "states": [f"{s.name} [{s.unit}]" for s in e.drive.states],
         "gain": e.K if e.problem.predictor == "innovations" else [],
+        "min_speed": e.problem.min_speed,
     }
     remarks = {
         "torque_delay_s": "delay of the torque after its sample",
         "innovation_variance": f"lambda_0, ({unit})^2: of eps",
         "colour": "neighbouring errors are correlated: the daemon multiplies lambda_0 by this",
         "gain": f"filter gain K, state for state, per {unit}",
+        "min_speed": "rad/s at the sensor: the fit leaves slower motion out; so does the daemon",
     }
     about = "x+ = x + K eps, eps = y - yhat; then the drive moves on with the torque held over the interval."
     return toml_table("[predictor]", entries, about, remarks, rough=("colour",))

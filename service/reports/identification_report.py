@@ -10,18 +10,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.identification import (
-    LEVEL,
-    Growth,
-    IdentificationResult,
-    ParameterRow,
-    Rejection,
-    Trace,
-)
+from monitor_core.identification import LEVEL, Growth, IdentificationResult, ParameterRow, Rejection, Trace
 from monitor_core.settings import MODEL_ERRORS
-from monitor_core.wording import duration, listed
+from monitor_core.wording import duration, listed, percent
 from service.ingest.identification_records import RecordOrigin
-from service.reports.formats import Provenance, Table, for_terminal, percent, plain
+from service.reports.formats import Provenance, Table, for_terminal, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 
 _MOST_NAMED = 3
@@ -118,14 +111,12 @@ class IdentificationReport:
         if slow:
             yield (
                 f"What is slower than {slow:.2g} rad/s is left out of the fit: its friction sticks and slips, other"
-                f" than fm and fc describe. With min_speed = {slow:.2g}, which `commission` sets, the monitor does so,"
-                " too."
+                " than fm and fc describe. The monitor leaves it out, too."
             )
         elif found is not None:
             yield (
                 f"The axis stands {percent(found.share)} of the time, and friction holds any torque then: the fit"
-                f" leaves that torque out. With min_speed = {found.speed:.2g}, which `commission` sets, the monitor"
-                " does so, too."
+                f" leaves that torque out. So does the monitor, below {found.speed:.2g} rad/s."
             )
 
     def _short_of_warm(self) -> Iterator[str]:
@@ -197,10 +188,7 @@ class IdentificationReport:
 
 def print_text(report: IdentificationReport, console: Console) -> None:
     """What can be watched and the verdict first, then parameters, fits, tests, doubts."""
-    console.print(
-        Text(f"{report.axis_id}: {report.outlook}", style="bold"),
-        soft_wrap=True,
-    )
+    console.print(Text(f"{report.axis_id}: {report.outlook}", style="bold"), soft_wrap=True)
     console.print(Text(f"{verdict_line(report)}\n", style="bold"), soft_wrap=True)
     result, rows = report.result, list(report.result.rows())
     held = {number: "dim" for number, row in enumerate(rows) if row.held}

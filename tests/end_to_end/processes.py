@@ -94,7 +94,7 @@ def demo(log: Path, *words: str | Path) -> Iterator[str]:
     with running(*words, "--port", "0", log=log) as process:
         yield wait_for(lambda: re.search(r"dashboard: (http://\S+)", log.read_text(encoding="utf-8")))[1]
         process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def alarms_shown(page: str) -> list[dict[str, Any]]:

@@ -29,7 +29,6 @@ from service.commands.commissioning.commissioning_remedies import (
     Retry,
     memories_of,
     memory_change,
-    min_speed_change,
     motion_for,
     remedy_for,
     retry,
@@ -156,13 +155,12 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         return replace(outcome, refusal=not_identified(report, taken))
     replace_text(order.folder / values, as_toml(report))
     refusal = "" if watched_in(report) else f"{outcome.outlook.removesuffix('.')}{taken}"
-    changes = (*memory_change(report, axis.config), *min_speed_change(report, axis.config))
     outcome = replace(
         outcome,
         nominal_file=values,
         watched=watched_in(report),
         refusal=refusal,
-        corrections=(*outcome.corrections, *changes),
+        corrections=(*outcome.corrections, *memory_change(report, axis.config)),
     )
     motion = motion_for(report, [item.record for item in task.estimation])
     if motion is None:

@@ -171,17 +171,6 @@ def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Corre
     return (Correction(("estimator", "memory_s"), memory_s, reason),)
 
 
-def min_speed_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Correction, ...]:
-    """The speed from which an axis is monitored that often stands or creeps, if the configuration has none."""
-    slow, standstill = report.result.slow_left_out, report.result.standstill
-    if axis.min_speed is not None or not (slow or standstill):
-        return ()
-    reason = "slower, the friction of the axis sticks and slips"
-    if not slow and standstill:
-        slow, reason = standstill.speed, "slower, the axis stands, and its friction holds any torque"
-    return (Correction(("min_speed",), float(f"{slow:.2g}"), reason),)
-
-
 class Motion(NamedTuple):
     """What a motion is planned with that would show more of an axis."""
 

@@ -15,7 +15,8 @@ import pytest
 from service.can.bus import can_devices, open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
 from service.can.frames import Frame, FrameBlock, FrameFilter, FrameKey
-from service.can.receivers import Receiver, Rejected, frame_of, receiver_of
+from service.can.receivers import Receiver, Rejected, frame_of
+from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
 from service.config.schema import BusConfig
@@ -240,6 +241,8 @@ def test_what_does_not_fit_is_counted(tmp_path: Path) -> None:
         for k in range(1000):
             send(sender, STANDARD, k.to_bytes(2, "little"))
         wait_for(lambda: reader.stats().frames == 1000, reader.stats)
+        turns = reader.turns  # frames are counted before they are put into the queue or dropped
+        wait_for(lambda: reader.turns > turns, reader.stats)
         dropped = reader.stats().dropped["queue_full"]
         kept = take(reader, 1000 - dropped)
         assert 900 <= dropped < 1000  # whole blocks
@@ -283,6 +286,35 @@ def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     wait_for(lambda: "cannot open udp_multicast" in reader.stats().state, reader.stats)
     assert not reader.stats().up
     reader.close()
+
+
+def test_a_bus_that_a_fault_has_closed_is_down_until_it_is_open_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = make_config(tmp_path, axis1()).bus[0]
+    reader, states = CanReader(config, [FrameFilter(STANDARD)]), list[str]()
+
+    def torn_off(timeout: float | None = None) -> can.Message:
+        raise OSError("adapter unplugged")
+
+    def opened(*arguments: Any) -> can.BusABC:
+        states.append(reader.stats().state)
+        bus = open_bus(*arguments)
+        if len(states) in (1, 3):
+            monkeypatch.setattr(bus, "recv", torn_off)
+        return bus
+
+    monkeypatch.setattr("service.can.bus_reader.open_bus", opened)
+    reader.start()
+    wait_for(lambda: len(states) == 2 and reader.stats().up, reader.stats)
+    reader.close()
+    fault = "down: adapter unplugged; trying to open it again"
+    assert states == ["down: not opened yet", fault]
+    monkeypatch.setattr("service.can.bus_reader._RETRY_S", 3600.0)  # no other try before it is closed
+    reader.start()
+    wait_for(lambda: reader.stats().state == fault, reader.stats)
+    reader.close()
+    assert states[2:] == ["closed"]
 
 
 def test_who_waits_is_told_when_frames_can_be_taken(bus_config: BusConfig) -> None:

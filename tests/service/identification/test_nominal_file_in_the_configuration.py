@@ -66,7 +66,7 @@ def test_everything_comes_from_the_file(robot: Path) -> None:
     gain = [float(k) for k in filter_gain(model, 0.005, 0.07, 1e-4)[0]]
     changes: dict[str, dict[str, Any]] = {
         "values": {"fm": 0.0723},
-        "predictor": {"gain": gain, "innovation_variance": 3e-8, "torque_delay_s": 0.0012},
+        "predictor": {"gain": gain, "innovation_variance": 3e-8, "torque_delay_s": 0.0012, "min_speed": 0.4},
         "drive": {"friction_speed_scale": 0.7},
     }
     file_with(robot, changes)
@@ -79,6 +79,9 @@ def test_everything_comes_from_the_file(robot: Path) -> None:
     assert model.nominal["fm"] == 0.0723
     assert (list(settings.K), settings.lam0) == (gain, 3e-8)
     assert (settings.delay_s, settings.speed_scale) == (0.0012, 0.7)
+    assert conditions_of(axis).min_speed == 0.4
+    edit(robot, ("sample_interval_s = 0.005", "sample_interval_s = 0.005\nmin_speed = 0.0"))
+    assert conditions_of(only(load(robot, {}))).min_speed == 0.0
 
 
 def test_output_error_has_no_gain(robot: Path) -> None:

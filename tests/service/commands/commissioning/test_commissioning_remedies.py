@@ -15,12 +15,11 @@ from service.commands.commissioning.axis_commissioning import not_identified, un
 from service.commands.commissioning.commissioning_remedies import (
     memories_of,
     memory_change,
-    min_speed_change,
     retry,
 )
 from service.commands.commissioning.link_load import LinkLoad
 from service.commands.commissioning.signal_proposals import configured
-from service.config.commissioned import Correction, corrected
+from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.outlook_words import outlook_words
@@ -245,23 +244,6 @@ def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
     given = TEXT + "estimator = { memory_s = 2.0 }\n"
     _, axis = configured(given, NAME, tmp_path)
     assert memory_change(report(KT), axis.config) == ()
-
-
-def test_an_axis_that_often_stands_is_monitored_from_a_speed_on(tmp_path: Path) -> None:
-    _, axis = configured(TEXT, NAME, tmp_path)
-    stands = report(KT)
-    stands.result.standstill = SimpleNamespace(speed=0.03456, share=0.6)
-    (change,) = min_speed_change(stands, axis.config)
-    assert change.change == "min_speed = 0.035"
-    changed = corrected(TEXT, NAME, [change])
-    _, axis = configured(changed, NAME, tmp_path)
-    assert axis.config.min_speed == 0.035
-    assert min_speed_change(stands, axis.config) == ()
-    stands.result.slow_left_out = 1.234
-    (change,) = min_speed_change(stands, configured(TEXT, NAME, tmp_path)[1].config)
-    assert change.change == "min_speed = 1.2"
-    stands.result.slow_left_out, stands.result.standstill = 0.0, None
-    assert min_speed_change(stands, configured(TEXT, NAME, tmp_path)[1].config) == ()
 
 
 def test_what_the_thresholds_find_comes_first() -> None:
