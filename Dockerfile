@@ -31,7 +31,7 @@ COPY config config
 # round first, then compile.  Others' Python is there as bytecode alone, which is half of it and starts as fast; a
 # traceback names its lines but does not show them.  What else goes: tests, symbols, C sources, the installer, pyarrow's
 # ways to other machines and its libraries' second names, formats of pictures and fonts that reports never write.  What
-# was repaired for its wheel (*.libs, numba's pools) keeps its symbols: once stripped, it cannot be loaded.  The
+# was repaired for its wheel (*.libs) keeps its symbols: once stripped, it cannot be loaded.  The
 # dashboard is that of service/web/static where it is built, else npm must be reached.
 RUN --mount=type=secret,id=pip.conf,target=/etc/pip.conf \
     /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --no-deps . \
@@ -42,9 +42,10 @@ RUN --mount=type=secret,id=pip.conf,target=/etc/pip.conf \
  && rm -rf pyarrow/include pyarrow/src pyarrow/*_flight* pyarrow/*_s3* pyarrow/*_encryption* \
       pyarrow/*_orc* pyarrow/_azurefs* pyarrow/_gcsfs* pyarrow/_hdfs* pyarrow/_substrait* \
       pyarrow/libarrow_python.so pyarrow/libarrow_python.so.*.*.* PIL/_avif* pillow.libs/libavif-* \
-      numba/cuda numpy/distutils matplotlib/mpl-data/fonts/afm matplotlib/mpl-data/fonts/pdfcorefonts \
-      fontTools/ttLib fontTools/varLib fontTools/feaLib fontTools/ufoLib fontTools/otlLib fontTools/subset \
- && find . -name '*.so*' -type f -not -path '*.libs/*' -not -name '*pool.*' -exec strip --strip-unneeded {} + \
+      scipy/io/_fast_matrix_market/_fmm_core* numba/cuda numba/np/ufunc/*pool.* numpy/distutils \
+      matplotlib/mpl-data/fonts/afm matplotlib/mpl-data/fonts/pdfcorefonts \
+ && find fontTools -mindepth 1 -maxdepth 1 -type d -not -name misc -exec rm -r {} + \
+ && find . -name '*.so*' -type f -not -path '*.libs/*' -exec strip --strip-unneeded {} + \
  && find . -name '*.py' -exec touch -d "@$(date +%s)" {} + \
  && python3 -m compileall -q -j 0 monitor_core service \
  && others() { find . -name '*.py' -not -path './monitor_core/*' -not -path './service/*' "$@"; } \
@@ -59,9 +60,10 @@ RUN cd "$(python3 -c 'import sysconfig; print(sysconfig.get_path("stdlib"))')" \
  && if command -v dpkg; then dpkg --purge --force-all $(dpkg-query -Wf '${Package} ' 'perl*' 'libperl*' usrmerge \
       apt 'libapt-pkg*' gpgv debian-archive-keyring debconf adduser python3-venv 'python3*-venv' 'python3-*-whl' \
       python3-distutils python3-lib2to3 'libgnutls*' 'libhogweed*' 'libnettle*' 'libp11-kit*' 'libunistring*' \
-      'libidn2*' 'libtasn1*' e2fsprogs logsave 'libext2fs*' 'libss2*' mount 2>/dev/null); fi \
+      'libidn2*' 'libtasn1*' e2fsprogs logsave 'libext2fs*' 'libss2*' mount util-linux bsdutils diffutils \
+      ncurses-bin 2>/dev/null); fi \
  && rm -rf /usr/lib/*/gconv /usr/share/zoneinfo/right /usr/share/python-wheels /var/cache/* /var/log/* \
-      /var/lib/apt
+      /var/lib/apt /var/lib/dpkg/info
 COPY --from=build /opt/axiswatch /opt/axiswatch
 RUN useradd --system --no-create-home --home-dir /var/lib/axiswatch --shell /usr/sbin/nologin axiswatch \
  && install -d -o axiswatch -g axiswatch /var/lib/axiswatch /var/cache/axiswatch && install -d /etc/axiswatch
