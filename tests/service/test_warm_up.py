@@ -55,7 +55,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Made:
     for name in ("monday.csv", "tuesday.csv"):
         records.append(write(folder / name, plant.take(DAY_S)))
         plant.rest(NIGHT_S)
-    words = ("--start", "values", "--free", "fm,fc")
+    words = ("--start", "values", "--free", "kT,fm,fc")
     config, output = identified(folder, FOUND, records, *words)
     text = config.read_text(encoding="utf-8").replace(CUSUM, f"{CUSUM}, alpha_2 = 400.0")
     config.write_text(text, encoding="utf-8")
