@@ -11,8 +11,8 @@ from docs.svg_documents import document
 from service.commands.planned_motion import MotionRequest, planned
 from service.config import load
 from service.config.drive_sources import shipped
+from service.config.unit_names import UNITS
 from service.ingest.records import read_record
-from service.ingest.unit_names import UNITS
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.plot_style import LIMIT, TEXT, ZONE, as_svg, figure
 from service.reports.replay_html import overview_picture

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 _NEARLY = 0.05
 _MOST = 20
+_MANY = 10.0
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0, "y": 31557600.0}
 _TIME = re.compile(r"(?P<number>[\d.]+)\s*(?P<unit>[a-z]*)")
 _SPELLED = {"hour": "h", "day": "d", "week": "w", "year": "y", "minute": "min", "second": "s", "m": "min"}
@@ -67,9 +68,14 @@ def listed(names: Sequence[str], word: str = "and") -> str:
     return f"{', '.join(names[:-1])} {word} {names[-1]}"
 
 
-def percent(value: float) -> str:
-    """``0.3 %``, ``120 %``: two digits."""
-    return f"{float(f'{100 * value:.2g}'):g} %"
+def percent(value: float | None, signed: bool = False) -> str:
+    """``0.12 %``, two digits; beyond ten times only that is written; empty: not known."""
+    if value is None:
+        return ""
+    if abs(value) > _MANY:
+        return f"> {100 * _MANY:g} %"
+    digits = float(f"{100 * value:.2g}")
+    return f"{digits:+g} %" if signed else f"{digits:g} %"
 
 
 def rounded_down(value: float) -> float:

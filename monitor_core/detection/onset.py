@@ -6,6 +6,7 @@ covariance lambda_0 dR, dR = R_k - lam^n R_(k-1), white from stretch to stretch.
 change is found by Bayes (``find_change``).
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -59,11 +60,18 @@ class Past(NamedTuple):
 
 def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float) -> Past:
     """Past from the arrays of the kernel: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2)."""
-    known = t_us != NEVER
+    first = int(np.count_nonzero(t_us == NEVER))  # what is known follows
+    known = kept[first:]
+    return Past(t_us[first:].copy(), known[:, :p].copy(), known[:, _square(p)], lam, walk, lam0, lag_us)
+
+
+@cache
+def _square(p: int) -> Ints:
+    """Where P (p, p) is in what the kernel keeps: after the deviations (p,), its upper triangle."""
+    places = np.empty((p, p), np.int64)
     rows, columns = np.triu_indices(p)
-    P = np.empty((int(known.sum()), p, p))
-    P[:, rows, columns] = P[:, columns, rows] = kept[known, p:]
-    return Past(t_us[known], kept[known, :p], P, lam, walk, lam0, lag_us)
+    places[rows, columns] = places[columns, rows] = p + np.arange(len(rows))
+    return places
 
 
 def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:

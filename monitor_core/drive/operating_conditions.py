@@ -38,14 +38,14 @@ MARGIN = 0.1
 
 _HEAT = Term.read(HEAT)
 _SAME = 1e-6
-"""Relative: signals are scaled numbers."""
+"""Relative difference below which two values of a signal are the same: signals are scaled numbers."""
 
 
 class Follow(NamedTuple):
     """A parameter follows a term, which may lie between ``low`` and ``high``."""
 
     name: str
-    """Whose slope it is, Ja or 1/Ja, whichever of the two is monitored"""
+    """The parameter that follows, Ja or 1/Ja, whichever is monitored"""
     term: Term
     slope: float
     reference: float

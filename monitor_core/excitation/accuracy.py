@@ -157,11 +157,7 @@ class Accuracy:
         directions, pairs = self.directions(), self.pairs()
         groups = _groups(deviations, directions)
         apart = [p for p in pairs if not any(_inside(p, g) for g in groups)]
-        return (
-            *_alone(deviations, directions),
-            *_in_pairs(deviations, apart),
-            *_in_groups(groups, pairs),
-        )
+        return (*_alone(deviations, directions), *_in_pairs(deviations, apart), *_in_groups(groups, pairs))
 
 
 def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[Finding]:

@@ -21,13 +21,7 @@ from monitor_core.excitation.motions import (
     Schedule,
     fitted,
 )
-from monitor_core.excitation.multisine_signals import (
-    Complex,
-    Multisine,
-    crest_factor,
-    flattened,
-    lines_in,
-)
+from monitor_core.excitation.multisine_signals import Complex, Multisine, crest_factor, flattened, lines_in
 from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.prediction import (
     Estimation,

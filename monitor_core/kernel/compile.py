@@ -10,6 +10,9 @@ No fast-math: one axis and many axes give the same bits.  Division as in numpy: 
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
+# Numba imports this when something is compiled or loaded for the first time, which adds types to its table of types: a
+# call from another thread that looks them up at that moment would fail.
+import numba.experimental.function_type  # noqa: F401
 from llvmlite import binding as llvm
 from numba import njit, typeof
 
@@ -21,10 +24,10 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 
-def _compiled(function: Callable[_P, _R], **options: bool | str) -> Callable[_P, _R]:
+def _compiled(function: Callable[_P, _R], nogil: bool = True, **options: bool | str) -> Callable[_P, _R]:
     # Unused wrappers would cost a third of the compile time; numba's type hints lack these options.
     compile_: Any = njit
-    decorator = compile_(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
+    decorator = compile_(nogil=nogil, error_model="numpy", no_cfunc_wrapper=True, **options)
     return cast("Callable[_P, _R]", decorator(function))
 
 
@@ -71,3 +74,11 @@ def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
     functions as well would cost an eighth of the compile time.
     """
     return _compiled(function, cache=True)
+
+
+def short_entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """As ``entry``, for what takes microseconds and is called for each axis in turn: keeps the GIL.
+
+    Let go and taken back at once, it is never there for a thread that waits for it, as that has to wake up first.
+    """
+    return _compiled(function, nogil=False, cache=True)

@@ -65,12 +65,7 @@ def resonances(A: Floats, b: Floats, c: Floats) -> Resonances:
     """Resonances of  x' = A x + b u,  y = c x  with A (n, n), b (n,), c (n,)."""
     A, b, c = _balanced(A, b, c)
     poles, zeros = _sorted(np.linalg.eigvals(A)), _sorted(zeros_of(A, b, c))
-    return Resonances(
-        poles=poles,
-        zeros=zeros,
-        resonances=modes(poles),
-        antiresonances=modes(zeros),
-    )
+    return Resonances(poles=poles, zeros=zeros, resonances=modes(poles), antiresonances=modes(zeros))
 
 
 def modes(roots: Iterable[complex]) -> tuple[Mode, ...]:

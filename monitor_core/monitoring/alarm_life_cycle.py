@@ -24,7 +24,7 @@ PRIORITIES: tuple[Priority, ...] = ("low", "medium", "high")
 MAX_SHELF_S = 7 * 86400.0
 """Longest time for which an alarm may be shelved [s]: until the next planned maintenance, not until it is forgotten."""
 _SET_S = 3600.0
-"""By so much the clock may be set back meanwhile [s]"""
+"""The clock may be set back by this much meanwhile [s]"""
 
 
 class AlarmState(StrEnum):

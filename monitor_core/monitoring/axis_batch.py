@@ -215,9 +215,7 @@ class AxisBatch:
             yield from (self._event(events, k) for k in range(done, before))
             done = before
             a = int(noted.what[1, c])
-            if self.judged[a]:
-                yield a, self._judges[a].reading(noted, c)
-            yield a, self._judges[a].evidence(noted, c)
+            yield from ((a, event) for event in self._judges[a].events(noted, c, self.judged[a]))
         yield from (self._event(events, k) for k in range(done, int(events.filled[0])))
 
     def _event(self, events: Events, k: int) -> tuple[int, Crossing]:

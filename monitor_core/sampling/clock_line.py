@@ -16,7 +16,7 @@ SLEW = 150e-6
 """How fast sample times follow the receipt: two crystals rarely differ by more than 100 ppm."""
 
 QUICK = 0.05
-"""As fast where the line has just begun, with a frame that may have been late itself."""
+"""The same while the line has just begun, with a frame that may have been late itself."""
 
 MOST_RATE = 2000e-6
 """A fit that finds more than that is none: sample_interval_s is wrong."""
@@ -34,7 +34,7 @@ TELLING = 8
 """Windows that tell the rate."""
 
 MOST_WINDOWS, MOST_EARLY = 32, 13
-"""Of any clock"""
+"""Most windows of any clock, and most earliest frames that it keeps of one"""
 
 LINE_FIELDS: list[tuple[Any, ...]] = [
     ("interval_us", "f8"),
@@ -91,7 +91,7 @@ def new_line(clock: Any, interval_s: float) -> None:
 
 @outlined
 def begin_line(clock: Any, received_us: int) -> None:
-    """Number 0 was received at that time."""
+    """Begin a line on which the sample with number 0 was received at that time."""
     clock.anchor_us = received_us
     clock.is_off = False
 
@@ -188,7 +188,7 @@ def follow_delay(clock: Any, place_us: float, passed_us: float) -> Any:
 
 @outlined
 def begin_again(clock: Any, place_us: float) -> None:
-    """After a pause: the rate is known, the phase of the frames is not."""
+    """Begin a line after a pause: the rate is known, the phase of the frames is not."""
     clock.level_us, clock.at_us = _fitted(clock, place_us), place_us
     _forget(clock)
     _next_window(clock, place_us)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.compile import entry, outlined
+from monitor_core.kernel.compile import outlined, short_entry
 from monitor_core.sampling.controller_clocks import (
     GIVEN,
     READY,
@@ -115,7 +115,7 @@ def flush_frames(stream: Stream, samples: NDArray[np.void]) -> int:
 # Two entries for each: only axes that need the cyclic clock wait for its compilation.
 
 
-@entry
+@short_entry
 def _take(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -> Any:
     """Frames with a counter, or with times of receipt."""
     number: Any = np.int64(0)
@@ -134,7 +134,7 @@ def _take(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -
     return number
 
 
-@entry
+@short_entry
 def _take_cyclic(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -> Any:
     number: Any = np.int64(0)
     value = stream.scratch[0]
@@ -146,12 +146,12 @@ def _take_cyclic(stream: Stream, values: NDArray[np.void], samples: NDArray[np.v
     return number
 
 
-@entry
+@short_entry
 def _flush(pairing: Pairing) -> None:
     flush_pairing(pairing.state[0], pairing.waiting)
 
 
-@entry
+@short_entry
 def _flush_cyclic(stream: Stream, samples: NDArray[np.void]) -> Any:
     number: Any = np.int64(0)
     for clock in stream.clocks:

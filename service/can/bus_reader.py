@@ -15,7 +15,8 @@ import can
 from monitor_core.wording import sentence
 from service.can.bus import BusSettings, open_bus
 from service.can.frames import NO_FRAMES, FrameBlock, FrameFilter, concatenate_frames
-from service.can.receivers import BLOCK_FRAMES, BLOCK_S, Receiver, reader_of, receiver_of
+from service.can.receivers import BLOCK_S, Receiver
+from service.can.socket_receivers import BLOCK_FRAMES, reader_of, receiver_of
 from service.can.user_errors import BusError
 
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
@@ -102,7 +103,8 @@ class CanReader:
         self._state: str = sentence("not opened", "down: not opened yet")
         self._frames = 0
         self._dropped = dict.fromkeys(READER_REASONS, 0)
-        self._overflow_before = 0
+        self._overflow_before = self._frames_before = 0
+        """Those until it was opened last"""
         self._errors = 0
         """Error frames since the last frame with data"""
         self._retry_s = _RETRY_S
@@ -121,7 +123,7 @@ class CanReader:
         self._bus = open_bus(self._config, self._wanted)
         self._receiver = receiver_of(self._bus)
         self._receiver.block_s = self._block_s
-        self._overflow_before = self._dropped["kernel_overflow"]
+        self._overflow_before, self._frames_before = self._dropped["kernel_overflow"], self._frames
         self._state = "up" if self._interface_up() is not False else self._down()
 
     def start(self, arrived: Callable[[], object] = lambda: None) -> None:
@@ -183,8 +185,8 @@ class CanReader:
             self._dropped["queue_full"] += block.size
         if block:
             self._arrived()
-        # Frames may flow again without a pause in which nothing comes.
-        if self._state != "up" or self._errors >= _MOST_ERRORS:
+        # Frames may flow again without a pause in which nothing comes.  A bus that a fault has closed is not up.
+        if self._receiver is not None and (self._state != "up" or self._errors >= _MOST_ERRORS):
             self._look_again()
 
     def _fault(self, error: Exception) -> None:
@@ -197,6 +199,8 @@ class CanReader:
         self._state = (
             _GONE if gone else sentence("bus fault", "down: {why}; trying to open it again", why=error)
         )
+        if self._frames == self._frames_before:  # an adapter at a broken bus may fail as soon as it is open
+            self._stop.wait(_RETRY_S)
 
     def _look_again(self) -> None:
         """While the bus is down: check whether it is back, its interface under the same socket or a new one."""

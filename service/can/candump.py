@@ -23,7 +23,7 @@ ERROR = 0x20000000
 """In the id of an error frame"""
 _NAME = 16
 _DIGITS = 10
-"""Of the seconds, at most"""
+"""Most digits after the point of the seconds"""
 _NO_DIGIT = 255
 _HEX = np.full(256, _NO_DIGIT, np.uint8)
 _HEX[np.frombuffer(b"0123456789", np.uint8)] = np.arange(10)

@@ -26,7 +26,7 @@ CLASSIC_RECORD, FD_RECORD = _record(CLASSIC_BYTES), _record(FD_BYTES)
 
 
 ID_BITS = 0x1FFFFFFF
-"""Of an id without its flag"""
+"""Bits of an id without its flag"""
 
 
 class FrameKey(NamedTuple):
@@ -69,7 +69,7 @@ class Frame(NamedTuple):
 
 
 _SET_BACK_US = 500_000
-"""By less the frames of a log may be in another order than their times."""
+"""Frames of a log may be out of order by less than this; by more, the clock was set back."""
 
 
 class FrameBlock:

@@ -22,16 +22,16 @@ FieldKind = Literal["signal", "counter", "state", "constant", "random"]
 noise, as a checksum."""
 
 FEWEST_FRAMES = 50
-"""Of an id, to look at its bytes."""
+"""Fewest frames of an id whose bytes are looked at."""
 _WIDTHS = (1, 2, 4)
 """Bytes of the usual numbers"""
 _FEW_VALUES, _SOME = 8, 256
-"""Of a state; and numbers among which more show that it is none"""
+"""Most values of a state; and how many numbers are looked at first, of which more values show that it is none"""
 _COUNTS = 0.9
-"""Of the frames, in which a counter goes up by one; the others were lost."""
+"""Least share of the frames in which a counter goes up by one; between the others frames were lost."""
 _FEW_SKIPS, _MOST_OF_THEM = 3, 0.5
 _NOISE = 0.85
-"""Of its bits, that the differences of a random number need."""
+"""Share of its bits that the differences of a random number need."""
 _FIELD_BITS, _UNUSUAL_BITS, _FORESEEN_BITS = 50.0, 100.0, 5.0
 """Cost of each number: of two divisions that describe as well, that into fewer is taken.  More, where it is no 1, 2 or
 4 bytes; less of counters, and of bits beside others that never change."""
@@ -46,7 +46,7 @@ _RISES, _FALLS, _SELDOM = 4.0, 16.0, 0.1
 in which the highest bits change, above which a number may begin at each half byte"""
 _MANTISSA = 23
 _MOST_PAGES, _OFTEN = 32, 0.1
-"""Of a multiplexer: values, and the share of the frames with another one than before"""
+"""Most values of a multiplexer, and the least share of the frames with another one than before"""
 _MUCH_SHORTER = 0.7
 _PLAUSIBLE = (1e-9, 1e12)
 """Largest magnitude of a floating-point number of a machine"""

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 _MOST = 0.01
-"""Of the lines of a record: where more cannot be read, the others cannot be trusted either."""
+"""Share of the lines of a record: where more cannot be read, the others cannot be trusted either."""
 _SOME = 20
-"""Lines: so many are read before it is known that they are too many."""
+"""Lines that may be left out before a share of them is too many."""
 
 
 def too_many(left_out: int, read: int, ended: bool = False) -> bool:

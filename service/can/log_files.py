@@ -28,7 +28,7 @@ from service.can.receivers import frame_of
 from service.can.user_errors import RecordError
 
 _CSV = ".csv"
-"""Of python-can or SavvyCAN; others are tables"""
+"""A log of python-can or SavvyCAN; other .csv files are tables"""
 LOG_SUFFIXES = (".log", ".asc", ".blf", ".trc", ".mf4", _CSV)
 LOG_REASONS = ("error_frame", "remote_frame", "not_a_frame", "unreadable")
 """Why an entry of a log gave no frame.  not_a_frame: an event, or a line that no reader knows; unreadable: damaged."""

@@ -24,7 +24,7 @@ from service.can.messages import (
 KINDS: Mapping[str, str] = MappingProxyType({".dbc": "DBC", ".kcd": "KCD", ".sym": "SYM", ".arxml": "ARXML"})
 """Formats by the suffix of a file"""
 _GROUP, _SOURCE, _ANY_SOURCE = 0x3FFFF00, 0xFF, 0xFE
-"""Of an identifier of J1939: parameter group with destination; source address, and the one that is of nobody"""
+"""Bits of an identifier of J1939: parameter group with destination, source address; and the address for any"""
 
 
 def read_messages(path: Path) -> MessageSet:

@@ -94,8 +94,7 @@ def ack(
 def shelve(
     alarm_ids: AlarmIds,
     duration: Annotated[
-        str | None,
-        typer.Option("--for", metavar="TIME", help="How long: 8h, 3d, 30min.", show_default=False),
+        str | None, typer.Option("--for", metavar="TIME", help="How long: 8h, 3d, 30min.", show_default=False)
     ] = None,
     until: Annotated[
         str | None,

@@ -33,18 +33,20 @@ def backup(config: ConfigPath, output: Output, secrets: Secrets = False, force: 
     """
     from service.config.bundle import bundle
     from service.store.archive import FORMAT, Manifest, state_files, write_archive
+    from service.store.tokens import TOKENS_FILE
 
     read = configuration(config, without_bus=True)
     check_new(output, force)
     with explained(OSError):
         found = bundle(config, read)
-        state = state_files(read.service.state_dir, secrets)
+        state = {f"{found.state}/{name}": file for name, file in state_files(read.service.state_dir).items()}
+        files = found.files | state
+        secret = {*found.secrets, f"{found.state}/{TOKENS_FILE}"} & files.keys()
+        left_out = [] if secrets else sorted(secret)
         sources: dict[str, Path | bytes] = {
             found.name: found.text.encode(),
-            **{name: file for name, file in found.files.items() if secrets or name not in found.secrets},
-            **{f"{found.state}/{name}": file for name, file in state.items()},
+            **{name: file for name, file in files.items() if name not in left_out},
         }
-        left_out = [] if secrets else sorted(found.secrets)
         manifest = Manifest(
             FORMAT, version("axiswatch"), iso(now_us()), found.name, found.renamed, left_out, {}
         )

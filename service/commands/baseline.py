@@ -32,8 +32,7 @@ VerifyHours = Annotated[
 ]
 
 baseline = typer.Typer(
-    help="New nominal values of an axis of a running daemon: start, status, cancel, restore.",
-    **GROUP,
+    help="New nominal values of an axis of a running daemon: start, status, cancel, restore.", **GROUP
 )
 
 

@@ -51,7 +51,7 @@ def _obstacles(config: Config) -> Iterator[str]:
 
 
 def _buses(config: Config) -> Table:
-    from service.can.receivers import reader_of
+    from service.can.socket_receivers import reader_of
 
     table = Table("bus", "interface", "channel", "read by", "messages", title="Buses", title_justify="left")
     for bus in config.bus:

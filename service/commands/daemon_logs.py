@@ -12,13 +12,11 @@ from structlog.typing import EventDict, Processor, WrappedLogger
 LogFormat = Literal["auto", "console", "json"]
 
 _PRIORITIES = {"debug": 7, "info": 6, "warning": 4, "warn": 4, "error": 3, "exception": 3, "critical": 2}
-"""Of syslog, as sd-daemon(3) has them; by the method of the log"""
+"""Priorities of syslog, as in sd-daemon(3), by the method of the log"""
 
 
 def configure_logs(
-    log_format: LogFormat = "auto",
-    stream: TextIO | None = None,
-    environ: Mapping[str, str] = os.environ,
+    log_format: LogFormat = "auto", stream: TextIO | None = None, environ: Mapping[str, str] = os.environ
 ) -> None:
     """Send all logs, those of libraries too, to a stream.
 

@@ -8,8 +8,7 @@ import typer
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 Url = Annotated[
-    str,
-    typer.Option("--url", envvar="AXISWATCH_URL", metavar="URL", help="Address of the daemon."),
+    str, typer.Option("--url", envvar="AXISWATCH_URL", metavar="URL", help="Address of the daemon.")
 ]
 Token = Annotated[
     str,
@@ -26,8 +25,7 @@ Comment = Annotated[
     str, typer.Option("--comment", metavar="TEXT", help="For the journal.", show_default=False)
 ]
 WorkOrder = Annotated[
-    str,
-    typer.Option("--work-order", metavar="NUMBER", help="In the plant's system.", show_default=False),
+    str, typer.Option("--work-order", metavar="NUMBER", help="In the plant's system.", show_default=False)
 ]
 
 

@@ -60,7 +60,7 @@ class DaemonParts:
         stack.callback(recording.close)
         monitors = self.core.monitors
         self.saver = Checkpointer(
-            self.state.checkpoints, monitors, config.service.checkpoint_interval_s, None, now_us
+            self.state.checkpoints, monitors, config.service.checkpoint_interval_s, now_us
         )
         clock = WallClock()
         alarms, messages = _restored(config, monitors, self.state, self.saver, clock)
@@ -192,10 +192,7 @@ def _restored(
 
 
 def _links(
-    config: Config,
-    journal: Journal,
-    snapshot: Callable[[], Snapshot],
-    extracts: Extracts | None,
+    config: Config, journal: Journal, snapshot: Callable[[], Snapshot], extracts: Extracts | None
 ) -> PlantLinks:
     def recording_of(t_us: int) -> str | None:
         return None if extracts is None else extracts.folder.holding(t_us)

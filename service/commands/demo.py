@@ -41,7 +41,7 @@ ROBOT, COMMISSIONED = "demo.toml", "demo/axiswatch.toml"
 """The simulated robot as it is; and as it was commissioned, from records of it."""
 _RECORD_SEED = 1
 _PROPOSED = 'name = "robot1"'
-"""By init, which does not know the robot."""
+"""The name that init gives a robot, which it does not know."""
 
 Axes = Annotated[
     int | None,

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from service.ingest.unknown_messages import UnknownMessage
 
 Log = Annotated[
-    Path | None,
-    typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot."),
+    Path | None, typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot.")
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 Channel = Annotated[

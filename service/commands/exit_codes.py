@@ -16,7 +16,7 @@ taken, the state directory cannot be used, or the daemon does not answer or is n
 5 replay: a parameter was not tested in the records, so the absence of an alarm says nothing of it; commission: an axis
 could not be commissioned."""
 EPILOG = " ".join(EXIT_CODES.split())
-"""Of the help of each command."""
+"""Last lines of the help of each command."""
 GROUP: dict[str, Any] = {
     "epilog": EPILOG,
     "no_args_is_help": True,

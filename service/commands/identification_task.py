@@ -11,16 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from monitor_core.drive import (
-    COULOMB,
-    HEAT,
-    LOAD,
-    AxisModel,
-    Drive,
-    ThermalStart,
-    friction_of,
-    split_name,
-)
+from monitor_core.drive import COULOMB, HEAT, LOAD, AxisModel, Drive, ThermalStart, friction_of, split_name
 from monitor_core.identification import (
     Disturbance,
     IdentificationError,
@@ -55,11 +46,11 @@ from service.reports.identification_report import IdentificationReport
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
 SAME_INTERVAL = 0.01
-"""Relative; the same tolerance as between a file of nominal values and its axis."""
+"""Relative difference of equal intervals, as between a file of nominal values and its axis."""
 _OTHER_SAMPLING = 2.0
 """Ratio of intervals from which on it is another sampling, not an inexact clock."""
 TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-"""Of times, by how many of them are a second"""
+"""Units of time, by their number in a second"""
 
 
 @dataclass(frozen=True)

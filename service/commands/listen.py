@@ -23,9 +23,9 @@ from service.commands.options import ConfigPath, Seconds, configuration
 from service.commands.progress import announced
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
+from service.config.unit_names import UNITS
 from service.ingest.bus_samples import Carried, Ingest, Values
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
-from service.ingest.unit_names import UNITS
 from service.texts.instants import now_us
 
 _LINES_S = 1.0

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from service.config.schema import BusConfig
 
 LOG_KINDS = ".log .asc .blf .trc .mf4 .csv, also .gz"
-"""Of CAN logs, in the help"""
+"""Suffixes of CAN logs, for the help"""
 ConfigPath = Annotated[
     Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")
 ]
@@ -193,12 +193,7 @@ def bus_named(text: str, messages: Path | None = None) -> BusConfig:
     for key, _, value in pairs:
         options[key.strip()] = _value(value.strip())
     name = channel if re.fullmatch(r"[\w-]+", channel, re.ASCII) else "bus1"
-    values: dict[str, object] = {
-        "name": name,
-        "interface": interface,
-        "channel": channel,
-        "options": options,
-    }
+    values: dict[str, object] = {"name": name, "interface": interface, "channel": channel, "options": options}
     if messages is not None:
         values["messages"] = str(messages.resolve())
     bus = BusConfig.model_validate(values, context=Reading(Path.cwd()))

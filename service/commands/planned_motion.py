@@ -22,8 +22,8 @@ from monitor_core.wording import did_you_mean
 from service.config import NamedAxis, drive_of, given_values
 from service.config.axis_settings import axis_settings, unknown_of
 from service.config.drives import axis_model
+from service.config.unit_names import unit_in
 from service.ingest.roles_by_name import role_of
-from service.ingest.unit_names import unit_in
 
 _LONGEST = 2_000_000
 

@@ -15,8 +15,7 @@ from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 
 RecordPath = Annotated[
-    Path,
-    typer.Argument(metavar="RECORD", help=f"Table (.csv .parquet .mat) or CAN log ({LOG_KINDS})."),
+    Path, typer.Argument(metavar="RECORD", help=f"Table (.csv .parquet .mat) or CAN log ({LOG_KINDS}).")
 ]
 Speed = Annotated[
     float,

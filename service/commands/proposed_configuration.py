@@ -9,16 +9,16 @@ from pathlib import Path
 
 from service.config.canopen_axis import CURRENT, VELOCITY
 from service.config.schema import BusConfig
+from service.config.unit_names import UNITS, Quantity, current_in, unit_in, unit_of
 from service.ingest.column_roles import TableRoles
 from service.ingest.drive_objects import DriveObjects
 from service.ingest.roles_by_values import AxisRoles
 from service.ingest.signal_roles import BusAxis, SignalRole
-from service.ingest.unit_names import UNITS, Quantity, current_in, unit_in, unit_of
 from service.ingest.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
-"""Of every axis: from the motion of production, springs are seldom determined."""
+"""The model of every proposed axis: the motion of production seldom determines springs."""
 _INTERVAL_S = 0.005
 _BUS = "can0"
 
@@ -181,8 +181,22 @@ def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) 
     remark = f"{axis.sureness}; {remark}" if remark else axis.sureness
     yield f"torque = {_column(axis.torque, sign * factor)}  # {remark}"
     factor, remark = _factor(axis.motion, motion, axis.output)
+    if not remark and axis.fastest is not None and (factor != 1 or motion):
+        remark = _side(factor * axis.fastest)
     source = _column(axis.motion, factor, axis.wrap_period)
     yield f"{axis.output} = {source}" + (f"  # {remark}" if remark else "")
+
+
+_ARM, _MOTOR = 20.0, 100.0
+"""Speeds [rad/s]: no arm is faster than this, and hardly a motor slower; no arm is nearly as fast as that."""
+
+
+def _side(fastest: float) -> str:
+    """On which side of the gear something turns that hardly ever is faster [rad/s]; empty: that does not tell."""
+    if fastest > _MOTOR:
+        return f"likely of the motor, as it reaches {fastest:.3g} rad/s"
+    words = f"likely of the arm, as it reaches {fastest:.3g} rad/s only: multiply factor by the gear ratio"
+    return words if 0 < fastest < _ARM else ""
 
 
 def _factor(column: str, unit: str, quantity: Quantity) -> tuple[float, str]:

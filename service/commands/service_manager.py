@@ -35,10 +35,7 @@ class ServiceManager:
     """
 
     def __init__(
-        self,
-        environ: Mapping[str, str],
-        turns: Callable[[], Mapping[str, int]],
-        status: Callable[[], str],
+        self, environ: Mapping[str, str], turns: Callable[[], Mapping[str, int]], status: Callable[[], str]
     ) -> None:
         self._address = _address(environ.get("NOTIFY_SOCKET", ""))
         self._watchdog_s = _watchdog_s(environ)

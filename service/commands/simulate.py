@@ -26,8 +26,7 @@ FaultOption = Annotated[
     ),
 ]
 FaultAxis = Annotated[
-    str | None,
-    typer.Option("--fault-axis", metavar="AXIS", help="In which axis; its name, or robot.axis."),
+    str | None, typer.Option("--fault-axis", metavar="AXIS", help="In which axis; its name, or robot.axis.")
 ]
 FaultAfter = Annotated[
     float,

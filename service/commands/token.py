@@ -40,8 +40,7 @@ def new(
     scope: Annotated[
         Scope,
         typer.Option(
-            "--scope",
-            help="read: see everything; operate: read, and act on alarms; admin: everything.",
+            "--scope", help="read: see everything; operate: read, and act on alarms; admin: everything."
         ),
     ],
 ) -> None:

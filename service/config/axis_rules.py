@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from monitor_core.drive import COSINE, DELAY, SINE
+from monitor_core.detection import INERTIA as PAYLOAD_INERTIA
+from monitor_core.drive import COSINE, DELAY, LOAD, SINE
 from monitor_core.monitoring import MIN_MEMORY_SAMPLES, REOPEN_MEMORIES
 from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
@@ -17,7 +18,7 @@ from service.config.toml_lines import Keys
 from service.texts.alarm_words import SENSORS
 
 _NEARLY = 1e-3
-"""Of a turn: as exactly as somebody may have written 2 pi."""
+"""Part of a turn: as exactly as somebody may have written 2 pi."""
 
 
 def motion(axis: AxisConfig) -> Iterator[Finding]:
@@ -143,8 +144,8 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def alarm_names(axis: AxisConfig) -> Iterator[Finding]:
-    """Alarms have the names of monitored parameters or of sensor faults."""
-    known = [*axis.model.monitor, *SENSORS, DELAY]
+    """Alarms have the names of monitored parameters, of sensor faults, or of what shows another payload."""
+    known = [*dict.fromkeys([*axis.model.monitor, *SENSORS, DELAY, LOAD, PAYLOAD_INERTIA])]
     given: list[tuple[Keys, str]] = [(("priorities", name), name) for name in axis.alarms.priorities]
     for key in ("latched", "suppressed"):
         given += [((key, i), name) for i, name in enumerate(getattr(axis.alarms, key))]

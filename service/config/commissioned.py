@@ -20,10 +20,7 @@ from service.config.robot_defaults import DEFAULTS, completed
 from service.config.schema_links import LINK_FILES
 from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
 
-_OF_PARAMETERS = {
-    "model": ("scales", "bounds", "limits"),
-    "alarms": ("priorities", "latched", "suppressed"),
-}
+_OF_PARAMETERS = {"model": ("scales", "bounds", "limits"), "alarms": ("priorities", "latched", "suppressed")}
 """Keys of an axis by table that name its monitored parameters."""
 SIGNAL = "signal"
 """Key of the auxiliary signals of an axis"""

@@ -26,7 +26,7 @@ NOMINAL: Keys = ("model", "nominal_file")
 THRESHOLDS: Keys = ("model", "thresholds_file")
 SOURCE: Keys = ("detector", "alarm_source")
 _INTERVAL = 0.01
-"""Relative: measured intervals are never quite the nominal one."""
+"""Relative difference of intervals that are the same: a measured one is never quite the nominal one."""
 
 
 # --- Nominal values ---------------------------------------------------------------------------------------------------

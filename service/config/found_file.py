@@ -16,9 +16,9 @@ from service.config.problems import dotted, shown
 from service.texts.mistake_words import at_place
 
 FORMAT = 1
-"""Of these files; a later one may mean something else."""
+"""Format of these files; a later one may mean something else."""
 _SAME = 1e-6
-"""Relative: numbers are written with ten digits, and copied with fewer."""
+"""Relative difference of equal numbers: they are written with ten digits, and copied with fewer."""
 _NAMED_BY_USERS = ("values", "standard_deviations", "nominal")
 """Tables whose keys are names of parameters."""
 

@@ -26,6 +26,7 @@ from service.config.bus_messages import messages_of
 from service.config.conditions import turning_torques, varying_of
 from service.config.drives import axis_model, not_identified
 from service.config.schema import AxisConfig, Config, NamedAxis
+from service.config.unit_names import UNITS, Quantity, unit_passed_over
 
 _KnownOn = Callable[[str], MessageSet]
 """The messages of a bus by its name"""
@@ -45,6 +46,8 @@ def remarks(config: Config) -> Iterator[str]:
     known_on = cache(partial(messages_of, config))
     yield from _by_events(config, known_on)
     yield from _long_frames(config, known_on)
+    for axis in config.axes:
+        yield from _other_unit(axis, known_on)
     if unknown := [axis.id for axis in config.axes if not_identified(axis.config)]:
         yield (
             f"{listed(unknown)}: not identified yet; `axiswatch commission` or `identify` finds"
@@ -133,6 +136,26 @@ def _small_noise(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
             f" {axis.config.output} makes by itself (a step over the root of 12): the predictor would follow the"
             " steps"
         )
+
+
+def _other_unit(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
+    """A signal whose description, or the name of whose column, states a unit that no factor converts."""
+    config = axis.config
+    motion: Quantity = "angle" if config.angle is not None else "speed"
+    quantities: tuple[Quantity, ...] = ("torque", motion)
+    for quantity, source in zip(quantities, (config.torque, config.motion), strict=True):
+        place, text = f"column {source.column}", source.column or ""
+        if not config.records_only:
+            place = f"{source.message}.{source.signal}"
+            text = find_signal(known_on(config.bus), source.message, source.signal)[1].unit or ""
+        current = quantity == "torque" and config.torque.kT_Nm_per_A is not None
+        unit = unit_passed_over(text, quantity, source.factor, current)
+        if unit is not None and unit.factor is not None:
+            yield (
+                f"{axis.id}: {place} is in {unit.words} by its description, but {quantity}.factor ="
+                f" {source.factor:g} takes it as {'A' if current else UNITS[quantity]}; {quantity}.factor ="
+                f" {source.factor * unit.factor:.6g} converts it"
+            )
 
 
 def _by_events(config: Config, known_on: _KnownOn) -> Iterator[str]:

@@ -13,8 +13,8 @@ from service.can.frames import FrameKey, key_of
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
 from service.config.bus_messages import messages_of
 from service.config.schema import Config, NamedAxis
+from service.config.unit_names import UNITS
 from service.ingest.records import LogRecord, is_table
-from service.ingest.unit_names import UNITS
 
 
 def why_none(path: Path, config: Config, axis: NamedAxis, dropped: Mapping[str, int]) -> str:

@@ -11,8 +11,8 @@ from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, FurtherSignalConfig, SignalConfig
+from service.ingest.csv_tables import Rows
 from service.ingest.quantities import HeldColumns
-from service.ingest.table_files import Rows
 from service.ingest.time_of_day import TimeOfDay
 
 _LATEST_US = 2.0**62

@@ -16,8 +16,9 @@ from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config.schema import Config, FurtherSignalConfig, NamedAxis, TimeConfig
 from service.ingest.axis_columns import AxisColumns
+from service.ingest.csv_tables import Rows
 from service.ingest.records import LogRecord, is_table, samples_of
-from service.ingest.table_files import Rows, check_columns, open_table
+from service.ingest.table_files import check_columns, open_table
 from service.ingest.time_of_day import TimeOfDay
 from service.ingest.torn_rows import ahead, torn
 from service.ingest.unwrap import AMBIGUOUS, turns_of

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from service.config.unit_names import unit_of
 from service.ingest.roles_by_name import axis_number, own_word, owners, role_of, role_with, words_in
 from service.ingest.roles_by_values import MOST, AxisRoles, Named, axes_by_values, changes
 from service.ingest.time_of_day import TimeOfDay
-from service.ingest.unit_names import unit_of
 
 _MOST_ROWS = 20_000
 _ABSURD = 1e30
@@ -96,7 +96,7 @@ def _absurd(v: Floats) -> Bools:
 
 _UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _RISES = 0.99
-"""Of the steps of a time: a few rows may be there twice."""
+"""Least share of the steps of a time that rise: a few rows may be there twice."""
 _FEWEST_STEPS = 4
 _LONGEST_S = 0.5
 """A longer interval of a drive's samples is none in seconds."""

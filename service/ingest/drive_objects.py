@@ -11,7 +11,7 @@ from service.can.messages import DescriptionError, Message, find_signal, key_of_
 from service.config.canopen_axis import CURRENT, POSITION, TORQUE, VELOCITY
 
 _NODE_BITS = 0x7F
-"""Of an identifier of the predefined ones"""
+"""Bits of a predefined identifier that are the node"""
 _RATED = {TORQUE: 0x6076, CURRENT: 0x6075}
 """Objects that torque and current are thousandths of, in thousandths of N m and A"""
 _ENCODER = 0x608F

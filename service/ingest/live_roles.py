@@ -17,6 +17,7 @@ from service.can.decoder import Decoder
 from service.can.frames import FrameBlock, FrameKey
 from service.can.inferred_layout import counts_frames
 from service.can.messages import DescriptionError, Message, MessageSet, Signal
+from service.config.unit_names import Quantity
 from service.ingest.roles_by_name import role_of
 from service.ingest.roles_by_values import AxisRoles, Named, axes_by_values, changes
 from service.ingest.signal_roles import (
@@ -29,21 +30,20 @@ from service.ingest.signal_roles import (
     owners_of,
     role_in,
 )
-from service.ingest.unit_names import Quantity
 
 _FEWEST = 50
 """Values of a signal that can be looked at."""
 _SCATTER_S, _CATCH_UP_S = 0.1, 1.0
-"""Of times of receipt: what is left after the time in which late frames have come"""
+"""Largest scatter of times of receipt, once late frames have had the second time to come"""
 _BUNCHED = 0.05
-"""Of the frames, that come within half an interval after another one"""
+"""Share of the frames that come within half an interval after another one"""
 _ALIKE, _APART = 1.3, 5.0
 """Intervals of signals that are compared differ by less than this factor; by the other where none is found"""
 _BITS = 8  # a number of fewer bits is a state
 _CYCLE = 0.02
-"""Relative: a measured interval this close to the cycle in the description is that."""
+"""A measured interval this close to the cycle in the description, relatively, is that cycle."""
 _ACCURATE = 0.003
-"""Relative: of an interval that is measured in some seconds."""
+"""Relative accuracy of an interval that is measured in some seconds."""
 _TURNS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
 """Factors of angles without a unit that start again after so much"""
 _NEARLY = 1e-3

@@ -6,7 +6,7 @@ import re
 from collections.abc import Hashable, Mapping
 from typing import TypeVar
 
-from service.ingest.unit_names import Quantity, current_in, unit_in
+from service.config.unit_names import Quantity, current_in, unit_in
 
 K = TypeVar("K", bound=Hashable)
 

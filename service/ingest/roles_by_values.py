@@ -29,6 +29,8 @@ _FEWEST = 3
 _MOVES = 1e-9
 MOST = (0.01, 0.99)
 """Quantiles between which 98 % of a column lies"""
+_LONG_S, _HARDLY_EVER = 0.05, 0.999
+"""Over which the speed of an angle is measured; share of the rows with a lower one"""
 _TURNED = 0.2
 """A torque of the wrong sign is taken only if it explains this much more than one of the right sign."""
 SURE, LIKELY = 0.6, 0.2
@@ -51,6 +53,8 @@ class AxisRoles(NamedTuple):
     """Period after which the angle starts again, in its own unit"""
     rivals: tuple[str, ...] = ()
     """Other columns without a name that may be the torque as well"""
+    fastest: float | None = None
+    """Speed that it hardly ever exceeds, in units of the motion, for an angle per second; None: not known"""
 
     @property
     def sureness(self) -> str:
@@ -118,11 +122,7 @@ def axes_by_values(
         for output in _outputs(named[y].role, bool(speeds))
         if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
     )
-    pairs = sorted(
-        found_pairs,
-        key=lambda pair: _weight(pair, named, step),
-        reverse=True,
-    )
+    pairs = sorted(found_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
     taken, found = set[str](), list[AxisRoles]()
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
@@ -260,7 +260,7 @@ def _pair(
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
     good &= np.isfinite(times)
     good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
-    explained, turned = 0.0, False
+    explained, turned, fastest = 0.0, False, None
     period = wrap_of(y[good]) if output == "angle" else None
     if np.count_nonzero(good) > 1:
         motion_of = y[good] if period is None else np.unwrap(y[good], period=period)
@@ -269,6 +269,7 @@ def _pair(
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
         # Most pairs of columns without names have nothing to do with each other.
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
+        fastest = None if t is None else _fastest(record)
     number = named[torque].number or named[motion].number
     return AxisRoles(
         axis_name(number),
@@ -279,4 +280,16 @@ def _pair(
         named[torque].role == "current",
         turned,
         period,
+        fastest=fastest,
     )
+
+
+def _fastest(record: Record) -> float | None:
+    speeds = record.y
+    if record.quantity == "angle":
+        # Over so many rows that its resolution does not count.
+        rows = max(1, round(_LONG_S / float(np.median(np.diff(record.t)))))
+        if len(record.t) <= rows:
+            return None
+        speeds = (record.y[rows:] - record.y[:-rows]) / (record.t[rows:] - record.t[:-rows])
+    return float(np.quantile(abs(speeds), _HARDLY_EVER))

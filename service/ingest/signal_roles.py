@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
+from service.config.unit_names import Quantity, current_in, unit_in
 from service.ingest.roles_by_name import (
     MEASURED,
     NO_MOTION,
@@ -22,7 +23,6 @@ from service.ingest.roles_by_name import (
     words_in,
 )
 from service.ingest.roles_by_values import LIKELY, SURE
-from service.ingest.unit_names import Quantity, unit_in
 
 Sureness = Literal["sure", "likely", "guess"]
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
@@ -40,7 +40,7 @@ class SignalRole(NamedTuple):
     factor: float | None
     """SI value of its unit; None: the unit does not tell it"""
     current: bool
-    """It is a current: its factor is the torque constant"""
+    """It is a current: the torque constant makes it a torque"""
     sureness: Sureness
     wrap_period: float | None
     turned: bool = False
@@ -56,7 +56,7 @@ class BusAxis(NamedTuple):
     counter: tuple[str, str] | None
     """Message and signal of a sample counter beside the torque"""
     interval_s: float | None
-    """Of the samples: cycle of the message with the torque, or as measured; None: not known"""
+    """Interval of the samples: cycle of the message with the torque, or as measured; None: not known"""
     measured: bool = False
     """The interval is measured"""
     bunched: bool = False
@@ -116,7 +116,8 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
         return None
     text = signal.unit or ""
     named = role_of(signal.name) or role_of(message.name)
-    current = text == "A" or (not text and named == "current")
+    amperes = current_in(text)
+    current = amperes is not None or (not text and named == "current")
     quantity: Quantity | None = "torque" if current else None
     unit = None
     for candidate in _QUANTITIES:
@@ -131,7 +132,7 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
     agrees = named == quantity or (current and named in ("current", "torque"))
     known = unit is not None or current
     sureness: Sureness = "sure" if agrees and known else "likely" if agrees else "guess"
-    factor = None if unit is None else unit.factor
+    factor = amperes if unit is None else unit.factor
     return SignalRole(
         message.name, signal.name, quantity, text, factor, current, sureness,
         _wrap(signal) if quantity == "angle" else None,

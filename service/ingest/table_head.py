@@ -18,7 +18,7 @@ from typing import NamedTuple
 from service.can.user_errors import RecordError
 
 _SAMPLE_LINES = 300
-"""By which it is seen where the numbers begin, and how numbers and dates are written."""
+"""Lines that show where the numbers begin, and how numbers and dates are written."""
 _BELOW_NAMES = 3
 """At most so many lines stand between the names and the numbers: units, descriptions."""
 _DECIMAL_COMMA, _DECIMAL_POINT = (
@@ -157,8 +157,10 @@ def read_head(path: Path) -> Head:
 def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
     """The head of a table whose first lines these are."""
     delimiter = _delimiter(lines)
-    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter != " ")
     rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
+    if delimiter == " ":  # "# t torque"
+        rows = [(line, row[1:] if row[0] in _REMARK else row) for line, row in rows]
     widths = Counter(len(row) for _, row in rows if _has_numbers(row))
     width = widths.most_common(1)[0][0] if widths else len(rows[0][1])
     fitting = [(k, row) for k, (_, row) in enumerate(rows) if len(row) == width]
@@ -240,9 +242,11 @@ def _is_utf8(line: bytes) -> bool:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The first of tab, semicolon and comma that half of the lines have."""
-    full = [line for line in lines if line.strip()]
-    return next((d for d in "\t;," if 2 * sum(d in line for line in full) >= len(full)), ",")
+    """The first of tab, semicolon and comma that half of the lines have; else a space, where half have numbers so."""
+    full = [line.strip("\r\n") for line in lines if line.strip()]
+    shares = {d: sum(d in line for line in full) for d in "\t;,"}
+    shares[" "] = sum(" " in line and all(map(is_number, line.split(" "))) for line in full)
+    return next((d for d, count in shares.items() if 2 * count >= len(full)), ",")
 
 
 def _is_date(cell: str) -> bool:

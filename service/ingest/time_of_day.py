@@ -10,7 +10,7 @@ from monitor_core.arrays import Floats
 
 _DAY_US = 86_400e6
 _NEARLY = 23 / 24
-"""Of a day: a time of day that falls by so much has passed midnight, where up to an hour may be missing."""
+"""Part of a day: a time of day that falls by this much has passed midnight; up to an hour may be missing there."""
 
 
 class TimeOfDay:

@@ -15,7 +15,7 @@ from service.ingest.live_roles import roles_on_bus
 from service.ingest.signal_roles import BusAxis
 
 _FEWEST_VALUES, _CHANGES = 16, 0.2
-"""Of an axis that moves: different numbers, and the share of the frames with another one than before"""
+"""Fewest different numbers of an axis that moves, and the least share of the frames with another one than before"""
 
 
 _LETTERS = "abcdefgh"

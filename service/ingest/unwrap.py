@@ -16,7 +16,7 @@ from monitor_core.samples import SampleBlock
 from service.config.schema import AxisConfig
 
 AMBIGUOUS = "ambiguous"
-"""Of samples that are refused: half a period away from where they were expected."""
+"""Reason of samples that are refused: they are half a period away from where they were expected."""
 SURE = 0.4
 """Part of a period: further away than this from where it was expected, an angle could be one of two."""
 

@@ -17,6 +17,7 @@ from monitor_core.wording import joined, sentence
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.epoch_progress import EpochProgress
+from service.pipeline.giving_way import giving_way
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.database import StoreError
@@ -62,8 +63,8 @@ def states_of(
             "multimodel",
             f"{axis_id} (multi-model detector)",
             epoch.key(monitor.multimodel_key),
-            lambda: multimodel.bank.to_arrays() if multimodel.made else None,
-            lambda arrays: multimodel.bank.from_arrays(arrays),
+            multimodel.to_arrays,
+            multimodel.from_arrays,
         )
     if epoch.learning is not None:
         number, window, _ = epoch.learning
@@ -84,7 +85,6 @@ class Checkpointer:
         checkpoints: the store.
         monitors: of all axes, with their long-term trends.
         interval_s: time between two checkpoints [s].
-        saved_us: time of the checkpoint that the monitors were restored from.
         now_us: wall clock.
     """
 
@@ -93,13 +93,13 @@ class Checkpointer:
         checkpoints: Checkpoints,
         monitors: AxisMonitors,
         interval_s: float,
-        saved_us: int | None,
         now_us: Callable[[], int],
     ) -> None:
         self._checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
         self._now_us = now_us
         self._due = monotonic() + interval_s
-        self.saved_us = saved_us
+        self.saved_us: int | None = None
+        """When the last one was saved, also by the daemon before; None: not yet"""
         self.problem: str | None = None
         """Why the last try failed, for the operator; None when it did not."""
 
@@ -116,7 +116,7 @@ class Checkpointer:
         """Save now; a failure is reported to the operator and retried after the interval."""
         self._due = monotonic() + self._interval_s
         now_us = self._now_us()
-        states = [*self._states(), *self._monitors.trends.to_save()]
+        states = [*giving_way(self._states()), *giving_way(self._monitors.trends.to_save())]
         try:
             self._checkpoints.save(states, now_us)
         except StoreError as error:

@@ -25,6 +25,7 @@ from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot, AxisAlarm, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.giving_way import giving_way
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot, out_of_service
@@ -333,7 +334,7 @@ class Worker:
             self._actions.popleft().run()
         busy = not self._waits() and self._block()
         self._recording.tick()
-        for view in self._views.values():
+        for view in giving_way(self._views.values()):
             view.take_point()
         self._publish(at_once=acted)
         # While samples wait for the detectors, these would be older than the estimates.
@@ -420,7 +421,7 @@ class Worker:
         return _News(now_us, buses, self._alarms.snapshot(now_us), history, self._all_messages(history))
 
     def _snapshot(self, news: _News) -> Snapshot:
-        axes = tuple(view.snapshot() for view in self._views.values())
+        axes = tuple(view.snapshot() for view in giving_way(self._views.values()))
         return Snapshot(
             taken_us=news.now_us,
             started_us=self._started_us,

@@ -242,7 +242,7 @@ _LOOKS: tuple[Look, Look] = (
     {"color": TEXT, "marker": "o", "ms": 5},
     {"color": QUIET, "marker": "s", "ms": 5, "mfc": PANEL},
 )
-"""Of the detector that alarms, and of the other one"""
+"""Lines of the detector that alarms, and of the other one"""
 
 
 def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, look: Look) -> None:

@@ -14,10 +14,10 @@ from monitor_core.calibration import CalibrationResult, DetectorResult, TrialRes
 from monitor_core.detection import DetectorName
 from monitor_core.monitoring import RMS_SPEED, Range
 from monitor_core.samples import SampleBlock
-from monitor_core.wording import duration, listed
+from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
 from service.ingest.calibration_records import SamplesOrigin
-from service.reports.formats import Provenance, Table, for_terminal, percent, plain
+from service.reports.formats import Provenance, Table, for_terminal, plain
 
 
 @dataclass(frozen=True)

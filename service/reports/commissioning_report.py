@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from monitor_core.wording import duration, listed
+from monitor_core.wording import duration, listed, percent
 from service.config.commissioned import Correction, Found, motion_file
-from service.reports.formats import Provenance, Table, percent, render
+from service.reports.formats import Provenance, Table, render
 
 READY = "ready"
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from monitor_core.excitation import PlannedExperiment, warnings
 from monitor_core.wording import percent
-from service.ingest.unit_names import UNITS
+from service.config.unit_names import UNITS
 from service.reports.plot_style import on_light
 
 if TYPE_CHECKING:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _FULL = 1e7
-_MANY = 10.0
 _DIGITS, _FEW = 10, 5
 
 
@@ -47,16 +46,6 @@ def plain(value: float, digits: int) -> str:
     """So many digits, large numbers in full: 281330, not 2.8133e+05."""
     rounded = float(f"{value:.{digits}g}")
     return f"{rounded:.0f}" if 10 ** (digits - 1) <= abs(rounded) < _FULL else f"{value:.{digits}g}"
-
-
-def percent(value: float | None, signed: bool = False) -> str:
-    """``0.12 %``, two digits; beyond ten times only that is written."""
-    if value is None:
-        return ""
-    if abs(value) > _MANY:
-        return f"> {100 * _MANY:g} %"
-    digits = float(f"{100 * value:.2g}")
-    return f"{digits:+g} %" if signed else f"{digits:g} %"
 
 
 # --- Tables -----------------------------------------------------------------------------------------------------------
@@ -161,7 +150,7 @@ def toml_key(name: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """As it can stand in a comment."""
+    """The text without line breaks and control characters: it can stand in a comment."""
     return "".join(c if c.isprintable() else " " for c in text)
 
 

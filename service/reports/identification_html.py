@@ -8,17 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import (
-    UNITS,
-    Bode,
-    Correlation,
-    FrequencyResponse,
-    ParameterRow,
-    Trace,
-)
+from monitor_core.identification import UNITS, Bode, Correlation, FrequencyResponse, ParameterRow, Trace
+from monitor_core.wording import percent
 from service.reports import identification_report as content
 from service.reports import plot_style as style
-from service.reports.formats import percent, render, safe
+from service.reports.formats import render, safe
 from service.reports.identification_report import IdentificationReport
 from service.reports.outlook_words import watched_table
 

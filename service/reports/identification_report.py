@@ -10,18 +10,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.identification import (
-    LEVEL,
-    Growth,
-    IdentificationResult,
-    ParameterRow,
-    Rejection,
-    Trace,
-)
+from monitor_core.identification import LEVEL, Growth, IdentificationResult, ParameterRow, Rejection, Trace
 from monitor_core.settings import MODEL_ERRORS
-from monitor_core.wording import duration, listed
+from monitor_core.wording import duration, listed, percent
 from service.ingest.identification_records import RecordOrigin
-from service.reports.formats import Provenance, Table, for_terminal, percent, plain
+from service.reports.formats import Provenance, Table, for_terminal, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 
 _MOST_NAMED = 3
@@ -195,10 +188,7 @@ class IdentificationReport:
 
 def print_text(report: IdentificationReport, console: Console) -> None:
     """What can be watched and the verdict first, then parameters, fits, tests, doubts."""
-    console.print(
-        Text(f"{report.axis_id}: {report.outlook}", style="bold"),
-        soft_wrap=True,
-    )
+    console.print(Text(f"{report.axis_id}: {report.outlook}", style="bold"), soft_wrap=True)
     console.print(Text(f"{verdict_line(report)}\n", style="bold"), soft_wrap=True)
     result, rows = report.result, list(report.result.rows())
     held = {number: "dim" for number, row in enumerate(rows) if row.held}

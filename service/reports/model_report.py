@@ -24,11 +24,11 @@ from monitor_core.modeling import (
     resonances_of,
     structural,
 )
-from service.ingest.unit_names import UNITS
+from service.config.unit_names import UNITS
 from service.reports.formats import json_text
 
 _MOST_STATES = 100
-"""Beyond that it takes minutes to find what can be identified."""
+"""With more states it takes minutes to find what can be identified."""
 _MOST_MERGED = 60
 """Parameters that stand only inside of merged ones; each of them takes a further pass."""
 
@@ -50,7 +50,7 @@ class Facts:
 
 
 def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Facts:
-    """All of it, with nominal values that go before the drawing's own."""
+    """All facts about a drive; nominal values that are given take precedence over those of the drawing."""
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)

@@ -13,7 +13,8 @@ from monitor_core.identification import (
     Verdict,
     Watched,
 )
-from service.reports.formats import Table, percent
+from monitor_core.wording import percent
+from service.reports.formats import Table
 
 BASIS = {
     Basis.RECORDS: "of records that were not fitted",
@@ -25,7 +26,7 @@ _MEASURE = {
     Measure.TORQUE: ("the drive, moved as measured,", "torque"),
 }
 _MEANINGS = {DELAY: "delay of the torque", LOAD: "weight of arm and payload, relative to that of the records"}
-"""Of what is watched and no parameter of the drive"""
+"""Meanings of what is watched and is no parameter of the drive"""
 _MISSING = {
     Effect.POSE: (
         "torque depends on the angle, as that of a weight does: add gravity to the drive (AxisWatch.Gravity, or"

@@ -43,7 +43,7 @@ MEASURED: Look = {"color": BAND, "lw": 2.6}
 ALARM_OPEN, ONSET = "alarm, from onset to end", "interval of the onset"
 """In legends."""
 WIDTH = 9.0
-"""Of a picture, inches; the page scales it."""
+"""Width of a picture, inches; the page scales it."""
 _HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
 _DIGITS = re.compile(r"(\d+\.\d\d)\d+")

@@ -218,7 +218,7 @@ class Bins:
 
 
 _NARROWEST = 0.003
-"""Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
+"""Share of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
 
 
 def runs_of(where: Bools, edges: Floats) -> Iterator[tuple[float, float]]:

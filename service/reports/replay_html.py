@@ -48,7 +48,7 @@ REASONS: Mapping[str, str] = {
     "clock_reanchored": "the time line of the samples restarted",
     "clock_set_back": "the clock of the receiver was set back",
 }
-"""Of counters of samples, values, frames and clocks."""
+"""Counters of samples, values, frames and clocks in words."""
 
 
 def as_html(replayed: Replayed) -> str:
@@ -154,7 +154,7 @@ def _detectors(axis: ReplayedAxis) -> str:
 _ROW, _FRAME = 0.26, 1.25
 """Heights of a row and of what is around all of them, inches."""
 _HALF = 0.3
-"""Of the height of a bar, in rows."""
+"""Half the height of a bar, in rows."""
 _LINES = ("tested", "not tested", style.ALARM_OPEN, style.ONSET)
 _TESTED, _NOT_TESTED, _, _ = _LINES
 

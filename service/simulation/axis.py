@@ -11,16 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive import (
-    DELAY,
-    LOAD,
-    AxisModel,
-    Conditions,
-    Follow,
-    Gate,
-    Operating,
-    split_name,
-)
+from monitor_core.drive import DELAY, LOAD, AxisModel, Conditions, Follow, Gate, Operating, split_name
 from monitor_core.excitation import Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
 from monitor_core.samples import SampleBlock
@@ -35,7 +26,7 @@ RIPPLE = 0.4
 """Part of the configured torque noise that the drive really has; the rest is for what no model has."""
 
 FOLLOW_S = 0.1
-"""So often a drive follows its operating conditions."""
+"""Interval at which a drive follows its operating conditions [s]."""
 
 _SWING, _SWING_PERIOD_S = 2.0, 20.0  # rad, s
 
@@ -183,9 +174,9 @@ def _speed_rms(plant: Plant, kp: float, kd: float, frequency_hz: Floats) -> floa
 
 
 SIGNAL_PERIOD_S = 60.0
-"""In which a signal that is followed swings through its range once."""
+"""Period in which a signal that is followed swings through its range once [s]."""
 _SIGNAL_SWING = 0.45
-"""Of the width of its range, to both sides of the middle."""
+"""Part of the width of its range, to either side of the middle."""
 _BACK = {"cos": math.acos, "sin": math.asin, "square": math.sqrt}
 
 

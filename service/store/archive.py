@@ -25,7 +25,6 @@ from service.store.history_store import MIGRATIONS as HISTORY_MIGRATIONS
 from service.store.journal import MIGRATIONS as JOURNAL_MIGRATIONS
 from service.store.outbox import MIGRATIONS as OUTBOX_MIGRATIONS
 from service.store.outbox import OUTBOX_FILE
-from service.store.tokens import TOKENS_FILE
 
 MANIFEST = "backup.json"
 """The first member"""
@@ -70,8 +69,8 @@ class Manifest(NamedTuple):
 # --- Making one -------------------------------------------------------------------------------------------------------
 
 
-def state_files(state_dir: Path, tokens: bool) -> dict[str, Path]:
-    """The files of a state directory that a backup has, by their names relative to it.
+def state_files(state_dir: Path) -> dict[str, Path]:
+    """The files of a state directory that a backup may have, by their names relative to it.
 
     The journal is the last: it may be newer than the checkpoints, which a start expects, not older.
 
@@ -79,7 +78,7 @@ def state_files(state_dir: Path, tokens: bool) -> dict[str, Path]:
         StoreError: the folder cannot be read.
     """
     try:
-        paths = [path for path in _below(state_dir) if tokens or path.name != TOKENS_FILE]
+        paths = [*_below(state_dir)]
     except OSError as error:
         where = "[service] state_dir, or $STATE_DIRECTORY of a service, must be the folder in which the daemon runs"
         raise StoreError(f"{state_dir}: {error.strerror}; {where}") from error

@@ -2,9 +2,7 @@
 
 from datetime import UTC, datetime
 
-from monitor_core.detection import (
-    Reach,
-)
+from monitor_core.detection import Reach
 from monitor_core.trend import Trend
 from service.texts.instants import DATED_US
 

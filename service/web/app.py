@@ -16,6 +16,7 @@ from service.pipeline.baselines import (
     BaselineError,
     BaselineUnavailableError,
 )
+from service.pipeline.giving_way import giving_way
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.web import metrics, models, views
@@ -106,7 +107,7 @@ def _axes(state: AppState) -> APIRouter:
     api = APIRouter()
 
     def written(taken: Snapshot, now_us: int) -> bytes:
-        return views.axes_json(taken, [views.axis_json(a, now_us) for a in taken.axes])
+        return views.axes_json(taken, [views.axis_json(a, now_us) for a in giving_way(taken.axes)])
 
     every = Latest(written, _LONGEST_S)
     state.prepared.append(every)

@@ -235,10 +235,14 @@ def _unknown(headers: Headers) -> JSONResponse:
 
 
 def _of_another_page(headers: Headers) -> bool:
-    """Whether a browser sends this for a page of another origin; only browsers send these headers."""
-    origin = headers.get("origin")
-    foreign = origin is not None and origin.partition("://")[2].lower() != headers.get("host", "").lower()
-    return foreign or headers.get("sec-fetch-site", "none") not in ("same-origin", "none")
+    """Whether a browser sends this for a page of another origin; only browsers send these headers.
+
+    What the browser says of itself counts: a proxy may leave the port out of Host, so that the origin has another host.
+    """
+    site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    if site is not None:
+        return site not in ("same-origin", "none")
+    return origin is not None and origin.partition("://")[2].lower() != headers.get("host", "").lower()
 
 
 def _written(scope: Scope) -> str:

@@ -10,7 +10,7 @@ import sys
 from typing import Any
 
 from service.can import bus_reader
-from service.can.receivers import SocketReceiver
+from service.can.socket_receivers import SocketReceiver
 from service.commands.main import main
 
 

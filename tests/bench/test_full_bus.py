@@ -105,11 +105,7 @@ def test_twenty_thousand_frames_a_second(tmp_path: Path, say: Say) -> None:
 def measured(d: Daemon, sender: subprocess.Popen[str], say: Say) -> None:
     wait_for(lambda: d.axis()["counters"]["used"])
     time.sleep(2)
-    before, sender_before, first = (
-        cpu(d.process.pid),
-        cpu(sender.pid),
-        d.get("api/v1/service")["buses"][0],
-    )
+    before, sender_before, first = (cpu(d.process.pid), cpu(sender.pid), d.get("api/v1/service")["buses"][0])
     time.sleep(WATCHED_S)
     after, sender_after, last = cpu(d.process.pid), cpu(sender.pid), d.get("api/v1/service")["buses"][0]
     used = d.axis()["counters"]["used"]

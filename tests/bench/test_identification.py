@@ -16,10 +16,7 @@ from scipy.signal import lfilter, ss2tf
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.black_boxes.arx import fit_arx
-from monitor_core.identification.black_boxes.frequency_response import (
-    FrequencyResponse,
-    local_response,
-)
+from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse, local_response
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Predictor, Problem
 from monitor_core.identification.records import Record

@@ -8,14 +8,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.standard_drives import reference_model
-from monitor_core.monitoring import (
-    RMS_SPEED,
-    AxisMonitor,
-    CalibratedRange,
-    ConditionTracker,
-    Range,
-    ranges,
-)
+from monitor_core.monitoring import RMS_SPEED, AxisMonitor, CalibratedRange, ConditionTracker, Range, ranges
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 

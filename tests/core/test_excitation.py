@@ -202,8 +202,7 @@ LIMITS = (Limits(torque=2), Limits(speed=8), Limits(angle=1), Limits(2, 8, 1))
 
 
 @pytest.mark.parametrize(
-    ("command", "limits"),
-    soaked(product(COMMANDS, LIMITS), *zip((*COMMANDS, "torque"), LIMITS, strict=True)),
+    ("command", "limits"), soaked(product(COMMANDS, LIMITS), *zip((*COMMANDS, "torque"), LIMITS, strict=True))
 )
 def test_the_binding_limit_is_used_fully(command: Command, limits: Limits, seed: int) -> None:
     x = planned(seed, task(limits, command=command))

@@ -12,16 +12,7 @@ from monitor_core.drive.operating_conditions import Conditions, Follow
 from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.settings import Settings, Threshold
-from tests.core.mismatch import (
-    FAULTS,
-    INTERVAL_S,
-    NOMINAL,
-    MismatchPlant,
-    R,
-    Watch,
-    after_fault,
-    right,
-)
+from tests.core.mismatch import FAULTS, INTERVAL_S, NOMINAL, MismatchPlant, R, Watch, after_fault, right
 
 FOUND = {
     "Jm": 0.01551645314,

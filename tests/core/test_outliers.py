@@ -7,13 +7,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    NOISE,
-    Experiment,
-    experiment,
-    experiments,
-)
+from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experiment, experiment, experiments
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor

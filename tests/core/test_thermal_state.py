@@ -55,10 +55,7 @@ def test_heat_is_the_exact_solution_for_a_power_that_is_held() -> None:
 
 def test_a_lasting_motion_is_as_warm_as_its_friction_power() -> None:
     t_us = np.arange(60_000) * H_US  # ten time constants
-    for axis, y in (
-        (operating(COLD), np.full(t_us.size, 10.0)),
-        (operating(COLD, MODEL), t_us * 1e-5),
-    ):
+    for axis, y in ((operating(COLD), np.full(t_us.size, 10.0)), (operating(COLD, MODEL), t_us * 1e-5)):
         assert heat_of(axis, t_us, y)[-1] == pytest.approx(9.0, rel=1e-3)
 
 

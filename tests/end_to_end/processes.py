@@ -94,7 +94,7 @@ def demo(log: Path, *words: str | Path) -> Iterator[str]:
     with running(*words, "--port", "0", log=log) as process:
         yield wait_for(lambda: re.search(r"dashboard: (http://\S+)", log.read_text(encoding="utf-8")))[1]
         process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def alarms_shown(page: str) -> list[dict[str, Any]]:
@@ -147,8 +147,9 @@ class Daemon:
     def _event(self, name: str) -> dict[str, Any]:
         def look() -> dict[str, Any] | None:
             found = next((event for event in self.events() if event["event"] == name), None)
-            ended = self.process.poll() is not None and found is None
-            assert not ended, self._log.read_text(encoding="utf-8")
+            if found is None and self.process.poll() is not None:
+                last = "\n".join(self._log.read_text(encoding="utf-8").splitlines()[self._skip :][-20:])
+                raise AssertionError(f"it has ended with {self.process.returncode}; its last lines:\n{last}")
             return found
 
         return wait_for(look)

@@ -10,14 +10,7 @@ import urllib.request
 from pathlib import Path
 
 from service.commands.exit_codes import MISTAKE
-from tests.end_to_end.processes import (
-    PROGRAM,
-    ROOT,
-    alarms_shown,
-    demo,
-    demo_config,
-    wait_for,
-)
+from tests.end_to_end.processes import PATIENCE_S, PROGRAM, ROOT, alarms_shown, demo, demo_config, wait_for
 from tests.service.commands.commissioning.test_commission import AXIS, H, configured, table
 
 
@@ -43,14 +36,14 @@ def test_listen_on_a_terminal_is_one_table_and_ends_by_itself(tmp_path: Path) ->
     os.close(theirs)
     shown = b"".join(iter(lambda: _read(ours), b""))
     os.close(ours)
-    assert process.wait(60) == 0
+    assert process.wait(PATIENCE_S) == 0
     for words in (b"quantity", b"not received", b"can0: up, 0 frames"):
         assert words in shown
 
 
 def _read(terminal: int) -> bytes:
     """What is there, empty at the end."""
-    ready, _, _ = select.select([terminal], [], [], 60)
+    ready, _, _ = select.select([terminal], [], [], PATIENCE_S)
     assert ready
     try:
         return os.read(terminal, 65536)
@@ -67,8 +60,8 @@ def test_a_process_of_commission_that_is_killed_is_a_refusal(tmp_path: Path) -> 
         process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, cwd=tmp_path)
         try:
             wait_for(lambda: "identify ..." in log.read_text(encoding="utf-8"))
-            os.kill(workers_of(process.pid)[0], signal.SIGKILL)
-            assert process.wait(60) == MISTAKE
+            os.kill(wait_for(lambda: workers_of(process.pid))[0], signal.SIGKILL)
+            assert process.wait(PATIENCE_S) == MISTAKE
         finally:
             process.kill()
             process.wait()

@@ -25,14 +25,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
 from service.texts.instants import iso, now_us
-from tests.end_to_end.processes import (
-    PATIENCE_S,
-    Daemon,
-    daemon,
-    demo_config,
-    running,
-    wait_for,
-)
+from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, running, wait_for
 from tests.end_to_end.test_readme import shown, write_log
 from tests.service.command_line import axiswatch
 from tests.service.found_files import nominal_text
@@ -104,7 +97,7 @@ def test_a_robot_from_check_to_play_with_the_same_bits_and_what_is_left_of_it_af
             assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
             answers_to_curl(d)
             before = is_backed_up(d, alarm)
-            assert process.wait(60) == 0
+            assert process.wait(PATIENCE_S) == 0
         last = wait_until_silent(d)
         assert {p["name"]: p["status"] for p in last[1]["parameters"]}["fm"] == "alarm"
         assert alarm_sources(last) == DETECTORS
@@ -168,10 +161,10 @@ def is_played_and_listened_to(config: Path, record: Path) -> None:
         assert (played.exit_code, played.stdout[:15]) == (0, "300 frames sent")
         sent = frames[-2].split("#")[1].split()[0]
         counter = int.from_bytes(bytes.fromhex(sent)[6:8], "little")
-        wait_for(lambda: f"counter\t{counter}\t" in lines.read_text(encoding="utf-8"))
-        assert "can0: up, 300 frames" in lines.read_text(encoding="utf-8")
+        for words in (f"counter\t{counter}\t", "can0: up, 300 frames"):
+            wait_for(lambda words=words: words in lines.read_text(encoding="utf-8"))  # type: ignore[misc]
         listener.send_signal(signal.SIGTERM)
-        assert listener.wait(30) == 0
+        assert listener.wait(PATIENCE_S) == 0
     shown_last = lines.read_text(encoding="utf-8").splitlines()
     last = [line.split("\t") for line in shown_last if line.startswith("demo.axis1\t")][-4:]
     assert last[2][:5] == ["demo.axis1", "counter", str(counter), "Axis1State.Counter", str(counter)]
@@ -355,7 +348,7 @@ class Person(ABC):
         try:
             yield
         finally:
-            thread.join(60)
+            thread.join(PATIENCE_S)
             assert not thread.is_alive()
 
     @abstractmethod

@@ -21,14 +21,7 @@ from service.can.frames import FrameKey
 from service.config import load
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault
-from tests.end_to_end.processes import (
-    PATIENCE_S,
-    Daemon,
-    daemon,
-    demo_config,
-    edit,
-    wait_for,
-)
+from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, wait_for
 from tests.end_to_end.test_daemon import played_robot, saved
 from tests.service.command_line import axiswatch
 

@@ -21,11 +21,7 @@ from service.config import Config, load
 from service.simulation.robot import Fault
 from service.store.journal import Journal
 from tests.conftest import no_pictures
-from tests.end_to_end.processes import (
-    ROOT,
-    demo_config,
-    edit,
-)
+from tests.end_to_end.processes import ROOT, demo_config, edit
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
 from tests.service.commands.commissioning.test_commission import table

@@ -15,7 +15,7 @@ from service.can.bus import open_buses, send
 from service.config import load
 from service.ingest.encode import FrameEncoder
 from service.simulation.robot import Moment, Sent, SimulatedRobot, run_robot
-from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, wait_for
+from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, wait_for
 
 pytestmark = pytest.mark.vcan
 
@@ -37,7 +37,7 @@ def robot(config: Path, seed: int) -> Iterator[Callable[[], int]]:
 
         def end() -> int:
             stop.set()
-            thread.join(60)
+            thread.join(PATIENCE_S)
             return sent[0].frames
 
         thread = threading.Thread(

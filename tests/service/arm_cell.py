@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -13,15 +12,10 @@ import numpy as np
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
 from monitor_core.samples import SampleBlock
-from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer, restore
-from service.reports.calibration_files import as_toml
-from service.reports.formats import Provenance
-from service.store.checkpoints import Checkpoints
-from service.store.journal import Journal
 from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
+from tests.service.by_commands import RefusedError, restarted, write_thresholds
 from tests.service.command_line import axiswatch
 
 MEMORY_S = 10.0
@@ -46,10 +40,6 @@ friction = { type = "coulomb-friction", at = "shaft", fc = "fc" }
 offset = { type = "torque-offset", at = "shaft", tau0 = "tau0" }
 encoder = { type = "angle-sensor", at = "shaft" }
 """
-
-
-class RefusedError(Exception):
-    """A command found nothing that it could stand for; the text is the end of what it says."""
 
 
 def write(path: Path, samples: ArmSamples) -> Path:
@@ -107,13 +97,7 @@ def identified(folder: Path, records: Sequence[Path]) -> Path:
 
 def calibrated(config: Path, records: Sequence[Path], options: CalibrationOptions) -> Path:
     """The configuration with thresholds from these records, too."""
-    read = configuration(config, without_bus=True, thresholds=False)
-    provenance = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate")
-    for axis in read.axes:
-        known, axis = as_identified(read, axis, [str(path) for path in records])
-        found = calibrate_axis(known, axis, [str(path) for path in records], options, provenance)
-        name = f"{axis.config.name}-thresholds.toml"
-        (config.parent / name).write_text(as_toml(found), encoding="utf-8")
+    write_thresholds(config, records, options)
     lines = {
         axis: f'nominal_file = "{axis}.toml"\nthresholds_file = "{axis}-thresholds.toml"' for axis in AXES
     }
@@ -135,9 +119,9 @@ class ArmAlarm(NamedTuple):
 class Watcher:
     """The monitors of the daemon for both axes; it can be copied."""
 
-    def __init__(self, config: Path) -> None:
+    def __init__(self, config: Path, monitors: AxisMonitors | None = None) -> None:
         self._config = config
-        self.monitors = AxisMonitors(configuration(config, without_bus=True).axes)
+        self.monitors = monitors or AxisMonitors(configuration(config, without_bus=True).axes)
 
     def take(self, samples: ArmSamples) -> list[tuple[str, Alarm]]:
         """Alarms that changed in these samples, with their axis."""
@@ -150,16 +134,7 @@ class Watcher:
 
     def restarted(self) -> Watcher:
         """Another one that carries on from the checkpoint of this one."""
-        other = Watcher(self._config)
-        with tempfile.TemporaryDirectory() as folder:
-            checkpoints = Checkpoints(Path(folder) / "checkpoints.sqlite")
-            journal = Journal(Path(folder) / "alarms.sqlite")
-            Checkpointer(checkpoints, self.monitors, 60.0, None, lambda: 0).save()
-            restored = restore(other.monitors, checkpoints, journal, 0)
-            checkpoints.close()
-            journal.close()
-        assert restored.messages == ()
-        return other
+        return Watcher(self._config, restarted(self._config, self.monitors, 0))
 
     def nominal(self, axis: str, parameter: str) -> float:
         """Nominal value of a parameter."""

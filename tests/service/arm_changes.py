@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.calibration import CalibrationError
-from tests.service.arm_cell import ArmAlarm, RefusedError
+from tests.service.arm_cell import ArmAlarm
+from tests.service.by_commands import RefusedError
 
 
 class Case(NamedTuple):

@@ -20,15 +20,7 @@ from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import Warming, WarmingPlant
 from tests.service.command_line import refused, shown
-from tests.service.warming_axis import (
-    CUSUM,
-    PARAMETERS,
-    Watcher,
-    after_fault,
-    identified,
-    on_a_bus,
-    write,
-)
+from tests.service.warming_axis import CUSUM, PARAMETERS, Watcher, after_fault, identified, on_a_bus, write
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,16 +12,11 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
 from monitor_core.samples import SampleBlock
-from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors, Heat
-from service.pipeline.checkpointing import Checkpointer, restore
-from service.reports.calibration_files import as_toml
-from service.reports.formats import Provenance
-from service.store.checkpoints import Checkpoints
-from service.store.journal import Journal
 from tests.core.mismatch import INTERVAL_S, MOVING, STEP, Block, FaultAlarm, alarm_of
 from tests.core.warming import WarmingPlant
+from tests.service.by_commands import RefusedError, restarted, write_thresholds
 from tests.service.command_line import axiswatch
 
 PARAMETERS = ("kT", "fc", "fm")
@@ -54,10 +48,6 @@ monitor = {list(PARAMETERS)}
 conditions = "others stand still"
 """
 START_US = 1_760_000_000_000_000
-
-
-class RefusedError(Exception):
-    """A command found nothing that it could stand for; the text is the end of what it says."""
 
 
 def write(path: Path, block: Block, **signals: Floats) -> Path:
@@ -107,21 +97,17 @@ def identified(
 
 def calibrated(config: Path, records: Sequence[Path], options: CalibrationOptions) -> Path:
     """The configuration with thresholds from these records, too."""
-    read = configuration(config, without_bus=True, thresholds=False)
-    provenance = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate")
-    read, axis = as_identified(read, read.axes[0], [str(path) for path in records])
-    found = calibrate_axis(read, axis, [str(path) for path in records], options, provenance)
-    (config.parent / "thresholds.toml").write_text(as_toml(found), encoding="utf-8")
-    lines = 'nominal_file = "nominal.toml"\nthresholds_file = "thresholds.toml"\n'
+    write_thresholds(config, records, options)
+    lines = 'nominal_file = "nominal.toml"\nthresholds_file = "axis1-thresholds.toml"\n'
     return configured(config.parent, "watched.toml", lines)
 
 
 class Watcher:
     """The monitor of the daemon for this axis; it can be copied."""
 
-    def __init__(self, config: Path) -> None:
+    def __init__(self, config: Path, monitors: AxisMonitors | None = None) -> None:
         self._config = config
-        self._monitors = AxisMonitors(configuration(config, without_bus=True).axes)
+        self._monitors = monitors or AxisMonitors(configuration(config, without_bus=True).axes)
         self.monitor = self._monitors.by_id[AXIS_ID]
 
     def take(self, block: Block) -> list[Alarm]:
@@ -141,16 +127,7 @@ class Watcher:
 
     def restarted(self) -> Watcher:
         """Another one that carries on from the checkpoint of this one."""
-        with tempfile.TemporaryDirectory() as folder:
-            checkpoints = Checkpoints(Path(folder) / "checkpoints.sqlite")
-            journal = Journal(Path(folder) / "alarms.sqlite")
-            Checkpointer(checkpoints, self._monitors, 60.0, None, lambda: START_US).save()
-            other = Watcher(self._config)
-            restored = restore(other._monitors, checkpoints, journal, START_US)
-            checkpoints.close()
-            journal.close()
-        assert restored.messages == ()
-        return other
+        return Watcher(self._config, restarted(self._config, self._monitors, START_US))
 
 
 def after_fault(

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.can.receivers import _IoVec, _MMsgHdr
+from service.can.socket_receivers import _IoVec, _MMsgHdr
 
 MOST = 64
 """Frames that are sent with one call"""

@@ -13,14 +13,7 @@ from monitor_core.monitoring import AxisMonitor, AxisStatus, Observation, Status
 from monitor_core.settings import Settings
 from service.pipeline.history_recording import POINTS_AT_ONCE, HistoryRecording
 from service.store.history_query import Question, ask
-from service.store.history_store import (
-    PERIODS_S,
-    Bounds,
-    HistoryStore,
-    Point,
-    Resolution,
-    Series,
-)
+from service.store.history_store import PERIODS_S, Bounds, HistoryStore, Point, Resolution, Series
 from service.web.history_json import history_json
 
 pytestmark = pytest.mark.soak

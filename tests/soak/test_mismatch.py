@@ -44,6 +44,7 @@ from tests.core.mismatch import (
     redrawn,
     right,
 )
+from tests.service.by_commands import RefusedError
 
 pytestmark = pytest.mark.soak
 
@@ -70,10 +71,6 @@ estimator = {{ memory_s = {MEMORY_S} }}
 name = "temperature"
 column = "temperature"
 """
-
-
-class RefusedError(Exception):
-    """A command found nothing that it could stand for."""
 
 
 def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:

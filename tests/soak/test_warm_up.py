@@ -21,7 +21,8 @@ from monitor_core.excitation import multisine
 from tests.core.mismatch import INTERVAL_S, FaultAlarm
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import WarmingPlant, redrawn_warming
-from tests.service.warming_axis import RefusedError, Watcher, after_fault, calibrated, identified, write
+from tests.service.by_commands import RefusedError
+from tests.service.warming_axis import Watcher, after_fault, calibrated, identified, write
 
 pytestmark = pytest.mark.soak
 

@@ -78,9 +78,9 @@ class CusumDetector:
 
     def leading(self) -> Leading:
         """The parameter whose test is nearest its threshold, and g / h."""
-        evidence = self._g.max(axis=0) / self._h
-        i = int(evidence.argmax())
-        return Leading(self.causes[i], float(evidence[i]))
+        evidence = (self._g.max(axis=0) / self._h).tolist()
+        most = max(evidence)
+        return Leading(self.causes[evidence.index(most)], most)
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
         """Take over open alarms: there is nothing to do, as evidence does not depend on them."""

@@ -4,12 +4,12 @@ The kernel notes the estimates three memory lengths after a crossing, and every 
 ``EvidenceBuilder`` makes evidence, and readings of the long-term trend, of the columns that it has noted.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.detection.alarm import Direction
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
@@ -104,66 +104,63 @@ class EvidenceBuilder:
         self, model: AxisModel, settings: Settings, lower: Floats, upper: Floats, P_nom: Floats
     ) -> None:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
-        self._theta0, self._naming = model.theta0, settings.naming_samples
+        self._theta0, self._divisor = model.theta0, settings.divisor
+        # In between two columns, and in between two deviations that are kept:
+        naming, self._span = settings.naming_samples, settings.span
+        self._span_s, self._correlation = naming * settings.interval_s, settings.lam**naming
+        self._stretches = max(1, naming // self._span)
+        self._lam = 1.0 if settings.random_walk else settings.lam**self._span
         alpha1 = settings.tests(len(self._names))[0]
-        self._tolerance = float(alpha1.max() * np.sqrt(settings.divisor))
+        self._tolerance = float(alpha1.max() * np.sqrt(self._divisor))
         self._allowed = np.diag((settings.size_errors(len(self._names)) * model.scale) ** 2)
         self._alike = {TORQUE_CONSTANT: (LOAD,)} if model.carried_weight() else {}
         K = settings.gain(len(model.drive.states))
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
 
-    def reading(self, noted: EvidenceColumns, c: int) -> Reading:
-        """Column c of what was noted, for the long-term trend."""
-        s = self._s
-        running, theta, d, P = self._column(noted, c)
-        unseen = noted.value[-len(self._names) :, c] == UNSEEN
-        holds = running <= INVALID * s.lam0
-        known = ~unseen & (self._held(theta, theta - d) == 0) & holds
-        return Reading(
-            time_us=int(noted.what[2, c]),
-            value=_numbers(self._theta0 + d),
-            variance=_numbers(s.lam0 * np.diag(P) / s.divisor),
-            known=tuple(map(bool, known)),
-            span_s=self._naming * s.interval_s,
-            correlation=s.lam**self._naming,
-            holds=holds,
-        )
-
-    def evidence(self, noted: EvidenceColumns, c: int) -> Evidence:
-        """Column c of what was noted."""
-        s, p = self._s, len(self._names)
-        running, theta, d, P = self._column(noted, c)
-        V = s.lam0 * P / s.divisor
-        lam = 1.0 if s.random_walk else s.lam**s.span
-        walk = s.span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(p)
-        past = past_of(noted.t[c], noted.before[c], p, lam, walk, s.lam0, self._lag_us)
-        return Evidence(
-            time_us=int(noted.what[2, c]),
+    def events(self, noted: EvidenceColumns, c: int, judged: bool) -> Iterator[Reading | Evidence]:
+        """What column c of what was noted says: of an axis that is judged, a reading for the long-term trend, too."""
+        s, p, value = self._s, len(self._names), noted.value[:, c]
+        running, theta, d = float(value[0]), value[1 : 1 + p], value[1 + p : 1 + 2 * p].copy()
+        V = s.lam0 * value[1 + 2 * p : -p].reshape(p, p) / self._divisor
+        time_us, held = int(noted.what[2, c]), self._held(theta, theta - d)
+        if judged:
+            holds = running <= INVALID * s.lam0
+            known = (value[-p:] != UNSEEN) & (held == 0) & holds
+            yield Reading(
+                time_us=time_us,
+                value=tuple((self._theta0 + d).tolist()),
+                variance=tuple(V.diagonal().tolist()),
+                known=tuple(known.tolist()),
+                span_s=self._span_s,
+                correlation=self._correlation,
+                holds=holds,
+            )
+        yield Evidence(
+            time_us=time_us,
             parameters=self._names,
-            deviation=d.copy(),
+            deviation=d,
             covariance=V,
             allowed=self._allowed,
             tolerance=self._tolerance,
             excess=running / s.lam0,
-            held=tuple(map(int, self._held(theta, theta - d))),
-            past=past,
-            stretches=max(1, self._naming // s.span),
+            held=tuple(held.tolist()),
+            past=past_of(noted.t[c], noted.before[c], p, self._lam, self._walk(), s.lam0, self._lag_us),
+            stretches=self._stretches,
             alike=self._alike,
         )
 
-    def _column(self, noted: EvidenceColumns, c: int) -> tuple[float, Floats, Floats, Floats]:
-        """Running innovation variance, theta (p,), its deviation (p,), and P (p, p)."""
-        value, p = noted.value[:, c], len(self._names)
-        running, theta, d, P, _ = np.split(value, np.cumsum([1, p, p, p * p]))
-        return float(running[0]), theta, d, P.reshape(p, p)
+    def _walk(self) -> Floats:
+        """What a random walk adds to the diagonal of P (p,) in between two deviations."""
+        s = self._s
+        return self._span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(len(self._names))
 
-    def _held(self, theta: Floats, nominal: Floats) -> Floats:
+    def _held(self, theta: Floats, nominal: Floats) -> Ints:
         """-1, 1 where the lower, the upper bound holds theta (p,)."""
         lower, upper = self._bounds
-        down = np.abs(theta - lower) <= HELD * np.abs(nominal - lower)
-        up = np.abs(theta - upper) <= HELD * np.abs(nominal - upper)
-        return np.where(down, -1.0, np.where(up, 1.0, 0.0))
+        down = abs(theta - lower) <= HELD * abs(nominal - lower)
+        up = abs(theta - upper) <= HELD * abs(nominal - upper)
+        return 1 * (up & ~down) - down
 
 
 def _numbers(values: Floats) -> tuple[float, ...]:

@@ -261,12 +261,39 @@ _MEMORIES = 6
 _STRENGTH = 5.0
 
 
-def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
+class Distinct(NamedTuple):
+    """A candidate that changes the data, as no one before it does."""
+
+    place: int
+    """Among the candidates"""
+    alike: tuple[str, ...]
+    """Causes of later ones with the same data"""
+
+
+def default_hypotheses(
+    model: AxisModel, settings: Settings, distinct: Sequence[Distinct] | None = None
+) -> tuple[Hypothesis, ...]:
     """Candidates that change the data; of those with the same data only the first, with the causes of the others.
+
+    ``distinct``: which they are, if that is known.
+
+    Raises:
+        ValueError: there are not so many candidates.
+    """
+    found = candidates(model, settings)
+    chosen = distinct_candidates(model, settings, found) if distinct is None else distinct
+    if any(not 0 <= d.place < len(found) for d in chosen):
+        raise ValueError(f"there are {len(found)} candidates")
+    return tuple(replace(found[d.place], alike=d.alike) for d in chosen)
+
+
+def distinct_candidates(
+    model: AxisModel, settings: Settings, found: Sequence[Hypothesis]
+) -> tuple[Distinct, ...]:
+    """Which of the candidates change the data.
 
     Their predictions for one random record are compared, of which the last half counts.
     """
-    found = candidates(model, settings)
     eps = _innovations(model, settings, (REFERENCE, *found))
     from_now = ((eps - eps[:, :1]) ** 2).sum(axis=0)
     kept: list[int] = []
@@ -279,7 +306,7 @@ def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis
             kept.append(k)
         elif found[same - 1].cause != hypothesis.cause:
             names.setdefault(same, []).append(hypothesis.cause)
-    return tuple(replace(found[k - 1], alike=tuple(names.get(k, ()))) for k in kept)
+    return tuple(Distinct(k - 1, tuple(names.get(k, ()))) for k in kept)
 
 
 def _same(eps: Floats, from_now: Floats, j: int, k: int, found: Sequence[Hypothesis]) -> bool:

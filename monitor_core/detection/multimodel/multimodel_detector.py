@@ -6,13 +6,15 @@ known, and ends when its cause ends.  A further change of a cause with an open a
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import (
@@ -26,9 +28,12 @@ from monitor_core.detection.alarm import (
     known,
 )
 from monitor_core.detection.multimodel.candidates import (
+    Distinct,
     Quantity,
+    candidates,
     causes_of,
     default_hypotheses,
+    distinct_candidates,
     hypothesis_of,
     quantity_of,
 )
@@ -105,10 +110,7 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
         ValueError: the detector is not available for it, or limits make no sense.
     """
     if not limits.own:
-        shared = f"{model} {settings}"
-        if shared not in _DEFAULTS:
-            _DEFAULTS[shared] = default_hypotheses(model, settings)
-        hypotheses = _DEFAULTS[shared]
+        hypotheses = _defaults(model, settings).hypotheses
         return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), limits.samples))
     # A skew to which healthy records point is in the axis and not in its model, as where the drive filters its torque.
     # How well it explains them varies with the motion and with any fault, which then would be called a skew.
@@ -120,8 +122,32 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
     return HypothesisBank(model, settings, found, h, allowance)
 
 
-_DEFAULTS: dict[str, tuple[Hypothesis, ...]] = {}
+class _Defaults(NamedTuple):
+    distinct: tuple[Distinct, ...]
+    hypotheses: tuple[Hypothesis, ...]
+
+
+def _defaults(
+    model: AxisModel, settings: Settings, distinct: tuple[Distinct, ...] | None = None
+) -> _Defaults:
+    """The hypotheses without limits of their own; which of the candidates they are is computed where it is not known.
+
+    Raises:
+        ValueError: there are no such candidates.
+    """
+    shared = f"{model} {settings}"
+    if shared not in _DEFAULTS:
+        known = distinct or distinct_candidates(model, settings, candidates(model, settings))
+        _DEFAULTS[shared] = _Defaults(known, default_hypotheses(model, settings, known))
+    return _DEFAULTS[shared]
+
+
+_DEFAULTS: dict[str, _Defaults] = {}
 """Axes with the same model and settings share their hypotheses, which are computed once."""
+
+
+_DISTINCT = "distinct"
+"""Array of a saved state: which candidates are the hypotheses, as the bytes of a JSON text"""
 
 
 class MultiModelDetector:
@@ -155,6 +181,29 @@ class MultiModelDetector:
     def made(self) -> bool:
         """Whether the bank has been created, and so has a state."""
         return "bank" in self.__dict__
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]] | None:
+        """The state of the bank, to be saved, and which hypotheses it has; None: it has not been created."""
+        if not self.made:
+            return None
+        arrays = self.bank.to_arrays()
+        if not self._limits.own:
+            distinct = json.dumps(_defaults(self._model, self._settings).distinct)
+            arrays[_DISTINCT] = np.frombuffer(distinct.encode(), np.uint8)
+        return arrays
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Continue from a saved state, without the kernel, which may have to be compiled first.
+
+        Raises:
+            KeyError: an array is missing.
+            ValueError: it does not belong to these hypotheses, or is damaged.
+        """
+        if _DISTINCT in arrays and not self._limits.own:
+            found = json.loads(np.asarray(arrays[_DISTINCT], np.uint8).tobytes())
+            distinct = tuple(Distinct(int(place), tuple(alike)) for place, alike in found)
+            _defaults(self._model, self._settings, distinct)
+        self.bank.from_arrays(arrays)
 
     def quantity(self, cause: str) -> Quantity:
         """Nominal value and unit of a cause."""

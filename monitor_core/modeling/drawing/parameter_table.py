@@ -42,10 +42,7 @@ def _use(part: Part, role: Role) -> Use:
 
 
 def parameters(
-    uses: Sequence[Use],
-    nominal: Mapping[str, float],
-    meanings: Mapping[str, str],
-    origin: Origin,
+    uses: Sequence[Use], nominal: Mapping[str, float], meanings: Mapping[str, str], origin: Origin
 ) -> tuple[FlatParameter, ...]:
     """Every parameter once, in the order of ``meanings``, then as they occur.
 

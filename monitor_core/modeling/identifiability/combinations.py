@@ -23,7 +23,7 @@ from monitor_core.modeling.modular import inverse, null_space, product, rank
 from monitor_core.modeling.statespace import StateSpace
 
 _BELOW = ("kg m^2", "N m/rad", "N m s/rad", "N m")
-"""By unit: what stands below the fraction stroke first; numbers last."""
+"""Units in the order in which parameters go below the fraction stroke; numbers last."""
 
 
 class Coordinate(NamedTuple):

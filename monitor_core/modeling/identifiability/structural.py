@@ -18,7 +18,7 @@ from monitor_core.modeling.statespace import StateSpace
 from monitor_core.wording import listed
 
 _HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
-"""By unit: what is known best from a data sheet first."""
+"""Units in the order in which parameters are held: first what a data sheet tells best."""
 
 
 @dataclass(frozen=True, slots=True)

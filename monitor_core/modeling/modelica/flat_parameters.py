@@ -63,7 +63,7 @@ def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequen
 
 
 _DER = "der"
-"""Stands for d/dt in a product; as a keyword it is nobody's name."""
+"""Stands for d/dt in a product; being a keyword it is the name of no parameter."""
 
 KNOWN = ("rad", "rad/s", "rad/s^2", "N m")
 

@@ -203,8 +203,7 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
         raise ModelError("this power cannot be calculated with", origin) from None
     except NotLaurentError as error:
         raise ModelError(
-            f"{error} cannot be divided by, being no single product: give the whole a name of its own",
-            origin,
+            f"{error} cannot be divided by, being no single product: give the whole a name of its own", origin
         ) from None
     if symbol not in ("*", "/", "^"):
         raise ModelError(f'"{symbol}" is not supported: only + - * / ^ and der(...) are', origin)

@@ -22,11 +22,11 @@ from service.commands.commissioning.signal_proposals import exchanged, review
 from service.config import Config, NamedAxis
 from service.config.bus_messages import messages_of
 from service.config.commissioned import corrected
+from service.config.unit_names import UNITS
 from service.ingest.axis_input import AxisInput
 from service.ingest.bus_samples import Ingest
 from service.ingest.identification_records import Loaded, load
 from service.ingest.timestamp_jitter import remarks
-from service.ingest.unit_names import UNITS
 
 LOOK = "look.log"
 """Name of the record of the look"""

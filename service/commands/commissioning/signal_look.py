@@ -22,7 +22,7 @@ from service.can.messages import MessageSet
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis
 from service.config.schema import SignalConfig
-from service.ingest.unit_names import UNITS
+from service.config.unit_names import UNITS
 from service.pipeline.recording import Extracts, Frames
 from service.web.models import sentence_bodies
 from service.web.recording_routes import NO_FRAMES_KEPT

@@ -14,7 +14,7 @@ from monitor_core.identification import TurningWeight, is_about_nominal, turning
 from monitor_core.wording import Sentence, sentence
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest
 from service.config.commissioned import Correction
-from service.ingest.unit_names import unit_in
+from service.config.unit_names import unit_in, unit_passed_over
 
 _NEAR = 2.0
 """By this factor a nominal inertia may be wrong, where it is to tell a unit."""
@@ -43,8 +43,8 @@ def by_name(checked: Checked) -> Iterator[Correction]:
         return
     for signal in SIGNALS:
         quantity = checked.quantity(signal)
-        unit = unit_in(checked.unit_text(signal), quantity)
-        if unit is None or unit.factor is None or abs(checked.factor(signal)) != 1 or unit.factor == 1:
+        unit = unit_passed_over(checked.unit_text(signal), quantity, checked.factor(signal))
+        if unit is None or unit.factor is None:
             continue
         place = "the column" if checked.in_tables else "the description of the bus"
         reason = sentence(

@@ -99,13 +99,7 @@ CASES: list[tuple[Table, Table, dict[str, str], tuple[str, ...], set[str]]] = [
     # merged twice
     ({(0, 0): "-f/M"}, {(0, 0): "1/M"}, {"L": "J1 + J2", "M": "L + J3"}, ("f",), {"J1 + J2 + J3"}),
     # friction on both sides of a gear: read from the entries
-    (
-        {(0, 0): "-f1/M - f2*r^2/M"},
-        {(0, 0): "1/M"},
-        {"M": "J1 + J2*r^2"},
-        (),
-        {"J1 + J2*r^2", "f1 + f2*r^2"},
-    ),
+    ({(0, 0): "-f1/M - f2*r^2/M"}, {(0, 0): "1/M"}, {"M": "J1 + J2*r^2"}, (), {"J1 + J2*r^2", "f1 + f2*r^2"}),
     (
         {(0, 0): "-f1/M - f2*r^2/M"},
         {(0, 0): "kT/M"},

@@ -15,7 +15,8 @@ import pytest
 from service.can.bus import can_devices, open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
 from service.can.frames import Frame, FrameBlock, FrameFilter, FrameKey
-from service.can.receivers import Receiver, Rejected, frame_of, receiver_of
+from service.can.receivers import Receiver, Rejected, frame_of
+from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
 from service.config.schema import BusConfig
@@ -64,7 +65,7 @@ def bus_config(request: pytest.FixtureRequest, tmp_path: Path) -> BusConfig:
         return make_config(
             tmp_path, axis1(), interface="socketcan", channel="vcan0", options={"fd": True}
         ).bus[0]
-    options = {"port": random.randint(20_000, 50_000), "hop_limit": 0, "fd": True}
+    options = {"port": random.randint(20_000, 32_000), "hop_limit": 0, "fd": True}
     return make_config(
         tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2", options=options
     ).bus[0]
@@ -101,7 +102,7 @@ def test_unwanted_frames_stay_outside(bus_config: BusConfig) -> None:
 @contextmanager
 def multicast(*filters: FrameKey) -> Iterator[tuple[can.BusABC, can.BusABC, can.BusABC]]:
     """Two buses that receive, with these filters, and a third that sends."""
-    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 50_000)}
+    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 32_000)}
     wanted: Any = [{"can_id": k.can_id, "can_mask": 0x1FFFFFFF, "extended": k.extended} for k in filters]
     with ExitStack() as stack:
         buses = [
@@ -110,7 +111,24 @@ def multicast(*filters: FrameKey) -> Iterator[tuple[can.BusABC, can.BusABC, can.
         ]
         for bus in buses:
             stack.callback(bus.shutdown)
+        wait_for_stamps(*buses)
         yield buses[0], buses[1], buses[2]
+
+
+def wait_for_stamps(first: can.BusABC, second: can.BusABC, sender: can.BusABC) -> None:
+    """Wait until the kernel stamps datagrams when they come.
+
+    It begins to some time after a socket has asked for it; until then each socket has the time of its reading.
+    """
+    end, pause_s = time.monotonic() + 20.0, 0.02
+    stamped = False
+    while not stamped:
+        assert time.monotonic() < end
+        send(sender, STANDARD, b"stamped?")
+        sent = time.time()
+        time.sleep(pause_s)
+        messages = [bus.recv(5.0) for bus in (first, second)]
+        stamped = all(m is not None and m.timestamp < sent + pause_s / 2 for m in messages)
 
 
 def until_last(receiver: Receiver) -> tuple[list[Frame], Counter[Rejected]]:
@@ -133,13 +151,21 @@ def test_datagrams_in_blocks_give_the_frames_that_python_can_gives(seed: int, fi
     with multicast(*keys[:2] if filtered else ()) as (first, second, sender):
         in_blocks, single = receiver_of(first), Receiver(second)
         assert in_blocks.name == "udp_multicast in blocks"
-        for k in range(150):  # shorter data after longer
-            send(sender, rng.choice(keys), rng.randbytes(rng.choice([*range(9), 12, 32, 64])))
-            if k % 50 == 10:
-                sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_remote_frame=True))
-                sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_error_frame=True))
-        send(sender, STANDARD, b"last")
-        (found, rejected), (expected, expected_rejected) = until_last(in_blocks), until_last(single)
+        found, expected = list[Frame](), list[Frame]()
+        rejected, expected_rejected = Counter[Rejected](), Counter[Rejected]()
+        for _ in range(3):  # as much as waits in the smallest buffer of a socket
+            for _ in range(50):  # shorter data after longer
+                send(sender, rng.choice(keys), rng.randbytes(rng.choice([*range(9), 12, 32, 64])))
+            sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_remote_frame=True))
+            sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_error_frame=True))
+            send(sender, STANDARD, b"last")
+            for receiver, frames, others in (
+                (in_blocks, found, rejected),
+                (single, expected, expected_rejected),
+            ):
+                more = until_last(receiver)
+                frames += more[0]
+                others += more[1]
     assert rejected == expected_rejected == {"remote_frame": 3, "error_frame": 3}
     assert {frame.key for frame in found} == set(keys[:2] if filtered else keys)
     assert [frame[1:] for frame in found] == [frame[1:] for frame in expected]
@@ -149,7 +175,7 @@ def test_datagrams_in_blocks_give_the_frames_that_python_can_gives(seed: int, fi
 
 def test_groups_that_share_a_port_are_different_buses() -> None:
     """As two robots that nobody gave a port of their own."""
-    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 50_000)}
+    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 32_000)}
     for groups in (("239.74.163.4", "239.74.163.5"), ("ff15::74:4", "ff15::74:5")):
         with ExitStack() as stack:
             own, other = (can.Bus(g, "udp_multicast", ignore_config=True, **options) for g in groups)
@@ -215,6 +241,8 @@ def test_what_does_not_fit_is_counted(tmp_path: Path) -> None:
         for k in range(1000):
             send(sender, STANDARD, k.to_bytes(2, "little"))
         wait_for(lambda: reader.stats().frames == 1000, reader.stats)
+        turns = reader.turns  # frames are counted before they are put into the queue or dropped
+        wait_for(lambda: reader.turns > turns, reader.stats)
         dropped = reader.stats().dropped["queue_full"]
         kept = take(reader, 1000 - dropped)
         assert 900 <= dropped < 1000  # whole blocks
@@ -258,6 +286,35 @@ def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     wait_for(lambda: "cannot open udp_multicast" in reader.stats().state, reader.stats)
     assert not reader.stats().up
     reader.close()
+
+
+def test_a_bus_that_a_fault_has_closed_is_down_until_it_is_open_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = make_config(tmp_path, axis1()).bus[0]
+    reader, states = CanReader(config, [FrameFilter(STANDARD)]), list[str]()
+
+    def torn_off(timeout: float | None = None) -> can.Message:
+        raise OSError("adapter unplugged")
+
+    def opened(*arguments: Any) -> can.BusABC:
+        states.append(reader.stats().state)
+        bus = open_bus(*arguments)
+        if len(states) in (1, 3):
+            monkeypatch.setattr(bus, "recv", torn_off)
+        return bus
+
+    monkeypatch.setattr("service.can.bus_reader.open_bus", opened)
+    reader.start()
+    wait_for(lambda: len(states) == 2 and reader.stats().up, reader.stats)
+    reader.close()
+    fault = "down: adapter unplugged; trying to open it again"
+    assert states == ["down: not opened yet", fault]
+    monkeypatch.setattr("service.can.bus_reader._RETRY_S", 3600.0)  # no other try before it is closed
+    reader.start()
+    wait_for(lambda: reader.stats().state == fault, reader.stats)
+    reader.close()
+    assert states[2:] == ["closed"]
 
 
 def test_who_waits_is_told_when_frames_can_be_taken(bus_config: BusConfig) -> None:

@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from service.can.frames import concatenate_frames
-from service.can.inferred_layout import (
-    Field,
-    Part,
-    counts_frames,
-    find_multiplexer,
-    infer_layout,
-)
+from service.can.inferred_layout import Field, Part, counts_frames, find_multiplexer, infer_layout
 from service.can.log_files import CanLog
 from tests.service.pipeline.robots import blocks, demo
 
@@ -95,10 +89,7 @@ def test_bits_that_look_like_a_float_of_all_sizes_are_none() -> None:
     )
     counted, _, *numbers = infer_layout(data)
     assert (counted.kind, counted.part) == ("counter", Part(0, 4))
-    assert places(tuple(numbers)) == [
-        (1, 2, "big", "signed"),
-        (3, 4, "big", "unsigned"),
-    ]
+    assert places(tuple(numbers)) == [(1, 2, "big", "signed"), (3, 4, "big", "unsigned")]
 
 
 @pytest.mark.parametrize("order", ["little", "big"])

@@ -18,7 +18,8 @@ from can.interfaces.socketcan import SocketcanBus
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
 from service.can.frames import Frame, FrameFilter, FrameKey
-from service.can.receivers import Receiver, SocketReceiver, receiver_of
+from service.can.receivers import Receiver
+from service.can.socket_receivers import SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from service.simulation.playback import PlayFrame, play_frames
@@ -114,6 +115,9 @@ def test_the_reader_tells_what_the_kernel_dropped(tmp_path: Path) -> None:
             send(sender, STANDARD, b"x")
             sent += 1
             time.sleep(0.05)
+        wait_for(  # the last may still wait in the kernel
+            lambda: reader.stats().frames + reader.stats().dropped["kernel_overflow"] >= sent, reader.stats
+        )
     reader.close()
     stats = reader.stats()
     assert stats.frames + stats.dropped["kernel_overflow"] == sent

@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from service.can import receivers
+from service.can import socket_receivers
 from service.can.bus import send
-from service.can.receivers import StampClock, receiver_of
+from service.can.socket_receivers import StampClock, receiver_of
 from tests.service.can.test_can_source import STANDARD
 
 NOON_NS = 1_760_000_000_000_000_000
@@ -25,13 +25,13 @@ SOFTWARE = 1 << 3 | 1 << 4
 
 def noted(kernel_ns: Floats, hardware_ns: Floats | None = None) -> NDArray[np.void]:
     """What the kernel notes of frames."""
-    notes = np.zeros(len(kernel_ns), receivers._NOTES)
-    notes["first"]["type"] = receivers._SO_TIMESTAMPNS
+    notes = np.zeros(len(kernel_ns), socket_receivers._NOTES)
+    notes["first"]["type"] = socket_receivers._SO_TIMESTAMPNS
     for name, values in (("time", kernel_ns), ("hardware", hardware_ns)):
         if values is not None:
             notes[name]["s"], notes[name]["ns"] = np.divmod(values.astype(np.int64), 1_000_000_000)
     if hardware_ns is not None:
-        notes["second"]["type"] = receivers._SO_TIMESTAMPING
+        notes["second"]["type"] = socket_receivers._SO_TIMESTAMPING
     return notes
 
 
@@ -70,7 +70,7 @@ def test_a_clock_that_is_set_is_followed_at_once(seed: int) -> None:
 def test_frames_without_a_stamp_of_the_hardware_have_that_of_the_kernel() -> None:
     clock, kernel = StampClock(), NOON_NS + np.arange(4.0) * 1e9
     notes = noted(kernel, np.array([1e9, 0.0, 0.0, 4e9]))
-    notes["second"]["type"][2] = receivers._SO_RXQ_OVFL
+    notes["second"]["type"][2] = socket_receivers._SO_RXQ_OVFL
     assert clock.times_us(notes).tolist() == (kernel / 1e3).astype(int).tolist()
     assert clock.times_us(noted(kernel)).tolist() == (kernel / 1e3).astype(int).tolist()
     notes["first"]["type"][1] = 0
@@ -84,7 +84,7 @@ def test_the_kernel_notes_times_and_drops_where_they_are_looked_for(flags: int) 
     try:
         receiver, before_us = receiver_of(bus), time.time_ns() // 1000
         with socket.socket(fileno=bus.fileno()) as same:
-            same.setsockopt(socket.SOL_SOCKET, receivers._SO_TIMESTAMPING, flags)
+            same.setsockopt(socket.SOL_SOCKET, socket_receivers._SO_TIMESTAMPING, flags)
             same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
             same.detach()
         for k in range(200):

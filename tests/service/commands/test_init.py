@@ -217,10 +217,7 @@ def test_a_table_with_a_row_for_each_axis_or_signal(
 
 @pytest.mark.parametrize(
     ("times", "words"),
-    [
-        ("{:.0f}", "time: Time"),
-        ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005"),
-    ],
+    [("{:.0f}", "time: Time"), ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005")],
 )
 def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None:
     """In nanoseconds since 1970; in a way that is not read, which must not go unsaid."""
@@ -231,6 +228,23 @@ def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None
     assert words in shown("init", record)
     first, _ = (axis.config for axis in load(Path("axis.toml")).axes)
     assert first.time.column is None or (first.time.factor, first.sample_interval_s) == (1e-9, 0.005)
+
+
+def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) -> None:
+    """In degrees: of the arm behind a gear of 1 to 100, of a motor that is as fast as servo motors are."""
+    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    fastest = np.quantile(np.abs(rows[10:, 2] - rows[:-10, 2]), 0.999) / 0.05
+    for rad_s, words in (
+        (2.5, "of the arm, as it reaches"),
+        (50.0, ""),
+        (250.0, "of the motor, as it reaches"),
+    ):
+        angle = np.degrees(rows[:, 2] * rad_s / fastest)
+        columns = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], angle])
+        np.savetxt(record, columns, "%.12g", ",", header="Time,Trq [Nm],Pos [deg]", comments="")
+        shown("init", record, "--force")
+        (line,) = (x for x in Path("axis.toml").read_text("utf-8").splitlines() if x.startswith("angle"))
+        assert (words in line) if words else line.endswith("}")
 
 
 @pytest.mark.parametrize("name", ["Achse 1 Istposition (Grad)", "Pos_deg(:,1)", "Winkel [deg]"])

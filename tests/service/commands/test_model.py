@@ -94,10 +94,7 @@ def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
     assert len(drawn) == 12
     head, tail = text.replace('drive = "three-mass"\n', "", 1).split("[robot.axis.model.nominal]", 1)
     config.write_text("\n".join([head, *drawn, "[robot.axis.model.nominal]" + tail]), encoding="utf-8")
-    found, library = (
-        as_json("--config", config),
-        as_json("three-mass", "--output", "angle"),
-    )
+    found, library = (as_json("--config", config), as_json("three-mass", "--output", "angle"))
     assert (found["A"], found["B"], found["C"]) == (library["A"], library["B"], library["C"])
 
 

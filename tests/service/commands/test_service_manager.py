@@ -15,7 +15,7 @@ from service.commands.service_manager import ServiceManager
 from service.config import Config
 from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.pipeline.robots import demo
 
 NAME = "notify"
@@ -108,12 +108,14 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
     """On a silent bus: a robot that is switched off."""
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / NAME))
     monkeypatch.setenv("WATCHDOG_USEC", "1000000")
-    stuck, go_on, looks = threading.Event(), threading.Event(), list[int]()
+    stuck, stands, go_on = (threading.Event() for _ in range(3))
+    looks = list[int]()
     look = ServiceManager.look
 
     def blocked(_: Recording) -> None:
         if stuck.is_set():
-            go_on.wait(60)
+            stands.set()
+            go_on.wait()
 
     def counted(notifier: ServiceManager) -> None:
         look(notifier)
@@ -133,6 +135,7 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
         expected = f"STATUS=monitoring 1 axis, no active alarms(; {re.escape(COMPILING)})?.*"
         assert re.fullmatch(expected, status)
         stuck.set()
+        assert stands.wait(PATIENCE_S)
         first = len(looks)
         wait_for(lambda: len(looks) > first + 6)
         fed = looks[first + 2 :]

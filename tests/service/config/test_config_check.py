@@ -1,5 +1,6 @@
 """`axiswatch check` as a user sees it, and configurations without any bus: only for tables to be identified."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,35 @@ secret_file = "orders.secret"
     assert axiswatch("token", "new", "anna", "--scope", "read", "--config", file).exit_code == 0
     result = check(file)
     assert (result.exit_code, begin in result.stdout) == (0, False)
+
+
+@pytest.mark.parametrize(
+    ("signal", "unit", "factor", "noted"),
+    [
+        ("Torque", "mN m", None, "torque.factor = 1 takes it as N m; torque.factor = 0.001 converts it"),
+        ("Angle", "deg", -1.0, "angle.factor = -1 takes it as rad; angle.factor = -0.0174533 converts it"),
+        ("Torque", "mN m", 0.001, None),
+        ("Torque", "mA", 1.0, "torque.factor = 1 takes it as A; torque.factor = 0.001 converts it"),
+        ("Torque", "%", None, None),  # how much that is depends on the drive
+        ("Angle", "rad", None, None),
+    ],
+)
+def test_a_unit_of_the_bus_that_no_factor_converts_is_noted(
+    signal: str, unit: str, factor: float | None, noted: str | None, tmp_path: Path
+) -> None:
+    text, dbc = demo_text(1), (CONFIG / "demo.dbc").read_text(encoding="utf-8")
+    head, line = dbc[: dbc.index(f"SG_ {signal} ")], dbc[dbc.index(f"SG_ {signal} ") :]
+    (tmp_path / "demo.dbc").write_text(head + re.sub('"[^"]*"', f'"{unit}"', line, count=1), encoding="utf-8")
+    if factor is not None:
+        constant = "kT_Nm_per_A = 2.0\n" if unit == "mA" else ""
+        text = text.replace(f'signal = "{signal}"\n', f'signal = "{signal}"\nfactor = {factor}\n{constant}')
+    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
+    result = check(tmp_path / "robot.toml")
+    assert result.exit_code == 0
+    notes = [line for line in result.stdout.splitlines() if "converts it" in line]
+    assert len(notes) == (noted is not None)
+    assert noted is None or notes[0].startswith(f"Note: demo.axis1: Axis1State.{signal} is in ")
+    assert noted is None or notes[0].endswith(noted)
 
 
 def test_a_missing_file_is_no_traceback(tmp_path: Path) -> None:

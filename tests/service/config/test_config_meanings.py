@@ -90,6 +90,12 @@ def test_a_mistake_in_a_file_has_the_line_of_the_file_too(folder: Path) -> None:
     assert re.search(r"model\.drive: .*rigid\.mo:\d+: .*greater than zero", problem)
 
 
+def test_alarms_of_another_payload_can_be_hidden_whatever_is_monitored(folder: Path) -> None:
+    """The multi-model detector names them, of an axis that bears a weight, and of one that does not."""
+    axis = read(folder, DRAWN + '[robot.axis.alarms]\nsuppressed = ["load", "inertia"]\n').axes[0].config
+    assert axis.alarms.suppressed == ("load", "inertia")
+
+
 def test_every_axis_is_checked_at_once(folder: Path) -> None:
     axis = HEAD[HEAD.index("[[robot.axis]]") :].replace('"a"', '"b"').replace("Axis1", "Axis2")
     found = problems_of(folder, FILE.replace('"f"', '"F"') + axis + DRAWN.replace('["f"]', '["g"]'))
@@ -123,10 +129,7 @@ def test_a_monitored_torque_follows_the_pose_as_any_parameter(folder: Path) -> N
 
 
 def test_conditions_with_all_keys_and_with_none(folder: Path) -> None:
-    config = loaded(
-        folder,
-        with_conditions().replace("_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1),
-    )
+    config = loaded(folder, with_conditions().replace("_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1))
     axis, second = config.axes
     assert conditions_of(axis) == Conditions(
         ("temperature", "mode", "speed2"),

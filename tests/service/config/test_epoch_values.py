@@ -39,11 +39,7 @@ def from_commissioning(axis: NamedAxis, **values: float) -> NamedAxis:
 
 def test_usual_mistakes_in_a_file_have_kinds(axis: NamedAxis) -> None:
     text = nominal_text(axis.config, {"values": {**monitored_model(axis).nominal, "fm": "much"}})
-    mistaken = {
-        "no TOML": "format = ",
-        "key missing": "format = 1\n",
-        "other kind": text,
-    }
+    mistaken = {"no TOML": "format = ", "key missing": "format = 1\n", "other kind": text}
     for kind, nominal in mistaken.items():
         with pytest.raises(EpochValuesError, match=r"^nominal\.toml") as found:
             from_files(axis, nominal, None)

@@ -16,10 +16,11 @@ from rich.console import Console
 
 from monitor_core.drive import ThermalModel
 from monitor_core.identification import FoundWarmUp, IdentificationResult, Obstacle, Watched
+from monitor_core.wording import percent
 from service.commands.identification_task import Request, prepare
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile, structure_of
-from service.reports.formats import percent, plain
+from service.reports.formats import plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
 from service.reports.identification_report import IdentificationReport, print_text, residual_words

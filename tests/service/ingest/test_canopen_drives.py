@@ -314,7 +314,6 @@ def test_the_shipped_file_is_the_one_that_is_tested() -> None:
     assert (ROOT / "config" / "drive.eds").read_text(encoding="utf-8") == eds()
 
 
-@pytest.mark.records
 def heard(*ids: int) -> FrameBlock:
     return FrameBlock.from_frames([Frame(1000 * k, can_id, False, bytes(8)) for k, can_id in enumerate(ids)])
 
@@ -330,6 +329,7 @@ def test_the_nodes_of_a_file_on_a_bus(tmp_path: Path) -> None:
     assert nodes_in(path, heard(0x185)) == []
 
 
+@pytest.mark.records
 def test_a_robot_that_can_be_bought(records_dir: Path, tmp_path: Path) -> None:
     """As configured it sends no torque; as delivered it does, after a SYNC."""
     dcf = records_dir / "can" / "pilz_prbt_0_1.dcf"

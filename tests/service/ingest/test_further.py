@@ -168,8 +168,7 @@ def test_a_column_is_held_over_empty_cells(tmp_path: Path) -> None:
 
 @settings(max_examples=30)
 @given(
-    cells=st.lists(st.sampled_from(["", "5", "7.5", "nan"]), min_size=2, max_size=60),
-    rows=st.integers(1, 20),
+    cells=st.lists(st.sampled_from(["", "5", "7.5", "nan"]), min_size=2, max_size=60), rows=st.integers(1, 20)
 )
 def test_blocks_of_a_table_change_nothing(
     cells: list[str], rows: int, tmp_path_factory: pytest.TempPathFactory

@@ -10,14 +10,17 @@ from service.can.message_files import read_messages
 from service.ingest.signal_roles import axes_in
 
 
-def drive(ident: int, axis: str, pdo: str = "TPDO") -> str:
+def drive(ident: int, axis: str, pdo: str = "TPDO", what: str = "Torque", unit: str = "%") -> str:
     """Torque and position of a drive in two messages."""
     return (
         f"BO_ {ident} {axis}_{pdo}1: 4 Drive\n"
-        f' SG_ {axis}_TorqueActual : 0|16@1- (0.1,0) [-300|300] "%" Master\n'
+        f' SG_ {axis}_{what}Actual : 0|16@1- (0.1,0) [-300|300] "{unit}" Master\n'
         f"BO_ {ident + 256} {axis}_{pdo}2: 4 Drive\n"
         f' SG_ {axis}_PositionActual : 0|32@1- (0.001,0) [0|0] "mm" Master\n'
     )
+
+
+HEAD = 'VERSION ""\nBU_: Drive Master\n'
 
 
 @pytest.mark.parametrize(
@@ -34,9 +37,19 @@ def test_torque_and_motion_of_one_drive_belong_together(
 ) -> None:
     """Whatever the drives are called: the number of a PDO is none of an axis."""
     path = tmp_path / "plant.dbc"
-    text = "".join(drive(0x181 + place, name) for place, name in enumerate(named))
-    path.write_text(f'VERSION ""\nBU_: Drive Master\n{text}', encoding="utf-8")
+    path.write_text(HEAD + "".join(drive(0x181 + k, name) for k, name in enumerate(named)), encoding="utf-8")
     found = axes_in(read_messages(path).messages)
     assert [axis.name for axis in found] == axes
     for axis in found:
         assert axis.torque.signal.split("_")[0] == axis.motion.signal.split("_")[0]
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("A", 1.0), ("mA", 1e-3), ("Arms", 1.0), ("V", None)])
+def test_a_current_in_any_unit_is_the_torque(unit: str, factor: float | None, tmp_path: Path) -> None:
+    """A voltage is none, whatever it is called."""
+    path = tmp_path / "plant.dbc"
+    path.write_text(HEAD + drive(0x181, "Drive1", what="Current", unit=unit), encoding="utf-8")
+    found = axes_in(read_messages(path).messages)
+    assert [(axis.torque.current, axis.torque.factor) for axis in found] == [(True, factor)] * (
+        factor is not None
+    )

@@ -10,7 +10,8 @@ import pytest
 import scipy.io
 
 from service.can.user_errors import RecordError
-from service.ingest.table_files import CsvTable, LongTable, MatTable, open_table
+from service.ingest.csv_tables import CsvTable, LongTable
+from service.ingest.table_files import MatTable, open_table
 from service.ingest.table_head import head_of, seconds_of
 
 ROWS = ["0.000,1.5,2.5", "0.005,1.6,2.6", "0.010,1.7,2.7"]
@@ -50,6 +51,20 @@ def test_remarks_names_and_units(
         [2.5, 2.6, 2.7],
     ]
     assert read.left_out == []
+
+
+@pytest.mark.parametrize(("head", "names"), [("t u y\n", NAMES), ("# t u y\n", NAMES), ("", ("0", "1", "2"))])
+def test_cells_that_single_spaces_separate(tmp_path: Path, head: str, names: tuple[str, ...]) -> None:
+    """As the recorder of Universal Robots writes them, and numpy."""
+    read = table(tmp_path / "a.csv", head + "\n".join(ROWS).replace(",", " ") + "\n")
+    assert tuple(read.names) == names
+    (rows,) = read.rows(names)
+    assert rows.columns[names[2]].tolist() == [2.5, 2.6, 2.7]
+
+
+def test_remarks_of_several_words_do_not_make_spaces_separators(tmp_path: Path) -> None:
+    remarks = [f"# remark {k} of an export" for k in range(9)]
+    assert tuple(table(tmp_path / "a.csv", "\n".join([*remarks, "t,u,y", *ROWS]) + "\n").names) == NAMES
 
 
 def test_damaged_lines_below_a_head_are_named_by_their_place(tmp_path: Path) -> None:

@@ -16,8 +16,9 @@ import scipy.io
 from monitor_core.samples import SampleBlock, concatenate
 from service.can.user_errors import RecordError
 from service.ingest.axis_records import axis_record
+from service.ingest.csv_tables import CsvTable
 from service.ingest.records import read_record
-from service.ingest.table_files import CsvTable, open_table
+from service.ingest.table_files import open_table
 from tests.service.ingest.plant import axis1, axis2, make_config, write_table
 
 N = 20_000  # more than one block of rows

@@ -11,12 +11,7 @@ from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.modeling.statespace import drive_of
-from service.config.drive_sources import (
-    LIBRARY,
-    model_called,
-    model_of_axis,
-    model_of_drawing,
-)
+from service.config.drive_sources import LIBRARY, model_called, model_of_axis, model_of_drawing
 from tests.service.pipeline.robots import changed, demo
 from tests.shares import soaked
 

@@ -86,7 +86,7 @@ class RunningCore:
         self.failed = threading.Event()
         recording = Recording(None)
         bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
-        self.checkpointer = Checkpointer(self.checkpoints, monitors, 3600.0, None, lambda: self.now_us)
+        self.checkpointer = Checkpointer(self.checkpoints, monitors, 3600.0, lambda: self.now_us)
         self.worker = Worker(
             config,
             self.core,

@@ -164,3 +164,21 @@ def test_after_a_stop_none_is_started(tmp_path: Path, monkeypatch: pytest.Monkey
     with capture_logs() as logs:
         assert not filler.fill([Shape.FEW_AXES])
     assert logs == []
+
+
+_FIRST_CALL = """
+from numba import njit
+from numba.core.typing.typeof import typeof_impl
+import monitor_core.kernel.compile
+before = set(typeof_impl.registry)
+assert njit(lambda x: x + 1)(1) == 2
+print(*sorted(kind.__name__ for kind in set(typeof_impl.registry) - before))
+"""
+
+
+def test_a_first_call_changes_nothing_that_a_call_in_another_thread_looks_through(tmp_path: Path) -> None:
+    """A daemon with a checkpoint calls the kernel while a thread loads it: it ended now and then at its start."""
+    environ = os.environ | {VARIABLE: str(tmp_path)}
+    command = [sys.executable, "-c", _FIRST_CALL]
+    answer = subprocess.run(command, env=environ, capture_output=True, text=True, timeout=300, check=False)
+    assert (answer.returncode, answer.stdout.strip()) == (0, ""), answer.stderr

@@ -70,7 +70,7 @@ def start(config: Config, journal: Journal, checkpoints: Checkpoints) -> Run:
     alarms = Alarms(journal, quantities(core.monitors.by_id))
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
-    saver = Checkpointer(checkpoints, core.monitors, 60.0, None, lambda: START_US)
+    saver = Checkpointer(checkpoints, core.monitors, 60.0, lambda: START_US)
     return Run(core, alarms, saver, restored.messages)
 
 

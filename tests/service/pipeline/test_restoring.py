@@ -34,7 +34,7 @@ def monitors(tmp_path: Path) -> AxisMonitors:
 
 
 def save(monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
-    Checkpointer(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
+    Checkpointer(checkpoints, monitors, 60.0, lambda: NOW_US).save()
 
 
 def again(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> tuple[AxisMonitors, Restored]:

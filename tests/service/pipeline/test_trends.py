@@ -96,7 +96,7 @@ def test_not_observed_is_not_counted(tmp_path: Path) -> None:
 
 
 def save(monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
-    Checkpointer(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
+    Checkpointer(checkpoints, monitors, 60.0, lambda: NOW_US).save()
 
 
 def restarted(

@@ -69,9 +69,7 @@ class Bench:
             self.recording,
             Alarms(self.journal, quantities(monitors.by_id)),
             self.history,
-            Checkpointer(
-                self.checkpoints, monitors, config.service.checkpoint_interval_s, None, lambda: NOW_US
-            ),
+            Checkpointer(self.checkpoints, monitors, config.service.checkpoint_interval_s, lambda: NOW_US),
             self.compiled,
             lambda: NOW_US,
             ["said at the start"],

@@ -123,7 +123,7 @@ def test_after_a_stall_the_robot_goes_on_in_the_present(tmp_path: Path, seed: in
     def send(moment: Moment) -> int:
         late_s.append(time.monotonic() - start - moment.time_s)
         sent.append(moment.number)
-        if moment.number == 5:
+        if len(sent) == 6:  # not a number of its own: a busy machine may have left that one out
             time.sleep(0.6)
         return 1
 

@@ -206,7 +206,6 @@ def test_what_a_backup_has_of_the_state(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     wanted = ["checkpoints.sqlite", "deep/a.toml", "history.sqlite", "tokens.json", "alarms.sqlite"]
-    assert list(state_files(tmp_path, tokens=True)) == wanted
-    assert list(state_files(tmp_path, tokens=False)) == [name for name in wanted if name != "tokens.json"]
+    assert list(state_files(tmp_path)) == wanted
     with pytest.raises(StoreError, match="No such file"):
-        state_files(tmp_path / "nowhere", tokens=True)
+        state_files(tmp_path / "nowhere")

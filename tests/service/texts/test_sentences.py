@@ -1,4 +1,4 @@
-"""Sentences that the page says in German: each kind, wherever the program makes it, has its own there."""
+"""What the page says in German: each kind of sentence, wherever the program makes it, and each reason of a count."""
 
 import ast
 import json
@@ -7,7 +7,12 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from monitor_core.kernel.state import COUNTERS
+from monitor_core.sampling import DROP_REASONS
 from monitor_core.wording import Sentence, joined, sentence
+from service.can.bus_reader import READER_REASONS
+from service.can.decoder import FRAME_REASONS
+from service.pipeline.snapshot import GIVE_UP_REASONS
 from service.web.app import STATIC
 from service.web.models import sentences
 
@@ -46,6 +51,15 @@ def test_each_kind_of_sentence_has_its_german_with_values_that_it_has() -> None:
     assert len(values) > 50
     assert german.keys() == values.keys()
     assert {kind: names - values[kind] for kind, names in german.items() if names - values[kind]} == {}
+
+
+def test_each_reason_of_a_count_has_its_german() -> None:
+    table = GERMAN.read_text(encoding="utf-8").partition("\n  reason: {")[2].partition("\n  },")[0]
+    reasons = {*READER_REASONS, *FRAME_REASONS, *DROP_REASONS, *GIVE_UP_REASONS, *COUNTERS} - {
+        "used",
+        "projected",
+    }
+    assert reasons <= {*re.findall(r"(\w+): \"", table)}
 
 
 def test_a_sentence_is_its_english_text_and_keeps_its_values() -> None:

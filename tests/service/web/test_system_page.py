@@ -24,7 +24,9 @@ def test_the_system_page_shows_buses_files_configuration_and_who_has_changed_wha
     buses = page.get_by_role("table", name="Buses")
     for words in ("down: Network is down", "242\u202f420", "queue full 12"):
         expect(buses).to_contain_text(words)
-    expect(page.get_by_role("table", name="Samples by axis")).to_contain_text("no partner 5")
+    samples = page.get_by_role("table", name="Samples by axis")
+    expect(samples).to_contain_text("no partner 5")
+    expect(samples).not_to_contain_text("projected")  # such samples are used
     expect(page.get_by_role("table", name="Clocks")).to_contain_text("fitted cycle")
     expect(page.get_by_role("table", name="Files")).to_contain_text("alarms.sqlite")
     page.clock.run_for(11_000)

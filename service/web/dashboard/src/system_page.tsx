@@ -98,7 +98,7 @@ function Links({ links }: { links: Body<"Link">[] }) {
 const Name = ({ id }: { id: string }) => <a href={axisLink(id)}><bdi>{id}</bdi></a>;
 
 function samplesOf(axis: Axis): Cells {
-  const { used = 0, seeding = 0, ...others } = axis.counters;
+  const { used = 0, seeding = 0, projected: _, ...others } = axis.counters; // used, too, is a sample at which a bound held an estimate
   return [<Name id={axis.id} />, count(axis.samples), count(used + seeding), reasons(others), reasons(axis.dropped)];
 }
 

@@ -87,7 +87,11 @@ describe("an alarm in a sentence", () => {
     expect(alarmSentence(changed({ reaches: [reach], updated: "2026-03-01T00:00:00Z" })))
       .toBe(`fm erreicht 0,09 ${unit} in 12 bis 20 Tagen; jetzt: fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert`);
     expect(meaningOf("reciprocal of: inertia of the arm")).toBe("Kehrwert von: Trägheit des Arms");
+    expect(meaningOf("damping of the gearbox, arm side")).toBe("Dämpfung des Getriebes, Armseite");
+    expect(meaningOf("inertia of the mass 4, arm side")).toBe("Trägheit der Masse 4, Armseite");
+    expect(meaningOf("stiffness of the spring 1, arm side")).toBe("Steifigkeit der Feder 1, Armseite");
     expect(meaningOf("friction of my drive")).toBe("friction of my drive");
+    expect(meaningOf("inertia of the wheel, arm side")).toBe("inertia of the wheel, arm side");
     choose("en");
   });
 });

@@ -1,7 +1,10 @@
 """The multi-model detector as the detector of an axis: from samples to alarms, saved, restored, adopted, looking on."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -252,6 +255,37 @@ def test_a_saved_detector_goes_on(at: int, seed: int) -> None:
     second.adopt(first.open_alarms)  # the journal says the same
     second.update(SampleBlock(*part(rec, at)))
     assert state(second) == state(uninterrupted)
+
+
+_GO_ON = """
+import sys
+import numpy as np
+from monitor_core.kernel.hypotheses import run_hypotheses
+from tests.core.detection.multimodel.test_hypothesis_bank import DETECTOR
+with np.load(sys.argv[1]) as saved:
+    DETECTOR.from_arrays(dict(saved))
+assert not run_hypotheses.signatures
+print(*(f"{h.cause}/{h.size}/{h.alike}" for h in DETECTOR.bank.hypotheses))
+"""
+
+
+def test_a_saved_detector_is_restored_without_the_kernel(tmp_path: Path) -> None:
+    """A daemon that was upgraded answers before its kernel has been compiled."""
+    made = MultiModelDetector(MODEL, Settings.paper(INTERVAL_S), DAY)
+    hypotheses = [f"{h.cause}/{h.size}/{h.alike}" for h in made.bank.hypotheses]
+    arrays = made.to_arrays()
+    assert arrays is not None
+    np.savez(tmp_path / "saved.npz", **arrays)  # type: ignore[arg-type]
+    command = [sys.executable, "-c", _GO_ON, str(tmp_path / "saved.npz")]
+    answer = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert (answer.stdout.strip(), answer.stderr) == (" ".join(hypotheses), "")
+
+
+def test_a_saved_detector_with_other_candidates_is_refused() -> None:
+    made = MultiModelDetector(MODEL, Settings.paper(2 * INTERVAL_S), DAY)
+    arrays = DETECTOR.bank.to_arrays() | {"distinct": np.frombuffer(b'[[999, ["kT"]]]', np.uint8)}
+    with pytest.raises(ValueError, match=r"there are \d+ candidates"):
+        made.from_arrays(arrays)
 
 
 def test_a_fleet_does_what_its_axes_do(seed: int) -> None:

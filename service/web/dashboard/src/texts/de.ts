@@ -351,16 +351,21 @@ const MEANINGS: Record<string, string> = {
   "inertia of motor, gear and arm, on the motor side": "Trägheit von Motor, Getriebe und Arm, auf der Motorseite",
   "torque of the weight on the arm at the angle zero, as where the arm lies flat there": "Moment des Gewichts am Arm beim Winkel null",
   "torque of the weight on the arm a quarter of a turn further": "Moment des Gewichts am Arm eine Vierteldrehung weiter",
+  "delay of the torque after its sample": "Verzögerung des Moments nach seinem Messwert",
+  "weight of arm and payload, relative to nominal": "Gewicht von Arm und Nutzlast, bezogen auf den Nennwert",
+  "time constant of the torque disturbance": "Zeitkonstante der Momentenstörung",
 };
+/** Massen und Federn der Antriebe der Bibliothek. */
 const PART: Record<string, string> = { inertia: "Trägheit", stiffness: "Steifigkeit", damping: "Dämpfung" };
 const OF: Record<string, string> = {
   motor: "des Motors", arm: "des Arms", "gearbox, arm side": "des Getriebes, Armseite",
+  "mass, arm side": "der Masse {n}, Armseite", "spring, arm side": "der Feder {n}, Armseite",
 };
 
 function meaning(text: string): string | null {
-  const found = /^(inertia|stiffness|damping) of the (.+)$/.exec(text);
-  const [part, of] = [PART[found?.[1] ?? ""], OF[found?.[2] ?? ""]];
-  return MEANINGS[text] ?? (part && of ? `${part} ${of}` : null);
+  const [, part = "", of = "", n = "", side = ""] = /^(inertia|stiffness|damping) of the (\D+?)(?: (\d))?(, arm side)?$/.exec(text) ?? [];
+  const whose = OF[of + side]?.replace("{n}", n);
+  return MEANINGS[text] ?? (whose ? `${PART[part]} ${whose}` : null);
 }
 
 function operated(s: number): string {

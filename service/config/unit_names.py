@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 Quantity = Literal["torque", "angle", "speed"]
 UNITS: Mapping[str, str] = MappingProxyType({"torque": "N m", "angle": "rad", "speed": "rad/s"})
-"""Of what is measured of an axis, SI"""
+"""SI units of what is measured of an axis"""
 
 
 class Unit(NamedTuple):
@@ -19,7 +19,7 @@ class Unit(NamedTuple):
     words: str
     factor: float | None
     linear: bool = False
-    """Of a path, as a linear axis has it: the factor is 2 pi over what a turn of its motor moves it"""
+    """The unit of a path, as of a linear axis: the factor is 2 pi over the path of one turn of its motor"""
 
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
@@ -39,15 +39,14 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
             **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
             **dict.fromkeys(("deg/s", "degs", "dps", "°/s", "grad/s"), Unit("degrees per second", _DEGREE)),
             **dict.fromkeys(
-                ("rpm", "1/min", "u/min", "rev/min", "min-1"),
-                Unit("revolutions per minute", _TURN / 60),
+                ("rpm", "1/min", "u/min", "rev/min", "min-1"), Unit("revolutions per minute", _TURN / 60)
             ),
             **dict.fromkeys(("rps", "rev/s"), Unit("revolutions per second", _TURN)),
             **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),
             "mm/s": _PATH._replace(words="mm/s of a linear axis"),
         },
         "torque": {
-            **dict.fromkeys(("nm", "n m", "n*m", "n.m"), Unit("N m", 1.0)),
+            "nm": Unit("N m", 1.0),
             **dict.fromkeys(("mnm", "nmm"), Unit("mN m", 1e-3)),
             "ncm": Unit("N cm", 1e-2),
             "knm": Unit("kN m", 1e3),
@@ -60,7 +59,8 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
 
 def unit_in(text: str, quantity: Quantity) -> Unit | None:
     """The unit of a quantity that a name like "A1_Pos_deg" or "speed [1/min]" holds; None: it holds none."""
-    words = [text.strip(), *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
+    at_once = re.sub(r"[\s.*·]", "", text)  # "mN m", "N*m"
+    words = [at_once, *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
     known = _TABLE[quantity]
     return next((known[word.lower()] for word in reversed(words) if word.lower() in known), None)
 
@@ -71,6 +71,15 @@ _AMPERES = {"a": 1.0, "arms": 1.0, "amp": 1.0, "amps": 1.0, "ampere": 1.0, "ma":
 def current_in(text: str) -> float | None:
     """What a unit is in amperes, where it is one of a current; None: it is none."""
     return _AMPERES.get(text.strip().lower())
+
+
+def unit_passed_over(text: str, quantity: Quantity, factor: float, current: bool = False) -> Unit | None:
+    """The unit that a name or a description states, where it is not the SI unit and no factor converts it.
+
+    ``current``: the torque is a current, which its torque constant converts from A.
+    """
+    unit = Unit(text.strip(), current_in(text)) if current else unit_in(text, quantity)
+    return None if unit is None or unit.factor in (None, 1.0) or abs(factor) != 1 else unit
 
 
 def unit_of(name: str, below: str = "") -> str:

@@ -1,0 +1,287 @@
+"""Tables as text: a .csv file with a row for each time, or with one for each time and each signal or axis.
+
+A date with a time of day is a number, too: of seconds since 1970, in UTC where it names no zone.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from monitor_core.arrays import Floats
+from service.can.left_out import too_many
+from service.can.user_errors import RecordError
+from service.ingest.roles_by_name import role_of
+from service.ingest.table_head import is_number, plain, read_head, seconds_of
+
+ROWS = 8192
+"""Rows of a block"""
+_BLOCK_BYTES = 1 << 20
+_MOST_SIGNALS = 1000
+_ALONE = 0.5
+"""Share of the times with one signal only, from which on signals have times of their own"""
+_UNIT_NAMES = ("unit", "units", "einheit")
+_EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
+
+
+class Rows(NamedTuple):
+    """Columns by name, NaN where a cell is empty; ``done`` is how much of the file has been read, 0 to 1."""
+
+    columns: Mapping[str, Floats]
+    done: float
+
+
+class CsvTable:
+    """A CSV file.  Where no names stand above its numbers, columns are "0", "1", ...
+
+    Cells are separated by tabs, semicolons, commas or single spaces; where not by commas, numbers may have a decimal
+    comma.
+
+    Raises:
+        RecordError: it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._head = read_head(path)
+        except OSError as error:
+            raise RecordError(f"cannot read {path}: {error.strerror}") from None
+        names = self._head.names
+        self.has_names = names is not None
+        self.names: Sequence[str] = tuple(map(str, range(self._head.width))) if names is None else names
+        """The columns there are"""
+        self.units = self._head.units
+        """Of the columns, by name, where a line below the names has them"""
+        self._decimal, self._day_first = self._head.decimal_mark, self._head.day_first
+        self.taken = self._head.taken
+        """What the table leaves open, and how it is taken, in words"""
+        self._dates = self._head.dates(self.names)
+        self.keys = self._head.keys({*self._dates, *(name for name in self.names if role_of(name) == "time")})
+        """The time, and the column that names what a row holds, where a time has several rows; else None"""
+        self.texts = [name for name in self.names if self.keys and self._head.is_text(name)]
+        """The columns of texts, where a time has several rows"""
+        self.unit = next((name for name in self.texts if name.lower() in _UNIT_NAMES), None)
+        """The column of units, where a time has several rows"""
+        self.labels: dict[str, float] = {}
+        """The texts that name what a row holds, and its unit, with their numbers in these columns of ``rows``"""
+        self.left_out: list[str] = []
+        """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
+
+    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+        """The rows of these columns, which must exist, in blocks.
+
+        A torn last line is left out, and lines that cannot be read, up to one in a hundred: ``left_out``.
+
+        Raises:
+            RecordError: a cell is no number, or the file is damaged.
+        """
+        size, read = max(1, self._path.stat().st_size), 0
+        with self._path.open("rb") as file:
+            try:
+                for batch in self._reader(file, names):
+                    columns = {name: self._column(name, batch) for name in names}
+                    read += batch.num_rows
+                    yield Rows(columns, min(1.0, file.tell() / size))
+                return
+            except pa.ArrowException:
+                pass  # a line that is to be named, or separators of thousands
+        yield from self._sound_rows(names, read)
+
+    def _column(self, name: str, batch: pa.RecordBatch) -> Floats:
+        column = batch.column(name)
+        if not pa.types.is_string(column.type):
+            return numbers(column)
+        cells = column.fill_null("").dictionary_encode()
+        try:
+            known = np.array(
+                [self._number(name, cell or "") for cell in cells.dictionary.to_pylist()], np.float64
+            )
+        except ValueError as error:
+            raise pa.ArrowInvalid(str(error)) from None
+        return np.asarray(known[cells.indices.to_numpy()])
+
+    def _sound_rows(self, names: Sequence[str], skipped: int) -> Iterator[Rows]:
+        """The rows that can be read after the first ones, line by line; slower, and only where arrow fails."""
+        found, torn, read, cells = list[str](), list[str](), 0, list[list[float]]()
+        for line, row, ends in self._lines():
+            if wrong := self._wrong(row, names):
+                cut = ends and len(row) <= len(self.names)
+                (torn if cut else found).append(f"line {line}: {wrong}")
+                if too_many(len(found), read):
+                    break
+                continue
+            read += 1
+            if read > skipped:
+                cells.append([self._number(name, row[self.names.index(name)]) for name in names])
+            if len(cells) == ROWS:
+                yield self._block(names, cells)
+                cells = []
+        if too_many(len(found), read, ended=True):
+            raise RecordError(f"{self._path}, {found[0]}")
+        self.left_out = [*found, *torn]
+        if cells:
+            yield self._block(names, cells)
+
+    @staticmethod
+    def _block(names: Sequence[str], cells: list[list[float]]) -> Rows:
+        return Rows(dict(zip(names, np.array(cells, np.float64).T, strict=True)), 1.0)
+
+    def _lines(self) -> Iterator[tuple[int, list[str], bool]]:
+        """Number, cells, and whether the file ends in the line, without a line break; without empty lines and names."""
+        with self._path.open("rb") as file:
+            file.seek(-min(2, self._path.stat().st_size), 2)
+            cut = file.read().rstrip(b"\0")[-1:] not in (b"\n", b"\r")
+        with self._path.open(encoding=self._head.encoding, errors="replace", newline="") as text:
+            reader = csv.reader(text, delimiter=self._head.delimiter)
+            before: tuple[int, list[str]] | None = None
+            for row in reader:
+                if not row or reader.line_num <= self._head.lines:
+                    continue
+                if before is not None:
+                    yield *before, False
+                before = reader.line_num, row
+            if before is not None:
+                yield *before, cut
+
+    def _reader(self, file: BinaryIO, names: Sequence[str]) -> pc.CSVStreamingReader:
+        return pc.open_csv(
+            file,
+            pc.ReadOptions(
+                column_names=list(self.names),
+                skip_rows=self._head.lines,
+                block_size=_BLOCK_BYTES,
+                encoding=self._head.encoding.removesuffix("-sig"),
+            ),
+            pc.ParseOptions(delimiter=self._head.delimiter),
+            pc.ConvertOptions(
+                column_types={n: pa.string() if self._as_text(n) else pa.float64() for n in names},
+                include_columns=list(names),
+                null_values=_EMPTY,
+                strings_can_be_null=True,
+                decimal_point=self._decimal,
+            ),
+        )
+
+    def _wrong(self, row: Sequence[str], names: Sequence[str]) -> str:
+        """What is wrong with a line; empty: nothing."""
+        if len(row) != len(self.names):
+            return f"{len(row)} cells in a table of {len(self.names)} columns"
+        for name in names:
+            cell = row[self.names.index(name)]
+            if not (
+                cell in _EMPTY or self._is_key(name) or self._is_number(cell) or self._is_date(name, cell)
+            ):
+                hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
+                hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
+                kind = "date" if name in self._dates else "number"
+                return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
+        return ""
+
+    def _as_text(self, name: str) -> bool:
+        return name in self._dates or self._is_key(name)
+
+    def _is_key(self, name: str) -> bool:
+        return self.keys is not None and name in (self.keys[1], self.unit)
+
+    def _is_number(self, cell: str) -> bool:
+        return is_number(plain(cell, self._decimal))
+
+    def _is_date(self, name: str, cell: str) -> bool:
+        return name in self._dates and seconds_of(cell, self._day_first) is not None
+
+    def _number(self, name: str, cell: str) -> float:
+        if cell in _EMPTY:
+            return float("nan")
+        if self._is_key(name):
+            return self.labels.setdefault(cell, len(self.labels))
+        seconds = seconds_of(cell, self._day_first) if name in self._dates else None
+        return float(plain(cell, self._decimal)) if seconds is None else seconds
+
+
+def numbers(column: pa.Array[Any]) -> Floats:
+    """Numbers of a column (N,), NaN where there is none: seconds since 1970 where it holds dates.
+
+    Raises:
+        pa.ArrowException: it holds neither.
+    """
+    scale = 1.0
+    if pa.types.is_timestamp(column.type):
+        column, scale = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64()), 1e-9
+    found = column.cast(pa.float64(), safe=False)
+    return scale * np.asarray(found.to_numpy(zero_copy_only=False), np.float64)
+
+
+class LongTable:
+    """A CSV file with a row for each time and each signal or axis, read as one with a row for each time.
+
+    The columns are the signals; where rows hold several numbers, as of an axis, they are called torque_A1, angle_A1.
+    """
+
+    has_names = True
+
+    def __init__(self, path: Path, table: CsvTable, time: str, key: str) -> None:
+        self._path, self._table, self._time, self._key = path, table, time, key
+        self._units: dict[str, str] = {}
+        self.taken = (*table.taken, f'a "{time}" has a row for each "{key}"')
+
+    @property
+    def left_out(self) -> Sequence[str]:
+        """See CsvTable."""
+        return self._table.left_out
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The time, and the columns that the rows of each time make."""
+        return tuple(self._columns)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Of the columns, by name, where the rows have them."""
+        return self._units if self._columns else {}
+
+    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+        """See CsvTable."""
+        total = len(self._columns[self._time])
+        for i in range(0, total, ROWS):
+            block = {name: self._columns[name][i : i + ROWS] for name in names}
+            yield Rows(block, min(1.0, (i + ROWS) / total))
+
+    @cached_property
+    def _columns(self) -> Mapping[str, Floats]:
+        left = {self._time, self._key, *self._table.texts}
+        values = [name for name in self._table.names if name not in left]
+        wanted = [self._time, self._key, *values, *filter(None, [self._table.unit])]
+        blocks = [rows.columns for rows in self._table.rows(wanted)]
+        read = {name: np.concatenate([np.zeros(0), *(block[name] for block in blocks)]) for name in wanted}
+        texts = {code: text for text, code in self._table.labels.items()}
+        signals = [code for code in texts if (read[self._key] == code).any()]
+        if len(signals) > _MOST_SIGNALS:
+            raise RecordError(f'{self._path}: {len(signals)} signals, by their names in column "{self._key}"')
+        # In their order in the file: times of day begin again at midnight.
+        _, first, number, counts = np.unique(
+            read[self._time], return_index=True, return_inverse=True, return_counts=True
+        )
+        if len(values) == 1 and len(signals) > 1 and np.mean(counts == 1) > _ALONE:
+            raise RecordError(
+                f'{self._path}: each "{self._key}" has times of its own, so that torque and motion are not of one'
+                " time; export them with a common interval"
+            )
+        row = np.argsort(np.argsort(first))[number]
+        columns = {self._time: read[self._time][np.sort(first)]}
+        for value, code in product(values, signals):
+            mine, column = read[self._key] == code, np.full(len(first), np.nan)
+            column[row[mine]] = read[value][mine]
+            name = texts[code] if len(values) == 1 else f"{value}_{texts[code]}"
+            columns[name] = column
+            if self._table.unit is not None and len(values) == 1:
+                self._units[name] = texts.get(read[self._table.unit][mine][0], "")
+        return columns
