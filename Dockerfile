@@ -28,26 +28,49 @@ COPY monitor_core monitor_core
 COPY service service
 COPY config config
 # numba knows a compiled kernel by its source's modification time, and image layers keep whole seconds only:
-# round first, then compile.  Without the libraries' own tests, symbols and C sources, the installer, and pyarrow's ways
-# to other machines the image is 240 MB smaller.  What was repaired for its wheel (*.libs, numba's pools) keeps its
-# symbols: once stripped, it cannot be loaded.  The dashboard is that of service/web/static where it is built, else npm
-# must be reached.
+# round first, then compile.  Others' Python is there as bytecode alone, which is half of it and starts as fast; a
+# traceback names its lines but does not show them.  What else goes: tests, symbols, C sources, the installer, pyarrow's
+# ways to other machines and its libraries' second names, formats of pictures and fonts that reports never write.  What
+# was repaired for its wheel (*.libs) keeps its symbols: once stripped, it cannot be loaded.  The
+# dashboard is that of service/web/static where it is built, else npm must be reached.
 RUN --mount=type=secret,id=pip.conf,target=/etc/pip.conf \
     /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --no-deps . \
  && /opt/axiswatch/bin/pip uninstall --yes setuptools pip \
- && find /opt/axiswatch -type d -name tests -prune -exec rm -r {} + \
- && find /opt/axiswatch -regex '.*\.\(pyi\|pxd\|pyx\|c\|h\|hpp\|cpp\|a\)' -delete \
- && cd /opt/axiswatch/lib/python3*/site-packages && rm -rf pyarrow/include pyarrow/*_flight* pyarrow/*_s3* \
- && find . -name '*.so*' -type f -not -path '*.libs/*' -not -path './numba/*' -exec strip --strip-unneeded {} + \
- && cd /src \
- && find /opt/axiswatch -name '*.py' -exec touch -d "@$(date +%s)" {} + \
- && /opt/axiswatch/bin/python -m compileall -q -j 0 /opt/axiswatch/lib
+ && cd /opt/axiswatch/lib/python3*/site-packages \
+ && find . -type d -name tests -prune -exec rm -r {} + \
+ && find . -regex '.*\.\(pyi\|pxd\|pyx\|pxi\|c\|cc\|h\|hpp\|cpp\|a\)' -delete \
+ && rm -rf pyarrow/include pyarrow/src pyarrow/*_flight* pyarrow/*_s3* pyarrow/*_encryption* \
+      pyarrow/*_orc* pyarrow/_azurefs* pyarrow/_gcsfs* pyarrow/_hdfs* pyarrow/_substrait* \
+      pyarrow/libarrow_python.so pyarrow/libarrow_python.so.*.*.* PIL/_avif* pillow.libs/libavif-* \
+      scipy/io/_fast_matrix_market/_fmm_core* numba/cuda numba/np/ufunc/*pool.* numpy/distutils \
+      matplotlib/mpl-data/fonts/afm matplotlib/mpl-data/fonts/pdfcorefonts \
+ && find fontTools -mindepth 1 -maxdepth 1 -type d -not -name misc -exec rm -r {} + \
+ && find . -name '*.so*' -type f -not -path '*.libs/*' -exec strip --strip-unneeded {} + \
+ && find . -name '*.py' -exec touch -d "@$(date +%s)" {} + \
+ && python3 -m compileall -q -j 0 monitor_core service \
+ && others() { find . -name '*.py' -not -path './monitor_core/*' -not -path './service/*' "$@"; } \
+ && others -exec python3 -m compileall -q -b {} + \
+ && others -delete
 
-FROM ${BASE_IMAGE}
+# The base without what a container never runs or loads.
+FROM ${BASE_IMAGE} AS run
+RUN cd "$(python3 -c 'import sysconfig; print(sysconfig.get_path("stdlib"))')" \
+ && rm -rf site-packages ensurepip idlelib lib2to3 pydoc_data test tkinter turtledemo \
+ && find . -name __pycache__ -prune -exec rm -r {} + && python3 -m compileall -q -b . && find . -name '*.py' -delete \
+ && if command -v dpkg; then dpkg --purge --force-all $(dpkg-query -Wf '${Package} ' 'perl*' 'libperl*' usrmerge \
+      apt 'libapt-pkg*' gpgv debian-archive-keyring debconf adduser python3-venv 'python3*-venv' 'python3-*-whl' \
+      python3-distutils python3-lib2to3 'libgnutls*' 'libhogweed*' 'libnettle*' 'libp11-kit*' 'libunistring*' \
+      'libidn2*' 'libtasn1*' e2fsprogs logsave 'libext2fs*' 'libss2*' mount util-linux bsdutils diffutils \
+      ncurses-bin 2>/dev/null); fi \
+ && rm -rf /usr/lib/*/gconv /usr/share/zoneinfo/right /usr/share/python-wheels /var/cache/* /var/log/* \
+      /var/lib/apt /var/lib/dpkg/info
 COPY --from=build /opt/axiswatch /opt/axiswatch
 RUN useradd --system --no-create-home --home-dir /var/lib/axiswatch --shell /usr/sbin/nologin axiswatch \
  && install -d -o axiswatch -g axiswatch /var/lib/axiswatch /var/cache/axiswatch && install -d /etc/axiswatch
-ENV PATH=/opt/axiswatch/bin:$PATH \
+
+FROM scratch
+COPY --from=run / /
+ENV PATH=/opt/axiswatch/bin:/usr/local/bin:/usr/local/sbin:/usr/bin:/usr/sbin:/bin:/sbin LANG=C.UTF-8 \
     PYTHONUNBUFFERED=1 \
     NUMBA_CACHE_DIR=/var/cache/axiswatch \
     OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,8 +13,9 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import NotTested
+from monitor_core.settings import Threshold
 from service.commands.exit_codes import NOT_TESTED
-from service.config import load
+from service.config import conditions_of, load
 from service.ingest.calibration_records import begins_cold
 from service.texts.alarm_words import episode_words
 from tests.core.mismatch import Block
@@ -47,7 +49,7 @@ def made(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Made:
     for name in ("monday.csv", "tuesday.csv"):
         records.append(write(folder / name, plant.take(DAY_S)))
         plant.rest(NIGHT_S)
-    words = ("--start", "values", "--free", "fm,fc")
+    words = ("--start", "values", "--free", "kT,fm,fc")
     config, output = identified(folder, FOUND, records, *words)
     text = config.read_text(encoding="utf-8").replace(CUSUM, f"{CUSUM}, alpha_2 = 400.0")
     config.write_text(text, encoding="utf-8")
@@ -130,6 +132,24 @@ def test_an_alarm_of_friction_names_what_would_look_the_same(made: Made, name: s
     assert (alarm.stage, alarm.parameter) == ("named", name)
     words = episode_words(alarm, 1.0, "1")
     assert ("a warmer or colder gearbox would look the same" in words) == (name == "fm")
+
+
+def test_the_monitor_leaves_out_what_the_fit_did(made: Made) -> None:
+    """The axis stands for a third of the time; learned from that, too, friction would be off for good."""
+    found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
+    (axis,) = load(made.config, {}).axes
+    assert conditions_of(axis).min_speed == found["predictor"]["min_speed"] > 0.5
+
+
+def test_sizes_count_a_third_of_the_allowance_or_what_the_model_lacks(made: Made) -> None:
+    monitor = Watcher(made.config).monitor
+    settings, scale = monitor.settings, monitor.model.scale
+    found = tomllib.loads((made.config.parent / "nominal.toml").read_text(encoding="utf-8"))
+    lacks = np.array([found["thermal"]["model_error"].get(name, 0.0) for name in PARAMETERS]) / scale
+    np.testing.assert_allclose(settings.size_errors(3), lacks)
+    own = (Threshold(3.0, 20.0), Threshold(3.0, 20.0, 0.6, 0.15), Threshold(3.0, 20.0, 0.0, 0.15))
+    calibrated = replace(settings, thresholds=own).size_errors(3)
+    np.testing.assert_allclose(calibrated, [0.0, np.hypot(0.2, 0.15), np.hypot(lacks[2], 0.15)])
 
 
 def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> None:
