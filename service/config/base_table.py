@@ -37,9 +37,17 @@ class Table(BaseModel):
 SUFFIX = ".mo"
 """A drive whose name ends so is a Modelica file, else one of the library."""
 
+
+def _not_zero(value: float) -> float:
+    if value == 0:
+        raise ValueError("must not be 0")
+    return value
+
+
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
 NotNegative = Annotated[Real, Field(ge=0)]
+Factor = Annotated[Real, AfterValidator(_not_zero)]
 Text = Annotated[str, Field(min_length=1)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 

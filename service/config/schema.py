@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import (
+    Factor,
     FilePath,
     Name,
     NotNegative,
@@ -47,7 +48,7 @@ class SignalConfig(Table):
     """name of the message on the bus"""
     signal: Text = ""
     """name of the signal in that message"""
-    factor: Real = 1.0
+    factor: Factor = 1.0
     """SI value = factor * signal + offset; negative turns the direction"""
     offset: Real = 0.0
     """SI value = factor * signal + offset"""
@@ -104,7 +105,7 @@ class FurtherSignalConfig(Table):
     """name of the signal in that message"""
     column: Text | None = None
     """column (.csv, .parquet) or variable (.mat) in records"""
-    factor: Real = 1.0
+    factor: Factor = 1.0
     """value = factor * signal + offset"""
     offset: Real = 0.0
     """value = factor * signal + offset"""
@@ -235,7 +236,7 @@ class BitsConfig(Table):
     """kind of number: "unsigned", "signed" or "float" (16, 32 or 64 bits)"""
     byte_order: Literal["little", "big"] = "little"
     """"little": lowest byte first (Intel); "big": highest byte first (Motorola)"""
-    factor: Real = 1.0
+    factor: Factor = 1.0
     """value = factor * number + offset"""
     offset: Real = 0.0
     """value = factor * number + offset"""
