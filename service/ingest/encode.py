@@ -87,8 +87,6 @@ class FrameEncoder:
 
     def _raw(self, axis_id: str, quantity: Quantity, value: float) -> int | float:
         signal = self._signal(quantity)
-        if not quantity.factor:
-            raise IngestError(f"axis {axis_id}: the factor of the {quantity.name} is 0: nothing can be sent")
         raw = signal.scaled_to_raw(_wrapped((value - quantity.offset) / quantity.factor, quantity, signal))
         if signal.is_float:
             return raw

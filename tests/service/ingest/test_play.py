@@ -15,7 +15,7 @@ import pytest
 from service.can.bus import open_bus
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock, FrameKey
-from service.can.user_errors import BusError, IngestError, RecordError
+from service.can.user_errors import BusError, RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder
@@ -72,17 +72,12 @@ def test_counters_show_the_gaps_of_the_table(tmp_path: Path) -> None:
     assert [int.from_bytes(p.data[6:8], "little") for p in played] == np.flatnonzero(keep).tolist()
 
 
-def test_what_an_encoder_does_with_other_signals_and_a_factor_of_zero(tmp_path: Path) -> None:
+def test_what_an_encoder_does_with_other_signals(tmp_path: Path) -> None:
     encoder = FrameEncoder(make_config(tmp_path, axis4()), "bus0")
     ((key, data),) = encoder.encode({"r.four": (1.0, 2.0), "r.unknown": (3.0, 4.0)}, 0)
     assert key == FrameKey(0x130, False)
     assert data[5] == 7
     assert sum(data[6:60]) == 0
-    axis = axis2()
-    axis["torque"]["factor"] = 0.0
-    encoder = FrameEncoder(make_config(tmp_path, axis), "bus0")
-    with pytest.raises(IngestError, match="the factor of the torque is 0"):
-        encoder.encode({"r.two": (1.0, 2.0)}, 0)
 
 
 def test_a_value_that_does_not_fit(tmp_path: Path) -> None:
