@@ -30,7 +30,7 @@ _MOVES = 1e-9
 MOST = (0.01, 0.99)
 """Quantiles between which 98 % of a column lies"""
 _LONG_S, _HARDLY_EVER = 0.05, 0.999
-"""Over which the speed of an angle is measured; share of the rows with a lower one"""
+"""Time [s] over which the speed of an angle is measured; share of the rows with a lower speed than is named"""
 _TURNED = 0.2
 """A torque of the wrong sign is taken only if it explains this much more than one of the right sign."""
 SURE, LIKELY = 0.6, 0.2

@@ -105,7 +105,7 @@ class EvidenceBuilder:
     ) -> None:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
         self._theta0, self._divisor = model.theta0, settings.divisor
-        # In between two columns, and in between two deviations that are kept:
+        # Between two columns, and between two deviations that are kept:
         naming, self._span = settings.naming_samples, settings.span
         self._span_s, self._correlation = naming * settings.interval_s, settings.lam**naming
         self._stretches = max(1, naming // self._span)
@@ -151,7 +151,7 @@ class EvidenceBuilder:
         )
 
     def _walk(self) -> Floats:
-        """What a random walk adds to the diagonal of P (p,) in between two deviations."""
+        """What a random walk adds to the diagonal of P (p,) between two deviations."""
         s = self._s
         return self._span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(len(self._names))
 

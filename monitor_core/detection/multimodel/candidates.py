@@ -270,21 +270,21 @@ class Distinct(NamedTuple):
     """Causes of later ones with the same data"""
 
 
-def default_hypotheses(
-    model: AxisModel, settings: Settings, distinct: Sequence[Distinct] | None = None
-) -> tuple[Hypothesis, ...]:
-    """Candidates that change the data; of those with the same data only the first, with the causes of the others.
+def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
+    """Candidates that change the data; of those with the same data only the first, with the causes of the others."""
+    found = candidates(model, settings)
+    return chosen(found, distinct_candidates(model, settings, found))
 
-    ``distinct``: which they are, if that is known.
+
+def chosen(found: Sequence[Hypothesis], distinct: Sequence[Distinct]) -> tuple[Hypothesis, ...]:
+    """Those of the candidates that are distinct, with the causes of the others.
 
     Raises:
         ValueError: there are not so many candidates.
     """
-    found = candidates(model, settings)
-    chosen = distinct_candidates(model, settings, found) if distinct is None else distinct
-    if any(not 0 <= d.place < len(found) for d in chosen):
+    if any(not 0 <= d.place < len(found) for d in distinct):
         raise ValueError(f"there are {len(found)} candidates")
-    return tuple(replace(found[d.place], alike=d.alike) for d in chosen)
+    return tuple(replace(found[d.place], alike=d.alike) for d in distinct)
 
 
 def distinct_candidates(

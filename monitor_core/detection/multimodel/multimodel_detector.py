@@ -32,7 +32,7 @@ from monitor_core.detection.multimodel.candidates import (
     Quantity,
     candidates,
     causes_of,
-    default_hypotheses,
+    chosen,
     distinct_candidates,
     hypothesis_of,
     quantity_of,
@@ -137,8 +137,9 @@ def _defaults(
     """
     shared = f"{model} {settings}"
     if shared not in _DEFAULTS:
-        known = distinct or distinct_candidates(model, settings, candidates(model, settings))
-        _DEFAULTS[shared] = _Defaults(known, default_hypotheses(model, settings, known))
+        found = candidates(model, settings)
+        known = distinct or distinct_candidates(model, settings, found)
+        _DEFAULTS[shared] = _Defaults(known, chosen(found, known))
     return _DEFAULTS[shared]
 
 
