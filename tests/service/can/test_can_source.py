@@ -20,6 +20,7 @@ from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
 from service.config.schema import BusConfig
+from tests.ports import own_port
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)
@@ -65,7 +66,7 @@ def bus_config(request: pytest.FixtureRequest, tmp_path: Path) -> BusConfig:
         return make_config(
             tmp_path, axis1(), interface="socketcan", channel="vcan0", options={"fd": True}
         ).bus[0]
-    options = {"port": random.randint(20_000, 32_000), "hop_limit": 0, "fd": True}
+    options = {"port": own_port(), "hop_limit": 0, "fd": True}
     return make_config(
         tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2", options=options
     ).bus[0]
@@ -102,7 +103,7 @@ def test_unwanted_frames_stay_outside(bus_config: BusConfig) -> None:
 @contextmanager
 def multicast(*filters: FrameKey) -> Iterator[tuple[can.BusABC, can.BusABC, can.BusABC]]:
     """Two buses that receive, with these filters, and a third that sends."""
-    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 32_000)}
+    options: dict[str, Any] = {"hop_limit": 0, "port": own_port()}
     wanted: Any = [{"can_id": k.can_id, "can_mask": 0x1FFFFFFF, "extended": k.extended} for k in filters]
     with ExitStack() as stack:
         buses = [
@@ -175,7 +176,7 @@ def test_datagrams_in_blocks_give_the_frames_that_python_can_gives(seed: int, fi
 
 def test_groups_that_share_a_port_are_different_buses() -> None:
     """As two robots that nobody gave a port of their own."""
-    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 32_000)}
+    options: dict[str, Any] = {"hop_limit": 0, "port": own_port()}
     for groups in (("239.74.163.4", "239.74.163.5"), ("ff15::74:4", "ff15::74:5")):
         with ExitStack() as stack:
             own, other = (can.Bus(g, "udp_multicast", ignore_config=True, **options) for g in groups)

@@ -28,6 +28,7 @@ from service.store.journal import Journal
 from service.web import views
 from tests.conftest import ROOT
 from tests.end_to_end.processes import wait_for
+from tests.ports import own_port
 from tests.service.links.journals import just_raised, record
 from tests.service.web.conftest import NOON_US, whole_snapshot
 
@@ -48,7 +49,7 @@ class Broker:
 
     def __init__(self, program: str, folder: Path) -> None:
         self.program, self.folder, self.process = program, folder, None
-        self.port, self._plain = (free_port() for _ in range(2))
+        self.port, self._plain = (own_port() for _ in range(2))
         (folder / "passwords").write_text(f"cell1:{hashed(PASSWORD)}\n")
         (folder / "password").write_text(PASSWORD + "\n")
         (folder / "broker.conf").write_text(
@@ -115,11 +116,6 @@ class Broker:
 
     def config(self, **changes: Any) -> LinksConfig:
         return LinksConfig.model_validate({"mqtt": self.table | changes})
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 @pytest.fixture

@@ -41,8 +41,8 @@ from service.store.journal import Journal
 from service.store.tokens import TOKENS_FILE, Scope, TokenFile
 from service.texts.instants import now_us
 from tests.end_to_end.processes import wait_for
+from tests.ports import own_port
 from tests.service.links.journals import just_raised, record
-from tests.service.links.test_mqtt import free_port
 from tests.service.web.conftest import NOON_US, monitored_axis, waiting_axis, whole_snapshot
 
 T = TypeVar("T")
@@ -116,7 +116,7 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plant]:
     tokens = TokenFile(folder / TOKENS_FILE)
     secrets = {"rita": tokens.new("rita", Scope.READ), "otto": tokens.new("otto", Scope.OPERATE)}
     with ExitStack() as stack:
-        made = linked(stack, folder, free_port(), anonymous=True)
+        made = linked(stack, folder, own_port(), anonymous=True)
         made.secrets = secrets
         yield made
 
@@ -496,7 +496,7 @@ def certificates(tmp_path_factory: pytest.TempPathFactory, need: Callable[[str],
 def test_with_a_certificate_everything_is_encrypted(certificates: Path, tmp_path: Path) -> None:
     files = {"certificate": str(certificates / "opcua.crt"), "key": str(certificates / "opcua.key")}
     with ExitStack() as stack:
-        plant = linked(stack, tmp_path, free_port(), **files)
+        plant = linked(stack, tmp_path, own_port(), **files)
         assert plant.links.snapshots()[0].problem.startswith("nobody is let in: there is no token")
         plant.secrets["otto"] = plant.tokens.new("otto", Scope.OPERATE)
         wait_for(lambda: not plant.links.snapshots()[0].problem, PATIENCE_S)
@@ -581,7 +581,7 @@ def test_a_port_that_is_taken_is_reported_and_what_is_active_is_there_after_a_st
                 for e in events
             }
 
-    port, threads = free_port(), [thread.name for thread in threading.enumerate()].count("opcua")
+    port, threads = own_port(), [thread.name for thread in threading.enumerate()].count("opcua")
     with ExitStack() as stack, socket.create_server(("127.0.0.1", port)) as other:
         plant = linked(stack, tmp_path, port, anonymous=True, priorities=["medium", "high"])
         link = plant.links.snapshots()[0]

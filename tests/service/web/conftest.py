@@ -51,6 +51,7 @@ from service.web.app_state import AppState, Latest
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import Certificate, serve
+from tests.ports import own_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -412,7 +413,7 @@ def browser(need: Callable[[str], str]) -> Iterator["Browser"]:
 
 @pytest.fixture
 def daemon(stage: Stage) -> Iterator[Daemon]:
-    started = Daemon(stage)
+    started = Daemon(stage, own_port())  # it can be had again
     yield started
     started.stop()
 
