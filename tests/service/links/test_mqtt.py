@@ -147,6 +147,7 @@ def test_status_states_and_alarms(broker: Broker, tmp_path: Path) -> None:
         record(journal, replace(just_raised(), parameter="fm"), "demo.axis2")
         wait_for(lambda: len(seen) == 5, PATIENCE_S)
         time.sleep(1.2)  # another interval, in which no state has changed
+        wait_for(lambda: links.snapshots()[0].delivered == 2, PATIENCE_S)
         (link,) = links.snapshots()
         found = {topic: body for topic, body, _ in seen}
         assert found["plant/cell1/status"] == "online"
