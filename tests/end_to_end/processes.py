@@ -97,7 +97,7 @@ def demo(log: Path, *words: str | Path) -> Iterator[str]:
 
 
 def alarms_shown(page: str) -> list[dict[str, Any]]:
-    with urllib.request.urlopen(page + "api/v1/alarms", timeout=20) as answer:
+    with urllib.request.urlopen(page + "api/v1/alarms", timeout=PATIENCE_S) as answer:
         found: list[dict[str, Any]] = json.loads(answer.read())["alarms"]
         return found
 
@@ -112,7 +112,7 @@ class Daemon:
     def answer(self, path: str) -> tuple[int, str]:
         """Status and body."""
         try:
-            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
+            with urllib.request.urlopen(self.page + path, timeout=PATIENCE_S) as answer:
                 return int(answer.status), str(answer.read(), "utf-8")
         except urllib.error.HTTPError as error:
             return error.code, str(error.read(), "utf-8")

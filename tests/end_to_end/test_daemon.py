@@ -369,7 +369,7 @@ class Operator(Person):
         assert set(self.answered) <= found
 
     def _work(self, url: str) -> None:
-        with suppress(httpx.TransportError), httpx.Client() as client:
+        with suppress(httpx.TransportError), httpx.Client(timeout=PATIENCE_S) as client:
             while True:
                 for alarm in client.get(url).json()["alarms"]:
                     comment = f"number {len(self.answered)}"
@@ -409,7 +409,7 @@ class Engineer(Person):
 
     def _work(self, url: str) -> None:
         first, second = self._files
-        with suppress(httpx.TransportError), httpx.Client() as client:
+        with suppress(httpx.TransportError), httpx.Client(timeout=PATIENCE_S) as client:
             while True:
                 axis = first if self._chance.random() < self.first_share else second
                 newest = client.get(f"{url}/{axis}/epochs").json()["epochs"][0]

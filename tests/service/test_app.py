@@ -24,7 +24,7 @@ from service.pipeline.worker import Worker
 from service.store.alarm_entries import Entry
 from service.store.journal import Journal
 from tests.conftest import ROOT
-from tests.end_to_end.processes import demo_config, edit
+from tests.end_to_end.processes import PATIENCE_S, demo_config, edit
 from tests.service.pipeline.robots import changed, demo
 from tests.service.web.conftest import FM_ALARM
 
@@ -60,7 +60,7 @@ def test_the_kernel_of_the_estimates_is_compiled_first(
             order.append("multi-model detector")
             last.set()
         else:
-            assert served.wait(60)
+            assert served.wait(PATIENCE_S)
             order.append("estimates")
         return fill(self, shapes)
 
@@ -77,10 +77,10 @@ def test_the_kernel_of_the_estimates_is_compiled_first(
     )
     daemon.start()
     try:
-        assert last.wait(60)
+        assert last.wait(PATIENCE_S)
     finally:
         stop.set()
-        daemon.join(60)
+        daemon.join(PATIENCE_S)
     assert order == ["estimates", "compiled", "multi-model detector"]
 
 
@@ -101,12 +101,12 @@ def test_the_option_lets_other_machines_in_which_is_logged_once(tmp_path: Path) 
         )
         daemon.start()
         try:
-            assert served.wait(60)
-            assert httpx.get(f"{pages[0]}healthz").json()["insecure"] is True
-            danger = httpx.get(f"{pages[0]}api/v1/service").json()["insecure"]
+            assert served.wait(PATIENCE_S)
+            assert httpx.get(f"{pages[0]}healthz", timeout=PATIENCE_S).json()["insecure"] is True
+            danger = httpx.get(f"{pages[0]}api/v1/service", timeout=PATIENCE_S).json()["insecure"]
         finally:
             stop.set()
-            daemon.join(60)
+            daemon.join(PATIENCE_S)
     assert "may read and operate, without a token" in danger
     assert [(e["log_level"], e["message"]) for e in logs if e["event"] == "access"] == [("warning", danger)]
 
@@ -127,10 +127,11 @@ def test_an_alarm_whose_frames_are_there_can_have_its_report(tmp_path: Path) -> 
     )
     daemon.start()
     try:
-        alarm = httpx.get(f"{pages.get(timeout=60)}api/v1/alarms/{number}").json()
+        page = pages.get(timeout=PATIENCE_S)
+        alarm = httpx.get(f"{page}api/v1/alarms/{number}", timeout=PATIENCE_S).json()
     finally:
         stop.set()
-        daemon.join(60)
+        daemon.join(PATIENCE_S)
     assert alarm["report"]["state"] == "none"
 
 

@@ -145,7 +145,7 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
     finally:
         go_on.set()
         stop.set()
-        running.join(60)
+        running.join(PATIENCE_S)
     assert not running.is_alive()
     assert "STOPPING=1" in systemd.lines()[-2:]
     assert systemd.lines().count("READY=1") == 1

@@ -489,7 +489,7 @@ def certificates(tmp_path_factory: pytest.TempPathFactory, need: Callable[[str],
     folder = tmp_path_factory.mktemp("certificates")
     (command,) = OPENSSL
     words = [need("openssl"), *shlex.split(command.replace("\\\n", " "))[1:]]
-    subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=60)
+    subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=PATIENCE_S)
     return folder
 
 

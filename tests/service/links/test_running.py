@@ -16,7 +16,7 @@ from service.links.link_secrets import LinkSecretError
 from service.links.running import Links
 from service.links.webhook import Webhook
 from service.store.journal import Journal
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.links.journals import just_raised, record
 from tests.service.links.test_webhook import Answers, receiving
 from tests.service.pipeline.robots import demo
@@ -112,12 +112,12 @@ def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
         daemon = threading.Thread(target=run_daemon, args=(linked,), kwargs={"ready": ready, "stop": stop})
         daemon.start()
         try:
-            assert served.wait(60)
-            shown = httpx.get(f"{pages[0]}api/v1/service").json()["links"]
-            metrics = httpx.get(f"{pages[0]}metrics").text
+            assert served.wait(PATIENCE_S)
+            shown = httpx.get(f"{pages[0]}api/v1/service", timeout=PATIENCE_S).json()["links"]
+            metrics = httpx.get(f"{pages[0]}metrics", timeout=PATIENCE_S).text
         finally:
             stop.set()
-            daemon.join(60)
+            daemon.join(PATIENCE_S)
     assert [(link["name"], link["kind"], link["connected"]) for link in shown] == [
         ("orders", "webhook", True)
     ]

@@ -151,7 +151,9 @@ def test_a_bus_inside_the_process_keeps_the_times_of_late_frames(tmp_path: Path,
                 time.sleep(0.1)
             return send(moment)
 
-        frames, left_out = run_robot(SimulatedRobot(config, seed), stalled, threading.Event(), duration_s=0.2)
+        frames, left_out = run_robot(
+            SimulatedRobot(config, seed), stalled, threading.Event(), duration_s=0.2, latest_s=60.0
+        )
         times = [listening[bus.name].recv(0) for _ in range(frames)]
     assert left_out == 0
     stamps = np.array([message.timestamp for message in times if message is not None])

@@ -28,7 +28,7 @@ from service.web.app_state import VERSION
 from service.web.metrics import Metrics
 from tests import golden
 from tests.conftest import ROOT
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.ports import own_port
 from tests.service.web.conftest import Stage, serving, with_status
 
@@ -245,7 +245,7 @@ def asked(address: str, expression: str) -> dict[tuple[str, ...], float]:
     """The answer of Prometheus, by axis and parameter; empty while there is none."""
     url = f"{address}/api/v1/query?{urllib.parse.urlencode({'query': expression})}"
     try:
-        with urllib.request.urlopen(url, timeout=20) as answer:
+        with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
             found: list[dict[str, Any]] = json.loads(answer.read())["data"]["result"]
     except (urllib.error.URLError, ConnectionError):
         return {}
