@@ -181,7 +181,7 @@ def test_frames_wait_for_space_on_the_disk(tmp_path: Path, monkeypatch: pytest.M
         assert found.problem is not None
         folder.unlink()
         wait_for(lambda: found.problem is None)
-    found.close()
+        found.close()
     (file,) = found.folder.files()
     assert recorded_s(file) == [0, 1, 2, 3]
     assert [entry["event"] for entry in logs] == [
