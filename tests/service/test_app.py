@@ -12,11 +12,9 @@ import httpx
 import pytest
 import structlog
 
-from service.commands.daemon import run_daemon
 from service.commands.daemon_parts import DaemonParts, needs_cyclic_clock
-from service.commands.exit_codes import DaemonFailedError
 from service.config import load
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.history_recording import HistoryState
 from service.pipeline.warming import CacheFiller, Shape
 from service.pipeline.worker import Worker
@@ -24,24 +22,9 @@ from service.store.alarm_entries import Entry
 from service.store.journal import Journal
 from tests.conftest import ROOT
 from tests.end_to_end.processes import PATIENCE_S, demo_config, edit
-from tests.service.daemon_thread import daemon_thread, on_any_port
+from tests.service.daemon_thread import daemon_thread
 from tests.service.pipeline.robots import changed, demo
 from tests.service.web.conftest import FM_ALARM
-
-
-def test_a_worker_that_fails_stops_the_daemon_and_is_logged(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(_: FramePipeline) -> None:
-        raise ZeroDivisionError("a fault of the program")
-
-    monkeypatch.setattr(FramePipeline, "update", broken)
-    with structlog.testing.capture_logs() as logs, pytest.raises(DaemonFailedError) as failure:
-        run_daemon(on_any_port(demo(tmp_path, 1)))
-    assert isinstance(failure.value.__cause__, ZeroDivisionError)
-    assert "the worker has failed; the daemon stops" in [entry["event"] for entry in logs]
-    Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer
-    assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
 
 
 def test_the_kernel_of_the_estimates_is_compiled_first(
