@@ -20,13 +20,14 @@ from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
 from service.config.schema import BusConfig
+from tests.end_to_end.processes import PATIENCE_S
 from tests.ports import own_port
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)
 
 
-def wait_for(condition: Callable[[], bool], what: Callable[[], object], limit_s: float = 20.0) -> None:
+def wait_for(condition: Callable[[], bool], what: Callable[[], object], limit_s: float = PATIENCE_S) -> None:
     """Wait until the condition holds; where it never does, say what was instead."""
     end = time.monotonic() + limit_s
     while not condition():
@@ -121,7 +122,7 @@ def wait_for_stamps(first: can.BusABC, second: can.BusABC, sender: can.BusABC) -
 
     It begins to some time after a socket has asked for it; until then each socket has the time of its reading.
     """
-    end, pause_s = time.monotonic() + 20.0, 0.02
+    end, pause_s = time.monotonic() + PATIENCE_S, 0.02
     stamped = False
     while not stamped:
         assert time.monotonic() < end
@@ -135,7 +136,7 @@ def wait_for_stamps(first: can.BusABC, second: can.BusABC, sender: can.BusABC) -
 def until_last(receiver: Receiver) -> tuple[list[Frame], Counter[Rejected]]:
     """The frames up to one with the data "last", and the number of rejected ones."""
     frames, rejected = list[Frame](), Counter[Rejected]()
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + PATIENCE_S
     while not frames or frames[-1].data != b"last":
         assert time.monotonic() < end
         received = receiver.read(40, Event())

@@ -62,9 +62,9 @@ def test_a_receiver_that_hangs_or_is_down_does_not_hold_the_others_up(
         ports = {"hangs": silent.getsockname()[1], "down": 9, "works": port}
         links = run(configured(tmp_path, **ports), journal, stack)
         record(journal, just_raised())
-        wait_for(lambda: answers.requests and not links.snapshots()[1].connected, 30)
+        wait_for(lambda: answers.requests and not links.snapshots()[1].connected)
         record(journal, just_raised(), axis="demo.axis2")
-        wait_for(lambda: links.snapshots()[2].delivered == 2, 30)
+        wait_for(lambda: links.snapshots()[2].delivered == 2)
         assert len(answers.requests) == 2
         hangs, down, works = links.snapshots()
         assert (works.delivered, works.pending, works.connected) == (2, 0, True)
@@ -94,7 +94,7 @@ def test_a_fault_of_the_program_in_a_link_does_not_end_it(
         port = stack.enter_context(receiving(answers))
         run(configured(tmp_path, orders=port), journal, stack)
         record(journal, just_raised())
-        wait_for(lambda: answers.requests, 30)
+        wait_for(lambda: answers.requests)
     assert [entry["event"] for entry in logs][:1] == ["a fault in a link; it goes on"]
 
 

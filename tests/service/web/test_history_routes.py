@@ -155,7 +155,7 @@ def test_readers_are_few_and_leave_the_others_alone(stage: Stage, history: Histo
 
     with serving(stage) as address, held(history) as (go, most), ThreadPoolExecutor(room + more) as pool:
         asked = [pool.submit(ask, address) for _ in range(room + more)]
-        refused = [future.result() for future in islice(as_completed(asked, 30), more)]
+        refused = [future.result() for future in islice(as_completed(asked, PATIENCE_S), more)]
         assert [answer.status_code for answer in refused] == [503] * more
         assert {answer.headers["retry-after"] for answer in refused} == {"1"}
         assert httpx.get(f"{address}/healthz", timeout=PATIENCE_S).status_code == 200
