@@ -24,7 +24,7 @@ TRUE = {"J1": 2e-3, "f": 5e-3, "fc": 0.5}
 @pytest.mark.parametrize("stiction", [0.0, 0.15])
 def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> None:
     """With a friction that is larger in the slow motion of each start and stop, too, which the monitor leaves out."""
-    record = picks(seed, stiction)
+    record = picks(seed, stiction, moves=16)
     start = {
         **values(1),
         "J1": 3e-3,

@@ -12,11 +12,12 @@ from service.links.delivery import answers
 from service.pipeline.snapshot import BusSnapshot, Snapshot
 from service.store.alarm_transitions import Note
 from service.web.models import sentence_bodies
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import SIGNAL_CHECK, Stage, robot_setup
 from tests.service.web.page_parts import unfold
 
 pytestmark = pytest.mark.browser
-expect.set_options(timeout=30_000)  # a busy machine may take long
+expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 def troubled(snapshot: Snapshot) -> Snapshot:
