@@ -29,7 +29,6 @@ class Role:
     unit: str
     meaning: str
     positive: bool = False
-    default: float | None = None
     signed: bool = False
     nonnegative: bool = False
 
@@ -201,7 +200,7 @@ _GC = Role("gc", "N m", "gravity torque by the cosine")
 _GS = Role("gs", "N m", "gravity torque by the sine")
 _TAU0 = Role("tau0", "N m", "torque offset")
 # relative to the one that the controller uses
-_KT = Role("kT", "1", "torque constant", positive=True, default=1.0)
+_KT = Role("kT", "1", "torque constant", positive=True)
 _K = Role("k", "", "gain")
 
 KINDS: Mapping[str, Kind] = MappingProxyType(
