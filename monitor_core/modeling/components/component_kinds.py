@@ -1,6 +1,6 @@
 """The kinds of components of a drive: flanges, parameters, equations.
 
-One definition serves drawings (drawing/) and Modelica texts (modelica/).  Names, signs and equations are those of
+One definition serves drawings (drawing.py) and Modelica texts (modelica/).  Names, signs and equations are those of
 Modelica's standard library: ``tau`` of a flange is the torque that acts on the component there, and angles count from
 rest, where no spring is under tension.
 """
