@@ -105,7 +105,7 @@ def linked(stack: ExitStack, folder: Path, port: int, **keys: Any) -> Plant:
     stack.callback(links.stop)
     links.start()
     plant = Plant(folder, journal, port, tokens, snapshots, links)
-    wait_for(lambda: plant.links.snapshots()[0].problem != "not started yet", PATIENCE_S)
+    wait_for(lambda: plant.links.snapshots()[0].problem != "not connected yet", PATIENCE_S)
     return plant
 
 
