@@ -76,10 +76,11 @@ $(READY): pyproject.toml requirements.lock
 	  echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv" >&2; exit 1; }
 	@echo "setting up $(VENV) from requirements.lock"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --no-compile --require-hashes -r requirements.lock
 	@[ -e $(PAGE) ] || echo "building the dashboard: some ten seconds"
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	@$(BIN)/python -m compileall -q monitor_core service # else three processes of the first start do it at once
+	@# What pip would do with one processor; else three processes of the first start do it at once.
+	@$(BIN)/python -m compileall -qq -j 0 -x '/tests?/' $(VENV)/lib monitor_core service || true
 	@touch $@
 
 # The editable install above has built the dashboard; when its sources change, it is built again.

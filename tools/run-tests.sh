@@ -16,7 +16,9 @@ unset PYTHONDONTWRITEBYTECODE
 
 # The virtual kernel shows modification times in whole seconds, by which numba knows its compiled kernels: with whole
 # seconds on both sides the second run need not compile again what the first has.
-find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat -c %Y "$f")" "$f"; done' _ {} +
+.venv/bin/python -c "import os, pathlib
+for file in (f for folder in ('monitor_core', 'service') for f in pathlib.Path(folder).rglob('*.py')):
+    os.utime(file, (int(file.stat().st_mtime),) * 2)"
 
 # The kernel is compiled ahead, else each of the test processes would compile all of it: in two parts.
 ahead() {
@@ -55,7 +57,7 @@ mf4_tests() {
   if ! [ -e "$over/.ready" ]; then
     .venv/bin/python -m venv --clear --without-pip "$over" && printf '%s\n' "$PWD"/.venv/lib/python*/site-packages \
       >"$(echo "$over"/lib/python*/site-packages)/axiswatch.pth" && .venv/bin/python -m pip --python "$over/bin/python" \
-      install --quiet --require-hashes -r requirements-mf4.lock && touch "$over/.ready" || return 1
+      install --quiet --no-compile --require-hashes -r requirements-mf4.lock && touch "$over/.ready" || return 1
   fi
   PYTHONPATH=$PWD "$over/bin/python" -m pytest -q -m mf4 tests/service/can/test_mf4.py
 }

@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol
 
 import structlog
 
+from monitor_core.wording import Sentence, sentence
 from service.config.schema_links import AlarmLimits
 from service.pipeline.snapshot import LinkSnapshot
 from service.store.alarm_table import RecordedAlarm
@@ -48,6 +49,11 @@ class UnavailableError(Exception):
 
 class RefusedError(Exception):
     """The receiver does not want this, now or later."""
+
+
+def answers(place: str, answer: str) -> Sentence:
+    """What a receiver answers that does not take the message."""
+    return sentence("link answers", "{place} answers {answer}", place=place, answer=answer)
 
 
 class NotYetError(Exception):
@@ -209,10 +215,10 @@ class Delivery:
             self._next_try = self._clock() + error.wait_s
             return error.wait_s
         except UnavailableError as error:
-            return self.failed(str(error), error.retry_after_s)
+            return self.failed(error.args[0], error.retry_after_s)
         except RefusedError as error:
             self._give_up(len(numbered), "refused", str(error))
-            self.works(str(error))
+            self.works(error.args[0])
             return 0.0
         self._drop(len(numbered))
         self.snapshot = replace(self.snapshot, delivered=self.snapshot.delivered + len(numbered))

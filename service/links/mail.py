@@ -14,8 +14,9 @@ from typing import NamedTuple
 import structlog
 
 from monitor_core.monitoring import HIDDEN_STATES, AlarmEvent
+from monitor_core.wording import sentence
 from service.config.schema_links import SmtpConfig
-from service.links.delivery import PAGE, Message, NotYetError, RefusedError, UnavailableError
+from service.links.delivery import PAGE, Message, NotYetError, RefusedError, UnavailableError, answers
 from service.links.link_secrets import secret, tls
 from service.pipeline.snapshot import Snapshot
 from service.store.alarm_table import RecordedAlarm
@@ -197,11 +198,12 @@ class Mail:
                 refused = server.send_message(mail)
         except smtplib.SMTPDataError as error:
             kind = RefusedError if error.smtp_code >= 500 else UnavailableError
-            raise kind(f"{place} answers {error.smtp_code} {_text(error.smtp_error)}") from None
+            raise kind(answers(place, f"{error.smtp_code} {_text(error.smtp_error)}")) from None
         except smtplib.SMTPResponseException as error:
-            raise UnavailableError(f"{place} answers {error.smtp_code} {_text(error.smtp_error)}") from None
+            raise UnavailableError(answers(place, f"{error.smtp_code} {_text(error.smtp_error)}")) from None
         except smtplib.SMTPRecipientsRefused as error:
-            raise UnavailableError(f"{place} takes no message to {', '.join(error.recipients)}") from None
+            words, to = "{place} takes no message to {receivers}", ", ".join(error.recipients)
+            raise UnavailableError(sentence("link takes none", words, place=place, receivers=to)) from None
         except (smtplib.SMTPException, OSError) as error:
             raise UnavailableError(f"{place}: {error}") from None
         if refused:

@@ -13,6 +13,7 @@ from time import monotonic
 
 import aiomqtt
 
+from monitor_core.wording import sentence
 from service.config.schema_links import MqttConfig
 from service.links.delivery import LOOK_S, Delivery, Message
 from service.links.link_secrets import secret, tls
@@ -120,7 +121,9 @@ class MqttLink:
         self._config, self._broker, self._delivery, self._states_of = config, broker, delivery, snapshot
         self._password = secret(config.password_file, config.password_env)
         self._context = tls(config.ca_file) if config.tls else None
-        delivery.snapshot = replace(delivery.snapshot, connected=False, problem="not connected yet")
+        delivery.snapshot = replace(
+            delivery.snapshot, connected=False, problem=sentence("link begins", "not connected yet")
+        )
 
     @property
     def snapshot(self) -> LinkSnapshot:

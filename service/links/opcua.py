@@ -15,6 +15,7 @@ from asyncua import Server, ua
 from asyncua.common.connection import TransportLimits
 from asyncua.crypto.security_policies import SecurityPolicyFactory, SecurityPolicyNone
 
+from monitor_core.wording import sentence
 from service.config.schema_links import OpcUaConfig
 from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery
 from service.links.opcua_access import GuardedServer, Nobody, Users, identity
@@ -61,7 +62,9 @@ class OpcUaLink:
         self._config, self._conditions, self._delivery = config, conditions, delivery
         self._snapshot_of, self._users = snapshot, Users(tokens, config.anonymous)
         self._identity = identity(config)
-        delivery.snapshot = replace(delivery.snapshot, connected=False, problem="not started yet")
+        delivery.snapshot = replace(
+            delivery.snapshot, connected=False, problem=sentence("link begins", "not connected yet")
+        )
         # What it logs are mistakes of clients, with tracebacks; the daemon logs itself who is refused and who writes.
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
 

@@ -20,6 +20,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
 
+from monitor_core.wording import sentence
 from service.config.schema_links import OpcUaConfig
 from service.links.link_secrets import LinkSecretError
 from service.store.database import StoreError
@@ -75,7 +76,8 @@ class Users(PermissionRuleset):
             known = self._anonymous or self._tokens.tokens()
         except StoreError as error:
             return str(error)
-        return "" if known else "nobody is let in: there is no token (axiswatch token new NAME --scope read)"
+        words = "nobody is let in: there is no token (axiswatch token new NAME --scope read)"
+        return "" if known else sentence("nobody let in", words)
 
     def get_user(
         self,

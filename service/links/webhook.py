@@ -11,8 +11,9 @@ from urllib.parse import urlsplit
 
 import httpx
 
+from monitor_core.wording import sentence
 from service.config.schema_links import WebhookConfig
-from service.links.delivery import Message, RefusedError, UnavailableError
+from service.links.delivery import Message, RefusedError, UnavailableError, answers
 from service.links.link_secrets import key, tls
 from service.texts.instants import now_us
 from service.web import views
@@ -64,9 +65,9 @@ class Webhook:
             body = views.alarm_message(*message, now_us)
             status, wait_s = await self._post(body.model_dump_json().encode(), now_us // 1_000_000)
             if status in TRY_AGAIN or status >= 500:
-                raise UnavailableError(f"{self._host} answers {_named(status)}", wait_s)
+                raise UnavailableError(answers(self._host, _named(status)), wait_s)
             if not 200 <= status < 300:
-                raise RefusedError(f"{self._host} answers {_named(status)}")
+                raise RefusedError(answers(self._host, _named(status)))
 
     async def _post(self, body: bytes, timestamp: int) -> tuple[int, float | None]:
         """The status of the answer, and the time for which it asks [s]; what else it says is not read."""
@@ -85,7 +86,10 @@ class Webhook:
             ):
                 return answer.status_code, self._retry_after_s(answer.headers.get("retry-after", ""))
         except TimeoutError:
-            raise UnavailableError(f"{self._host}: no answer within {self._timeout_s:g} s") from None
+            words, within = "{place}: no answer within {seconds} s", f"{self._timeout_s:g}"
+            raise UnavailableError(
+                sentence("link no answer", words, place=self._host, seconds=within)
+            ) from None
         except httpx.TransportError as error:
             raise UnavailableError(f"{self._host}: {str(error) or type(error).__name__}") from None
 

@@ -175,8 +175,10 @@ class ReplayReports:
             )
         limit = threading.Timer(LONGEST_S, child.kill)
         limit.start()
+        messages = ""
         try:
-            with child:
+            # A child that ends before it has read its order: the pipe is broken, and again when it is closed.
+            with suppress(BrokenPipeError), child:
                 assert child.stdin is not None
                 assert child.stderr is not None
                 # It stays open: its end tells the child that the daemon is gone.

@@ -233,7 +233,9 @@ def service(
     own = {
         "links": list(links),
         "messages": messages,
-        "sentences": models.sentences((*messages, *(bus.state for bus in snapshot.buses), insecure)),
+        "sentences": models.sentences(
+            (*messages, *(bus.state for bus in snapshot.buses), *(n.problem for n in links), insecure)
+        ),
         "version": VERSION,
         "ready": not reasons,
         "reasons": [reason.words for reason in reasons],

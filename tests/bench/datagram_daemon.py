@@ -36,13 +36,6 @@ def read_datagrams(port: int) -> None:
         setattr(bus_reader, name, value)
 
 
-def free_port() -> int:
-    """One that nobody listens on."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
-
-
 if __name__ == "__main__":
     read_datagrams(int(sys.argv.pop(1)))
     main()

@@ -11,9 +11,9 @@ import pytest
 
 from service.can.frames import concatenate_frames
 from service.config import load
-from tests.bench.datagram_daemon import free_port
 from tests.bench.measure import Say, cpu, memory_mb
 from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, robot, wait_for
+from tests.ports import own_port
 from tests.service.pipeline.robots import blocks
 from tests.soak.test_full_bus import finished, sending, written
 
@@ -55,7 +55,7 @@ def test_six_axes(tmp_path: Path, say: Say, rate: int, target: str) -> None:
 def test_latency(tmp_path: Path, seed: int, say: Say, service: str) -> None:
     """From the receipt of a frame to the estimate that has used it, six axes at 1 kHz."""
     config = demo_config(tmp_path, axes=AXES, service=service)
-    file, port = tmp_path / "ages.npy", str(free_port())
+    file, port = tmp_path / "ages.npy", str(own_port())
     edit(config, (INTERVAL, "sample_interval_s = 0.001"))
     frames = concatenate_frames(list(blocks(load(config, {}), WATCHED_S, seed)))
     sent = written(tmp_path / "frames", frames, 1.0)
@@ -91,7 +91,7 @@ def test_time_to_the_first_estimate(
     # Else the predictor's settling, which is time of the robot, is what is measured.
     edit(config, (SETTLING, "settling_time_s = 0.0"))
     frames = concatenate_frames(list(blocks(load(config, {}), LONGEST_START_S, seed)))
-    port, rows = str(free_port()), []
+    port, rows = str(own_port()), []
     with sending(3 * LONGEST_START_S, written(tmp_path / "frames", frames, 1.0), port) as sender:
         time.sleep(3)
         for cache, target in (("empty", 15), ("filled", 3)):

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from service.can.frames import FrameBlock
-from tests.bench.datagram_daemon import free_port
 from tests.bench.measure import Say, cpu, memory_mb
 from tests.end_to_end.processes import Daemon, daemon, wait_for
+from tests.ports import own_port
 from tests.soak.test_full_bus import sending, written
 
 pytestmark = pytest.mark.bench
@@ -95,7 +95,7 @@ def frames(axes: int = AXES, rate_hz: int = RATE_HZ, bits: int = BITS, coulomb: 
 
 def test_twenty_thousand_frames_a_second(tmp_path: Path, say: Say) -> None:
     config, file = configured(tmp_path), written(tmp_path / "frames", frames(), 1.0)
-    port = str(free_port())
+    port = str(own_port())
     with daemon(config, program=(sys.executable, "-m", "tests.bench.datagram_daemon", port)) as d:
         wait_for(lambda: not d.get("api/v1/service")["messages"])  # it is compiled
         with sending(3600.0, file, port) as sender:

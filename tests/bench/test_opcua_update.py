@@ -20,7 +20,7 @@ from service.links.opcua_tree import NAMESPACE, Tree
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.tokens import TokenFile
 from tests.bench.measure import Say
-from tests.service.links.test_mqtt import free_port
+from tests.ports import own_port
 from tests.service.web.conftest import NOON_US, monitored_axis, whole_snapshot
 
 pytestmark = pytest.mark.bench
@@ -107,7 +107,7 @@ def test_three_hundred_axes(tmp_path: Path, say: Say) -> None:
         start = time.thread_time()
         count = await tree.update(same, NOON_US)
         rows.append(("update, nothing has changed [s]", time.thread_time() - start, count))
-        url = f"opc.tcp://127.0.0.1:{free_port()}/"
+        url = f"opc.tcp://127.0.0.1:{own_port()}/"
         server.set_endpoint(url)
         await server.start()
         ready, done, seen = threading.Event(), threading.Event(), [0]

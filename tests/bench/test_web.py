@@ -15,10 +15,10 @@ import pytest
 
 from service.pipeline.snapshot import AxisSnapshot
 from service.store.journal import Journal
-from tests.bench.datagram_daemon import free_port
 from tests.bench.measure import Say, cpu
 from tests.bench.test_full_bus import configured, frames
 from tests.end_to_end.processes import daemon, wait_for
+from tests.ports import own_port
 from tests.service.web.conftest import Stage, monitored_axis
 from tests.soak.test_full_bus import sending, written
 
@@ -87,7 +87,7 @@ def test_a_thousand_axes_at_work(tmp_path: Path, say: Say) -> None:
     """A daemon that gets twenty thousand samples a second, asked for all each second; how late its event loop is."""
     config, late = configured(tmp_path, AXES, RATE_HZ, BITS, *THREE), tmp_path / "late.npy"
     healthy = frames(AXES, RATE_HZ, BITS, coulomb=0.05)
-    file, port = written(tmp_path / "frames", healthy, 1.0), str(free_port())
+    file, port = written(tmp_path / "frames", healthy, 1.0), str(own_port())
     program = (sys.executable, "-m", "tests.bench.loop_daemon", str(late), port)
     with daemon(config, program=program) as d, httpx.Client(base_url=d.page, timeout=30) as client:
         wait_for(lambda: not d.get("api/v1/service")["messages"])  # it is compiled

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import secrets
 import signal
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.demo_text import demo_text
+from tests.ports import own_port
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = (sys.executable, "-m", "service.commands.main")
@@ -29,12 +29,11 @@ _BUS = 'interface = "virtual"\nchannel = "axiswatch-demo"'
 def demo_config(folder: Path, bus: str | None = None, axes: int = 2, service: str = "") -> Path:
     """The demo's configuration for its first axes, on a bus between processes of its own."""
     (folder / "demo.dbc").write_bytes((ROOT / "config" / "demo.dbc").read_bytes())
-    # A port of its own, too: Linux hands a socket the datagrams of every group that anyone here has joined.
-    group, port = (
-        ".".join(str(1 + secrets.randbelow(254)) for _ in range(3)),
-        20_000 + secrets.randbelow(12_000),
-    )
-    bus = bus or f'interface = "udp_multicast"\nchannel = "239.{group}"\noptions = {{ port = {port} }}'
+    if bus is None:
+        # A port of its own, too: Linux hands a socket the datagrams of every group that anyone here has joined.
+        port = own_port()
+        group = f"239.74.{port // 256}.{port % 256}"
+        bus = f'interface = "udp_multicast"\nchannel = "{group}"\noptions = {{ port = {port} }}'
     text = demo_text(axes)
     assert _BUS in text
     text = text.replace(_BUS, bus).replace('state_dir = "demo-state"', f'state_dir = "state"\n{service}')
@@ -98,7 +97,7 @@ def demo(log: Path, *words: str | Path) -> Iterator[str]:
 
 
 def alarms_shown(page: str) -> list[dict[str, Any]]:
-    with urllib.request.urlopen(page + "api/v1/alarms", timeout=20) as answer:
+    with urllib.request.urlopen(page + "api/v1/alarms", timeout=PATIENCE_S) as answer:
         found: list[dict[str, Any]] = json.loads(answer.read())["alarms"]
         return found
 
@@ -113,7 +112,7 @@ class Daemon:
     def answer(self, path: str) -> tuple[int, str]:
         """Status and body."""
         try:
-            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
+            with urllib.request.urlopen(self.page + path, timeout=PATIENCE_S) as answer:
                 return int(answer.status), str(answer.read(), "utf-8")
         except urllib.error.HTTPError as error:
             return error.code, str(error.read(), "utf-8")

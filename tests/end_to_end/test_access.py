@@ -11,7 +11,7 @@ from typing import Any
 
 from service.store.tokens import Scope, TokenFile
 from tests.conftest import ROOT
-from tests.end_to_end.processes import daemon, demo_config, edit, wait_for
+from tests.end_to_end.processes import PATIENCE_S, daemon, demo_config, edit, wait_for
 
 CERTIFICATE = ROOT / "tests" / "tls" / "localhost.crt"
 
@@ -34,7 +34,7 @@ def test_a_daemon_on_all_interfaces_lets_in_those_with_a_token(tmp_path: Path) -
             headers = {"Authorization": f"Bearer {secret}"}
             request = urllib.request.Request(f"https://127.0.0.1:{port[1]}{path}", headers=headers, **extra)
             try:
-                with urllib.request.urlopen(request, timeout=20, context=trusted) as answer:
+                with urllib.request.urlopen(request, timeout=PATIENCE_S, context=trusted) as answer:
                     return answer.status, json.loads(answer.read())
             except urllib.error.HTTPError as error:
                 return error.code, json.loads(error.read())

@@ -17,11 +17,11 @@ from tests.service.commands.commissioning.test_commission import AXIS, H, config
 def test_demo_shows_a_page_and_its_report_and_names_its_fault(tmp_path: Path) -> None:
     log = tmp_path / "demo.log"
     with demo(log, "demo", "--axes", "2", "--fault-after", "6") as page:
-        with urllib.request.urlopen(page, timeout=20) as answer:
+        with urllib.request.urlopen(page, timeout=PATIENCE_S) as answer:
             assert b"<html" in answer.read()
-        with urllib.request.urlopen(page + "api/v1/service", timeout=20) as answer:
+        with urllib.request.urlopen(page + "api/v1/service", timeout=PATIENCE_S) as answer:
             report = json.loads(answer.read())["report"]
-        with urllib.request.urlopen(page + report[1:], timeout=20) as answer:
+        with urllib.request.urlopen(page + report[1:], timeout=PATIENCE_S) as answer:
             assert "6 of 6 axes ready." in answer.read().decode()
         (alarm,) = wait_for(lambda: [a for a in alarms_shown(page) if a["stage"] == "named"])
         assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")

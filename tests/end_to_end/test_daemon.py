@@ -1,7 +1,6 @@
 """The daemon from outside: frames on a real bus between processes in, answers and files out."""
 
 import json
-import queue
 import random
 import re
 import signal
@@ -10,7 +9,6 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -19,7 +17,6 @@ import httpx
 import pytest
 
 from monitor_core.monitoring import AxisMonitor
-from service.commands.daemon import run_daemon
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault
@@ -28,6 +25,7 @@ from service.texts.instants import iso, now_us
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, running, wait_for
 from tests.end_to_end.test_readme import shown, write_log
 from tests.service.command_line import axiswatch
+from tests.service.daemon_thread import daemon_thread
 from tests.service.found_files import nominal_text
 
 INTERVAL_S = 1.0
@@ -237,16 +235,9 @@ class Inside(Daemon):
 
 @contextmanager
 def inside(file: Path) -> Iterator[Daemon]:
-    """A daemon without a start of the program: where what it has found in its files is looked at."""
-    config, pages, stop = load(file, {}), queue.SimpleQueue[str](), threading.Event()
-    config = config.model_copy(update={"web": config.web.model_copy(update={"port": 0})})
-    with ThreadPoolExecutor(1, "daemon") as pool:
-        ended = pool.submit(run_daemon, config, ready=pages.put, stop=stop, file=file)
-        try:
-            yield Inside(pages.get(timeout=PATIENCE_S))
-        finally:
-            stop.set()
-        ended.result()
+    """Where what a daemon has found in its files is looked at."""
+    with daemon_thread(load(file, {}), file=file) as page:
+        yield Inside(page)
 
 
 def daemon_messages(d: Daemon) -> list[str]:
@@ -260,15 +251,15 @@ def alarm_sources(axes: Sequence[dict[str, Any]]) -> tuple[str, ...]:
 
 
 def wait_until_silent(d: Daemon) -> list[dict[str, Any]]:
-    """The axes when all that was sent has been processed."""
-    counts = [-1]
+    """The axes when all that was sent has been processed: the worker has published three times without a new sample."""
+    counts = dict[str, int]()
 
     def settled() -> list[dict[str, Any]] | None:
-        axes: list[dict[str, Any]] = d.get("api/v1/axes")["axes"]
-        before, now = counts[-1], sum(a["samples"] for a in axes)
-        counts.append(now)
-        time.sleep(0.5)
-        return axes if before == now else None
+        body = d.get("api/v1/axes")
+        axes: list[dict[str, Any]] = body["axes"]
+        counts[body["taken"]] = sum(a["samples"] for a in axes)
+        last = list(counts.values())[-3:]
+        return axes if len(last) == 3 and len(set(last)) == 1 else None
 
     return wait_for(settled)
 
@@ -369,7 +360,7 @@ class Operator(Person):
         assert set(self.answered) <= found
 
     def _work(self, url: str) -> None:
-        with suppress(httpx.TransportError), httpx.Client() as client:
+        with suppress(httpx.TransportError), httpx.Client(timeout=PATIENCE_S) as client:
             while True:
                 for alarm in client.get(url).json()["alarms"]:
                     comment = f"number {len(self.answered)}"
@@ -409,7 +400,7 @@ class Engineer(Person):
 
     def _work(self, url: str) -> None:
         first, second = self._files
-        with suppress(httpx.TransportError), httpx.Client() as client:
+        with suppress(httpx.TransportError), httpx.Client(timeout=PATIENCE_S) as client:
             while True:
                 axis = first if self._chance.random() < self.first_share else second
                 newest = client.get(f"{url}/{axis}/epochs").json()["epochs"][0]

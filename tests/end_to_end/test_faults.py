@@ -9,6 +9,7 @@ import signal
 import socket
 import struct
 import termios
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ from service.can.frames import FrameKey
 from service.config import load
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault
+from service.store.journal import Journal
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, wait_for
 from tests.end_to_end.test_daemon import played_robot, saved
 from tests.service.command_line import axiswatch
@@ -83,6 +85,8 @@ def test_a_fault_of_the_program_ends_it_with_1_and_a_clear_log(
     (exception,) = failure["exception"]
     assert (exception["exc_type"], exception["exc_value"]) == ("ZeroDivisionError", "division by a fault")
     assert exception["frames"][-1]["name"] == "update"
+    Journal(tmp_path / "state" / "alarms.sqlite").close()  # nobody holds it any longer
+    assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
 
 
 # --- values and frames that are not as they should be -----------------------------------------------------------------

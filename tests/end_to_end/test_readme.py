@@ -21,7 +21,7 @@ from service.config import Config, load
 from service.simulation.robot import Fault
 from service.store.journal import Journal
 from tests.conftest import no_pictures
-from tests.end_to_end.processes import ROOT, demo_config, edit
+from tests.end_to_end.processes import PATIENCE_S, ROOT, demo_config, edit
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
 from tests.service.commands.commissioning.test_commission import table
@@ -79,7 +79,7 @@ def test_every_command_shown_is_run_here() -> None:
 )
 def test_targets_of_make(target: str, need: Callable[[str], str]) -> None:
     done = subprocess.run(
-        [need("make"), "-n", target], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+        [need("make"), "-n", target], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=True
     )
     assert done.stdout
 
@@ -311,7 +311,7 @@ def test_an_alarm_is_followed_by_command_line_and_by_rest(
         for command in shown("curl"):
             if "--json" in command and re.search("/alarms/|-service$", command[3]):
                 address = command[3].replace("http://127.0.0.1:8080", url)
-                assert httpx.post(address, json=json.loads(command[2])).status_code == 200
+                assert httpx.post(address, json=json.loads(command[2]), timeout=PATIENCE_S).status_code == 200
     assert [len(journal.transitions(number)) for number in (1, 2)] == [5, 9]
     assert [a.work_order for a in journal.query()[0]] == ["WO-1718", "WO-1718"]
     journal.close()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from service.simulation.robot import Fault
-from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, robot, wait_for
+from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, robot, wait_for
 from tests.end_to_end.test_daemon import played_robot
 from tests.service.links.test_webhook import Answers, receiving
 
@@ -26,7 +26,7 @@ def hung_up(d: Daemon, answer: str) -> dict[str, Any]:
 def asked_as(d: Daemon, host: str) -> int:
     try:
         request = urllib.request.Request(d.page + "healthz", headers={"Host": host})
-        return int(urllib.request.urlopen(request, timeout=20).status)
+        return int(urllib.request.urlopen(request, timeout=PATIENCE_S).status)
     except urllib.error.HTTPError as error:
         return error.code
 

@@ -1,6 +1,5 @@
 """The daemon as a whole, inside this process."""
 
-import queue
 import subprocess
 import sys
 import threading
@@ -13,54 +12,34 @@ import httpx
 import pytest
 import structlog
 
-from service.commands.daemon import run_daemon
 from service.commands.daemon_parts import DaemonParts, needs_cyclic_clock
-from service.commands.exit_codes import DaemonFailedError
 from service.config import load
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.history_recording import HistoryState
 from service.pipeline.warming import CacheFiller, Shape
 from service.pipeline.worker import Worker
 from service.store.alarm_entries import Entry
 from service.store.journal import Journal
 from tests.conftest import ROOT
-from tests.end_to_end.processes import demo_config, edit
+from tests.end_to_end.processes import PATIENCE_S, demo_config, edit
+from tests.service.daemon_thread import daemon_thread
 from tests.service.pipeline.robots import changed, demo
 from tests.service.web.conftest import FM_ALARM
-
-
-def test_a_worker_that_fails_stops_the_daemon_and_is_logged(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(_: FramePipeline) -> None:
-        raise ZeroDivisionError("a fault of the program")
-
-    config = demo(tmp_path, 1)
-    web = config.web.model_copy(update={"port": 0})
-    monkeypatch.setattr(FramePipeline, "update", broken)
-    with structlog.testing.capture_logs() as logs, pytest.raises(DaemonFailedError) as failure:
-        run_daemon(config.model_copy(update={"web": web}))
-    assert isinstance(failure.value.__cause__, ZeroDivisionError)
-    assert "the worker has failed; the daemon stops" in [entry["event"] for entry in logs]
-    Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer
-    assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
 
 
 def test_the_kernel_of_the_estimates_is_compiled_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The multi-model detector may come later; both begin once the page is served and the buses are read."""
-    config = demo(tmp_path, 1)
-    web = config.web.model_copy(update={"port": 0})
     fill, compiled, order = CacheFiller.fill, AxisMonitors.compile, list[str]()
-    served, last, stop = (threading.Event() for _ in range(3))
+    served, last = threading.Event(), threading.Event()
 
     def slowly(self: CacheFiller, shapes: Collection[Shape]) -> bool:
         if Shape.MULTIMODEL in shapes:
             order.append("multi-model detector")
             last.set()
         else:
-            assert served.wait(60)
+            assert served.wait(PATIENCE_S)
             order.append("estimates")
         return fill(self, shapes)
 
@@ -70,67 +49,30 @@ def test_the_kernel_of_the_estimates_is_compiled_first(
 
     monkeypatch.setattr(CacheFiller, "fill", slowly)
     monkeypatch.setattr(AxisMonitors, "compile", recorded)
-    daemon = threading.Thread(
-        target=run_daemon,
-        args=(config.model_copy(update={"web": web}),),
-        kwargs={"ready": lambda _url: served.set(), "stop": stop},
-    )
-    daemon.start()
-    try:
-        assert last.wait(60)
-    finally:
-        stop.set()
-        daemon.join(60)
+    with daemon_thread(demo(tmp_path, 1)):
+        served.set()
+        assert last.wait(PATIENCE_S)
     assert order == ["estimates", "compiled", "multi-model detector"]
 
 
 def test_the_option_lets_other_machines_in_which_is_logged_once(tmp_path: Path) -> None:
     config = demo(tmp_path, 1)
-    web = config.web.model_copy(update={"host": "0.0.0.0", "port": 0})
-    served, stop, pages = threading.Event(), threading.Event(), list[str]()
-
-    def ready(page: str) -> None:
-        pages.append(page)
-        served.set()
-
-    with structlog.testing.capture_logs() as logs:
-        daemon = threading.Thread(
-            target=run_daemon,
-            args=(config.model_copy(update={"web": web}),),
-            kwargs={"ready": ready, "stop": stop, "insecure": True},
-        )
-        daemon.start()
-        try:
-            assert served.wait(60)
-            assert httpx.get(f"{pages[0]}healthz").json()["insecure"] is True
-            danger = httpx.get(f"{pages[0]}api/v1/service").json()["insecure"]
-        finally:
-            stop.set()
-            daemon.join(60)
+    config = config.model_copy(update={"web": config.web.model_copy(update={"host": "0.0.0.0"})})
+    with structlog.testing.capture_logs() as logs, daemon_thread(config, insecure=True) as page:
+        assert httpx.get(f"{page}healthz", timeout=PATIENCE_S).json()["insecure"] is True
+        danger = httpx.get(f"{page}api/v1/service", timeout=PATIENCE_S).json()["insecure"]
     assert "may read and operate, without a token" in danger
     assert [(e["log_level"], e["message"]) for e in logs if e["event"] == "access"] == [("warning", danger)]
 
 
 def test_an_alarm_whose_frames_are_there_can_have_its_report(tmp_path: Path) -> None:
-    config = demo(tmp_path, 1)
-    web = config.web.model_copy(update={"port": 0})
     with closing(Journal(tmp_path / "alarms.sqlite")) as journal:
         ended = replace(FM_ALARM, ended_us=FM_ALARM.updated_us)
         (number,) = journal.record([Entry("demo.axis1", "N m s/rad", 0.06, ended)])
     (tmp_path / "recordings").mkdir()
     (tmp_path / "recordings" / "frames-20260301T115900Z-20260301T120000Z.log").touch()
-    stop, pages = threading.Event(), queue.SimpleQueue[str]()
-    daemon = threading.Thread(
-        target=run_daemon,
-        args=(config.model_copy(update={"web": web}),),
-        kwargs={"ready": pages.put, "stop": stop},
-    )
-    daemon.start()
-    try:
-        alarm = httpx.get(f"{pages.get(timeout=60)}api/v1/alarms/{number}").json()
-    finally:
-        stop.set()
-        daemon.join(60)
+    with daemon_thread(demo(tmp_path, 1)) as page:
+        alarm = httpx.get(f"{page}api/v1/alarms/{number}", timeout=PATIENCE_S).json()
     assert alarm["report"]["state"] == "none"
 
 

@@ -33,15 +33,15 @@ def records(draw: st.DrawFn, least: int = 2) -> Record:
     )
 
 
-def picks(seed: int, stiction: float = 0.0) -> Record:
-    """To and fro between two places, with rests in which the torque stays as friction holds it.
+def picks(seed: int, stiction: float = 0.0, moves: int = 40) -> Record:
+    """``moves`` to and fro between two places, with rests in which the torque stays as friction holds it.
 
     One mass of 2e-3 kg m^2 with a viscous friction of 5e-3 N m s/rad and a Coulomb friction of 0.5 N m, to which slow
     motion adds ``stiction`` [N m], with a Stribeck speed of 3 rad/s.
     """
     rng = np.random.default_rng(seed)
     way, pieces = 40.0, list[Floats]()
-    for k in range(40):
+    for k in range(moves):
         s = np.arange(0.0, 1.0, H / rng.uniform(0.8, 1.6))
         move = way * (10 * s**3 - 15 * s**4 + 6 * s**5)
         pieces += [move if k % 2 == 0 else way - move, np.full(rng.integers(150, 300), way * (k % 2 == 0))]

@@ -11,8 +11,8 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import speed_scales
 from monitor_core.identification.records.standstill import find_standstill
 from monitor_core.identification.verdict import Quality
-from monitor_core.modeling.drive_drawings import one_mass
 from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import drive_of
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import H, healthy, picks
@@ -24,7 +24,7 @@ TRUE = {"J1": 2e-3, "f": 5e-3, "fc": 0.5}
 @pytest.mark.parametrize("stiction", [0.0, 0.15])
 def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> None:
     """With a friction that is larger in the slow motion of each start and stop, too, which the monitor leaves out."""
-    record = picks(seed, stiction)
+    record = picks(seed, stiction, moves=16)
     start = {
         **values(1),
         "J1": 3e-3,
@@ -57,7 +57,7 @@ def test_an_axis_that_stands_at_first_is_identified(seed: int, stands_s: float) 
     u = 2e-3 * np.gradient(w, step) + 5e-3 * w + 0.5 * np.tanh(w / 0.5)
     w, u = w + rng.normal(0, 0.02, t.size), u + rng.normal(0, 0.02, t.size)
     true = {"J": 2e-3, "fm": 5e-3, "fc": 0.5}
-    drive = drive_of(eliminate(one_mass().flat(), "speed"))
+    drive = drive_of(eliminate(DRAWINGS["one-mass"].flat(), "speed"))
     problem = Problem(drive, {**true, "tau0": 0.0, "kT": 1.0}, tuple(true), speed_scale=0.5, min_speed=2.0)
     found = fit(problem, [Record(t, u, w, "speed")])
     assert found.converged

@@ -20,12 +20,14 @@ from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
 from service.config.schema import BusConfig
+from tests.end_to_end.processes import PATIENCE_S
+from tests.ports import own_port
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)
 
 
-def wait_for(condition: Callable[[], bool], what: Callable[[], object], limit_s: float = 20.0) -> None:
+def wait_for(condition: Callable[[], bool], what: Callable[[], object], limit_s: float = PATIENCE_S) -> None:
     """Wait until the condition holds; where it never does, say what was instead."""
     end = time.monotonic() + limit_s
     while not condition():
@@ -65,7 +67,7 @@ def bus_config(request: pytest.FixtureRequest, tmp_path: Path) -> BusConfig:
         return make_config(
             tmp_path, axis1(), interface="socketcan", channel="vcan0", options={"fd": True}
         ).bus[0]
-    options = {"port": random.randint(20_000, 32_000), "hop_limit": 0, "fd": True}
+    options = {"port": own_port(), "hop_limit": 0, "fd": True}
     return make_config(
         tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2", options=options
     ).bus[0]
@@ -102,7 +104,7 @@ def test_unwanted_frames_stay_outside(bus_config: BusConfig) -> None:
 @contextmanager
 def multicast(*filters: FrameKey) -> Iterator[tuple[can.BusABC, can.BusABC, can.BusABC]]:
     """Two buses that receive, with these filters, and a third that sends."""
-    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 32_000)}
+    options: dict[str, Any] = {"hop_limit": 0, "port": own_port()}
     wanted: Any = [{"can_id": k.can_id, "can_mask": 0x1FFFFFFF, "extended": k.extended} for k in filters]
     with ExitStack() as stack:
         buses = [
@@ -120,7 +122,7 @@ def wait_for_stamps(first: can.BusABC, second: can.BusABC, sender: can.BusABC) -
 
     It begins to some time after a socket has asked for it; until then each socket has the time of its reading.
     """
-    end, pause_s = time.monotonic() + 20.0, 0.02
+    end, pause_s = time.monotonic() + PATIENCE_S, 0.02
     stamped = False
     while not stamped:
         assert time.monotonic() < end
@@ -134,7 +136,7 @@ def wait_for_stamps(first: can.BusABC, second: can.BusABC, sender: can.BusABC) -
 def until_last(receiver: Receiver) -> tuple[list[Frame], Counter[Rejected]]:
     """The frames up to one with the data "last", and the number of rejected ones."""
     frames, rejected = list[Frame](), Counter[Rejected]()
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + PATIENCE_S
     while not frames or frames[-1].data != b"last":
         assert time.monotonic() < end
         received = receiver.read(40, Event())
@@ -175,7 +177,7 @@ def test_datagrams_in_blocks_give_the_frames_that_python_can_gives(seed: int, fi
 
 def test_groups_that_share_a_port_are_different_buses() -> None:
     """As two robots that nobody gave a port of their own."""
-    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 32_000)}
+    options: dict[str, Any] = {"hop_limit": 0, "port": own_port()}
     for groups in (("239.74.163.4", "239.74.163.5"), ("ff15::74:4", "ff15::74:5")):
         with ExitStack() as stack:
             own, other = (can.Bus(g, "udp_multicast", ignore_config=True, **options) for g in groups)

@@ -23,6 +23,7 @@ from service.can.socket_receivers import SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from service.simulation.playback import PlayFrame, play_frames
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.can.test_can_source import EXTENDED, STANDARD, reading, take, wait_for
 from tests.service.ingest.plant import axis1, make_config
 
@@ -136,7 +137,7 @@ def test_the_buffer_holds_a_pause_of_the_reader(tmp_path: Path) -> None:
 
 def all_of(receiver: Receiver, count: int) -> list[Frame]:
     """The frames that wait, in blocks of no more than a hundred."""
-    found, end = list[Frame](), time.monotonic() + 20.0
+    found, end = list[Frame](), time.monotonic() + PATIENCE_S
     while len(found) < count and time.monotonic() < end:
         block = receiver.read(100, Event()).frames
         assert block.size <= 100

@@ -1,6 +1,5 @@
 """Times of frames from the stamps of the kernel and of the hardware, and where the kernel notes them."""
 
-import random
 import socket
 import time
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from monitor_core.arrays import Floats
 from service.can import socket_receivers
 from service.can.bus import send
 from service.can.socket_receivers import StampClock, receiver_of
+from tests.ports import own_port
 from tests.service.can.test_can_source import STANDARD
 
 NOON_NS = 1_760_000_000_000_000_000
@@ -79,7 +79,7 @@ def test_frames_without_a_stamp_of_the_hardware_have_that_of_the_kernel() -> Non
 
 @pytest.mark.parametrize("flags", [0, SOFTWARE], ids=["one note", "two notes"])
 def test_the_kernel_notes_times_and_drops_where_they_are_looked_for(flags: int) -> None:
-    options: dict[str, Any] = {"hop_limit": 0, "port": random.randint(20_000, 50_000), "ignore_config": True}
+    options: dict[str, Any] = {"hop_limit": 0, "port": own_port(), "ignore_config": True}
     bus, sender = (can.Bus("239.74.163.6", "udp_multicast", **options) for _ in range(2))
     try:
         receiver, before_us = receiver_of(bus), time.time_ns() // 1000

@@ -17,6 +17,7 @@ from service.client import Client, ClientError, Remark
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_entries import Entry
 from service.store.journal import Journal
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.command_line import as_json, axiswatch, refused, shown
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
 
@@ -192,7 +193,7 @@ def test_a_certificate_that_is_not_trusted_is_no_silence() -> None:
         thread = threading.Thread(target=run)
         thread.start()
         message = refused("status", "--url", f"https://127.0.0.1:{listener.getsockname()[1]}", code=4)
-        thread.join(20)
+        thread.join(PATIENCE_S)
     assert "its certificate is not trusted here" in message
     assert "SSL_CERT_FILE" in message
 
@@ -227,7 +228,7 @@ def answering() -> Iterator[Callable[[bytes], tuple[str, list[bytes]]]]:
 
     yield start
     for listener, thread in listeners:
-        thread.join(30)
+        thread.join(PATIENCE_S)
         listener.close()
 
 

@@ -20,6 +20,7 @@ from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from service.web.server import serve
 from tests.conftest import ROOT
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.running_core import AXIS, RunningCore, cell, changed_axis
@@ -56,11 +57,11 @@ def url(core: RunningCore, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     server = threading.Thread(target=serve, args=(core.app(), "127.0.0.1", 0, ready, stop))
     with capture_logs():
         server.start()
-        assert started.wait(30)
+        assert started.wait(PATIENCE_S)
         monkeypatch.setenv("AXISWATCH_URL", f"http://127.0.0.1:{ports[0]}")
         yield f"http://127.0.0.1:{ports[0]}"
         stop.set()
-        server.join(30)
+        server.join(PATIENCE_S)
 
 
 def write_files(core: RunningCore, folder: Path) -> None:
@@ -84,11 +85,15 @@ def test_one_alarm_is_followed_through_all_that_the_document_shows(
             assert done.exit_code == 0, done.output
             outputs[" ".join(command[1:4])] = done.stdout
         elif "--json" in command:
-            answer = httpx.post(command[3].replace("http://127.0.0.1:8080", url), json=json.loads(command[2]))
+            answer = httpx.post(
+                command[3].replace("http://127.0.0.1:8080", url),
+                json=json.loads(command[2]),
+                timeout=PATIENCE_S,
+            )
             assert answer.status_code == 200, answer.text
         else:
-            schema = httpx.get(f"{url}/openapi.json").json()
-            answer = httpx.get(command[1].replace("http://127.0.0.1:8080", url))
+            schema = httpx.get(f"{url}/openapi.json", timeout=PATIENCE_S).json()
+            answer = httpx.get(command[1].replace("http://127.0.0.1:8080", url), timeout=PATIENCE_S)
             obeys_schema(answer, schema["paths"]["/api/v1/axes/{axis}/epochs"]["get"], schema)
             assert len(answer.json()["epochs"]) == 4
     assert (

@@ -11,6 +11,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from service.store.journal import Journal
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.command_line import axiswatch, refused
 from tests.service.web.conftest import Stage, serving, stored_history
 
@@ -51,7 +52,8 @@ def test_a_full_disk_is_a_message(tmp_path: Path) -> None:
 
 def test_a_time_may_be_so_long_ago(url: str) -> None:
     done = axiswatch("history", "demo.axis1", "--parameter", "fm", "--since", "500y")
-    assert done.stdout == httpx.get(f"{url}/api/v1/axes/demo.axis1/history.csv?parameter=fm").text
+    address = f"{url}/api/v1/axes/demo.axis1/history.csv?parameter=fm"
+    assert done.stdout == httpx.get(address, timeout=PATIENCE_S).text
     done = axiswatch("history", "demo.axis1", "--until", "500y")
     assert (done.exit_code, len(done.stdout.splitlines())) == (0, 1)
 

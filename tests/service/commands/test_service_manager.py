@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from service.commands.daemon import run_daemon
 from service.commands.service_manager import ServiceManager
-from service.config import Config
 from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING
 from tests.end_to_end.processes import PATIENCE_S, wait_for
+from tests.service.daemon_thread import daemon_thread
 from tests.service.pipeline.robots import demo
 
 NAME = "notify"
@@ -123,33 +122,22 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
 
     monkeypatch.setattr(Recording, "tick", blocked)
     monkeypatch.setattr(ServiceManager, "look", counted)
-    stop = threading.Event()
-    running = threading.Thread(
-        target=run_daemon, args=(on_any_port(demo(tmp_path, 1)),), kwargs={"stop": stop}
-    )
-    running.start()
-    try:
-        wait_for(lambda: looks and looks[-1] > 3)
-        ready, status = systemd.lines()[:2]
-        assert ready == "READY=1"
-        expected = f"STATUS=monitoring 1 axis, no active alarms(; {re.escape(COMPILING)})?.*"
-        assert re.fullmatch(expected, status)
-        stuck.set()
-        assert stands.wait(PATIENCE_S)
-        first = len(looks)
-        wait_for(lambda: len(looks) > first + 6)
-        fed = looks[first + 2 :]
-        assert fed[0] == fed[-1], "twice at most after it: the look under way, and the turn before it"
-        go_on.set()
-        wait_for(lambda: looks[-1] > fed[-1])
-    finally:
-        go_on.set()
-        stop.set()
-        running.join(60)
-    assert not running.is_alive()
+    with daemon_thread(demo(tmp_path, 1)):
+        try:
+            wait_for(lambda: looks and looks[-1] > 3)
+            ready, status = systemd.lines()[:2]
+            assert ready == "READY=1"
+            expected = f"STATUS=monitoring 1 axis, no active alarms(; {re.escape(COMPILING)})?.*"
+            assert re.fullmatch(expected, status)
+            stuck.set()
+            assert stands.wait(PATIENCE_S)
+            first = len(looks)
+            wait_for(lambda: len(looks) > first + 6)
+            fed = looks[first + 2 :]
+            assert fed[0] == fed[-1], "twice at most after it: the look under way, and the turn before it"
+            go_on.set()
+            wait_for(lambda: looks[-1] > fed[-1])
+        finally:
+            go_on.set()
     assert "STOPPING=1" in systemd.lines()[-2:]
     assert systemd.lines().count("READY=1") == 1
-
-
-def on_any_port(config: Config) -> Config:
-    return config.model_copy(update={"web": config.web.model_copy(update={"port": 0})})

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 from tests.conftest import ROOT
+from tests.end_to_end.processes import PATIENCE_S
 
 PROGRAM = """
 import os, signal
@@ -28,6 +29,6 @@ def test_a_signal_never_waits_for_what_it_interrupts() -> None:
     command = [sys.executable, "-c", PROGRAM]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     try:
-        assert process.communicate(timeout=60)[0] == "ended\n"
+        assert process.communicate(timeout=PATIENCE_S)[0] == "ended\n"
     finally:
         process.kill()

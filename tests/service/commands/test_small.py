@@ -14,6 +14,7 @@ from service.commands.exit_codes import EXIT_CODES
 from service.commands.main import COMMANDS, app
 from service.commands.progress import Background
 from service.config import load
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.identification.conftest import write_record, write_robot
 
 
@@ -42,7 +43,7 @@ def test_the_daemon_ends_without_taking_the_interpreter_apart(tmp_path: Path) ->
     """That would take seconds of a stop."""
     for command, printed in (("run", "cleaned up\n"), ("check", "cleaned up\ntaken apart\n")):
         words = [sys.executable, "-c", _AT_THE_END, command, "--config", str(tmp_path / "none.toml")]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
         assert (done.returncode, done.stdout) == (2, printed)
         assert "none.toml" in done.stderr
 
@@ -104,7 +105,7 @@ def test_what_came_of_it_and_how_far_it_was() -> None:
 
     def work(tell: Callable[[float], None]) -> int:
         tell(0.5)
-        assert seen.wait(60)
+        assert seen.wait(PATIENCE_S)
         return 7
 
     def progress(part: float) -> None:
@@ -138,7 +139,7 @@ def test_it_ends_when_the_caller_fails() -> None:
 
     def call() -> None:
         with Background(work):
-            assert begun.wait(60)
+            assert begun.wait(PATIENCE_S)
             raise KeyError("the caller's")
 
     with pytest.raises(KeyError, match="the caller's"):

@@ -1,7 +1,6 @@
 """Messages of alarms, as a real mail server gets them."""
 
 import asyncio
-import socket
 import ssl
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,6 +23,7 @@ from service.links.mail import MOST_IN_FULL, Mail, MailText, News, news_in
 from service.pipeline.alarm_recording import NO_ALARMS
 from service.store.alarm_transitions import Note
 from tests.conftest import ROOT
+from tests.ports import own_port
 from tests.service.links.journals import NAMED, NOON_US, RAISED, SECOND, Inbox, Post, alarms, comment, record
 from tests.service.web.conftest import whole_snapshot
 
@@ -68,8 +68,7 @@ def authenticated(_server: SMTP, _session: Session, _envelope: Envelope, _how: s
 @contextmanager
 def serving(mailbox: Mailbox, tls: bool = False) -> Iterator[int]:
     """A mail server on this machine; its port."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = int(free.getsockname()[1])
+    port = own_port()
     protected: dict[str, Any] = {}
     if tls:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)

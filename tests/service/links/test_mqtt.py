@@ -28,12 +28,12 @@ from service.store.journal import Journal
 from service.web import views
 from tests.conftest import ROOT
 from tests.end_to_end.processes import wait_for
+from tests.ports import own_port
 from tests.service.links.journals import just_raised, record
 from tests.service.web.conftest import NOON_US, whole_snapshot
 
 TLS = ROOT / "tests" / "tls"
 PASSWORD = "hunter2 and more"
-PATIENCE_S = 30.0
 
 
 def hashed(password: str) -> str:
@@ -48,7 +48,7 @@ class Broker:
 
     def __init__(self, program: str, folder: Path) -> None:
         self.program, self.folder, self.process = program, folder, None
-        self.port, self._plain = (free_port() for _ in range(2))
+        self.port, self._plain = (own_port() for _ in range(2))
         (folder / "passwords").write_text(f"cell1:{hashed(PASSWORD)}\n")
         (folder / "password").write_text(PASSWORD + "\n")
         (folder / "broker.conf").write_text(
@@ -63,7 +63,7 @@ class Broker:
     def start(self) -> None:
         command = [self.program, "-c", str(self.folder / "broker.conf")]
         self.process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-        wait_for(self._listens, PATIENCE_S)
+        wait_for(self._listens)
 
     def _listens(self) -> bool:
         try:
@@ -94,7 +94,7 @@ class Broker:
         client.connect("127.0.0.1", self._plain)
         client.loop_start()
         try:
-            wait_for(lambda: subscribed, PATIENCE_S)
+            wait_for(lambda: subscribed)
             yield seen
         finally:
             client.disconnect()
@@ -115,11 +115,6 @@ class Broker:
 
     def config(self, **changes: Any) -> LinksConfig:
         return LinksConfig.model_validate({"mqtt": self.table | changes})
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 @pytest.fixture
@@ -147,10 +142,11 @@ def linked(
 def test_status_states_and_alarms(broker: Broker, tmp_path: Path) -> None:
     with broker.observed() as seen, linked(broker.config(), tmp_path) as (links, journal):
         record(journal, just_raised(), "demo.axis1")
-        wait_for(lambda: len(seen) == 4, PATIENCE_S)
+        wait_for(lambda: len(seen) == 4)
         record(journal, replace(just_raised(), parameter="fm"), "demo.axis2")
-        wait_for(lambda: len(seen) == 5, PATIENCE_S)
+        wait_for(lambda: len(seen) == 5)
         time.sleep(1.2)  # another interval, in which no state has changed
+        wait_for(lambda: links.snapshots()[0].delivered == 2)
         (link,) = links.snapshots()
         found = {topic: body for topic, body, _ in seen}
         assert found["plant/cell1/status"] == "online"
@@ -168,7 +164,7 @@ def test_status_states_and_alarms(broker: Broker, tmp_path: Path) -> None:
         assert alarm["alarm"]["words"].startswith("something has changed, at first sight fm")
         assert (link.delivered, link.pending, link.connected, link.problem) == (2, 0, True, "")
         with broker.observed() as later:  # one that comes later sees what is retained, not the alarms
-            wait_for(lambda: len(later) == 3, PATIENCE_S)
+            wait_for(lambda: len(later) == 3)
             assert all(retained for *_, retained in later)
             assert {topic for topic, *_ in later} == {
                 "plant/cell1/status",
@@ -177,7 +173,7 @@ def test_status_states_and_alarms(broker: Broker, tmp_path: Path) -> None:
             }
         assert len(seen) == 5
         links.stop()
-        wait_for(lambda: seen[5:], PATIENCE_S)
+        wait_for(lambda: seen[5:])
         assert seen[5:] == [("plant/cell1/status", "offline", False)]
 
 
@@ -186,17 +182,17 @@ def test_alarms_of_while_the_broker_was_down_come_in_their_order(
 ) -> None:
     monkeypatch.setattr("service.links.delivery.FIRST_RETRY_S", 0.1)
     with structlog.testing.capture_logs() as logs, linked(broker.config(), tmp_path) as (links, journal):
-        wait_for(lambda: links.snapshots()[0].connected, PATIENCE_S)
+        wait_for(lambda: links.snapshots()[0].connected)
         broker.stop()
-        wait_for(lambda: not links.snapshots()[0].connected, PATIENCE_S)
+        wait_for(lambda: not links.snapshots()[0].connected)
         for k in range(5):
             record(journal, just_raised(), f"demo.axis{k}")
-        wait_for(lambda: links.snapshots()[0].pending == 5, PATIENCE_S)
+        wait_for(lambda: links.snapshots()[0].pending == 5)
         assert links.snapshots()[0].problem.startswith(f"localhost:{broker.port}: ")
         broker.start()
         with broker.observed() as seen:
-            wait_for(lambda: links.snapshots()[0].delivered == 5, PATIENCE_S)
-            wait_for(lambda: [topic for topic, *_ in seen if topic.endswith("status")], PATIENCE_S)
+            wait_for(lambda: links.snapshots()[0].delivered == 5)
+            wait_for(lambda: [topic for topic, *_ in seen if topic.endswith("status")])
     assert links.snapshots()[0].pending == 0
     alarms = [topic for topic, *_ in seen if topic.endswith("/alarm")]
     expected = [f"plant/cell1/demo/axis{k}/alarm" for k in range(5)]
@@ -229,9 +225,9 @@ def test_the_last_will_of_a_daemon_that_is_killed(broker: Broker, tmp_path: Path
         broker.observed() as seen,
         subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path), text], cwd=ROOT) as process,
     ):
-        wait_for(lambda: ("plant/cell1/status", "online", False) in seen, PATIENCE_S)
+        wait_for(lambda: ("plant/cell1/status", "online", False) in seen)
         os.kill(process.pid, signal.SIGKILL)
-        wait_for(lambda: ("plant/cell1/status", "offline", False) in seen, PATIENCE_S)
+        wait_for(lambda: ("plant/cell1/status", "offline", False) in seen)
 
 
 # paho leaves the socket of a handshake that has failed to the garbage collector.
@@ -244,7 +240,7 @@ def test_who_is_not_let_in_says_why(
     changes: dict[str, Any], words: str, broker: Broker, tmp_path: Path
 ) -> None:
     with linked(broker.config(**changes), tmp_path) as (links, _):
-        wait_for(lambda: words.lower() in links.snapshots()[0].problem.lower(), PATIENCE_S)
+        wait_for(lambda: words.lower() in links.snapshots()[0].problem.lower())
         assert links.snapshots()[0].connected is False
         assert PASSWORD not in links.snapshots()[0].problem
 

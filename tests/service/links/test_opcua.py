@@ -40,13 +40,12 @@ from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from service.store.tokens import TOKENS_FILE, Scope, TokenFile
 from service.texts.instants import now_us
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
+from tests.ports import own_port
 from tests.service.links.journals import just_raised, record
-from tests.service.links.test_mqtt import free_port
 from tests.service.web.conftest import NOON_US, monitored_axis, waiting_axis, whole_snapshot
 
 T = TypeVar("T")
-PATIENCE_S = 120.0
 ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
 ADD_COMMENT = ua.NodeId(ua.ObjectIds.ConditionType_AddComment)
 SHELVE, SHELVE_WHY, UNSHELVE = (
@@ -105,7 +104,7 @@ def linked(stack: ExitStack, folder: Path, port: int, **keys: Any) -> Plant:
     stack.callback(links.stop)
     links.start()
     plant = Plant(folder, journal, port, tokens, snapshots, links)
-    wait_for(lambda: plant.links.snapshots()[0].problem != "not started yet", PATIENCE_S)
+    wait_for(lambda: plant.links.snapshots()[0].problem != "not connected yet")
     return plant
 
 
@@ -116,7 +115,7 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Plant]:
     tokens = TokenFile(folder / TOKENS_FILE)
     secrets = {"rita": tokens.new("rita", Scope.READ), "otto": tokens.new("otto", Scope.OPERATE)}
     with ExitStack() as stack:
-        made = linked(stack, folder, free_port(), anonymous=True)
+        made = linked(stack, folder, own_port(), anonymous=True)
         made.secrets = secrets
         yield made
 
@@ -489,17 +488,17 @@ def certificates(tmp_path_factory: pytest.TempPathFactory, need: Callable[[str],
     folder = tmp_path_factory.mktemp("certificates")
     (command,) = OPENSSL
     words = [need("openssl"), *shlex.split(command.replace("\\\n", " "))[1:]]
-    subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=60)
+    subprocess.run(words, cwd=folder, check=True, capture_output=True, timeout=PATIENCE_S)
     return folder
 
 
 def test_with_a_certificate_everything_is_encrypted(certificates: Path, tmp_path: Path) -> None:
     files = {"certificate": str(certificates / "opcua.crt"), "key": str(certificates / "opcua.key")}
     with ExitStack() as stack:
-        plant = linked(stack, tmp_path, free_port(), **files)
+        plant = linked(stack, tmp_path, own_port(), **files)
         assert plant.links.snapshots()[0].problem.startswith("nobody is let in: there is no token")
         plant.secrets["otto"] = plant.tokens.new("otto", Scope.OPERATE)
-        wait_for(lambda: not plant.links.snapshots()[0].problem, PATIENCE_S)
+        wait_for(lambda: not plant.links.snapshots()[0].problem)
         asyncio.run(encrypted(plant, files))
 
 
@@ -581,7 +580,7 @@ def test_a_port_that_is_taken_is_reported_and_what_is_active_is_there_after_a_st
                 for e in events
             }
 
-    port, threads = free_port(), [thread.name for thread in threading.enumerate()].count("opcua")
+    port, threads = own_port(), [thread.name for thread in threading.enumerate()].count("opcua")
     with ExitStack() as stack, socket.create_server(("127.0.0.1", port)) as other:
         plant = linked(stack, tmp_path, port, anonymous=True, priorities=["medium", "high"])
         link = plant.links.snapshots()[0]
@@ -590,10 +589,10 @@ def test_a_port_that_is_taken_is_reported_and_what_is_active_is_there_after_a_st
             f"cannot listen on 127.0.0.1 port {port}",
         )
         new = record(plant.journal, just_raised(), "demo.axis2")
-        wait_for(lambda: plant.links.snapshots()[0].pending == 1, PATIENCE_S)
+        wait_for(lambda: plant.links.snapshots()[0].pending == 1)
         other.close()
-        wait_for(lambda: plant.links.snapshots()[0].connected, PATIENCE_S)
-        wait_for(lambda: plant.links.snapshots()[0].delivered == 1, PATIENCE_S)
+        wait_for(lambda: plant.links.snapshots()[0].connected)
+        wait_for(lambda: plant.links.snapshots()[0].delivered == 1)
         assert asyncio.run(active(plant)) == {
             f"alarm/{acknowledged}": (True, True),
             f"alarm/{returned}": (False, False),

@@ -16,7 +16,8 @@ from service.links.link_secrets import LinkSecretError
 from service.links.running import Links
 from service.links.webhook import Webhook
 from service.store.journal import Journal
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
+from tests.service.daemon_thread import daemon_thread, on_any_port
 from tests.service.links.journals import just_raised, record
 from tests.service.links.test_webhook import Answers, receiving
 from tests.service.pipeline.robots import demo
@@ -61,9 +62,9 @@ def test_a_receiver_that_hangs_or_is_down_does_not_hold_the_others_up(
         ports = {"hangs": silent.getsockname()[1], "down": 9, "works": port}
         links = run(configured(tmp_path, **ports), journal, stack)
         record(journal, just_raised())
-        wait_for(lambda: answers.requests and not links.snapshots()[1].connected, 30)
+        wait_for(lambda: answers.requests and not links.snapshots()[1].connected)
         record(journal, just_raised(), axis="demo.axis2")
-        wait_for(lambda: links.snapshots()[2].delivered == 2, 30)
+        wait_for(lambda: links.snapshots()[2].delivered == 2)
         assert len(answers.requests) == 2
         hangs, down, works = links.snapshots()
         assert (works.delivered, works.pending, works.connected) == (2, 0, True)
@@ -93,31 +94,16 @@ def test_a_fault_of_the_program_in_a_link_does_not_end_it(
         port = stack.enter_context(receiving(answers))
         run(configured(tmp_path, orders=port), journal, stack)
         record(journal, just_raised())
-        wait_for(lambda: answers.requests, 30)
+        wait_for(lambda: answers.requests)
     assert [entry["event"] for entry in logs][:1] == ["a fault in a link; it goes on"]
 
 
 def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
-    config = demo(tmp_path, 1)
-    web = config.web.model_copy(update={"port": 0})
-    served, stop, pages, answers = threading.Event(), threading.Event(), list[str](), Answers()
-
-    def ready(page: str) -> None:
-        pages.append(page)
-        served.set()
-
-    with receiving(answers) as port:
-        links = configured(tmp_path, orders=port)
-        linked = config.model_copy(update={"web": web, "links": links})
-        daemon = threading.Thread(target=run_daemon, args=(linked,), kwargs={"ready": ready, "stop": stop})
-        daemon.start()
-        try:
-            assert served.wait(60)
-            shown = httpx.get(f"{pages[0]}api/v1/service").json()["links"]
-            metrics = httpx.get(f"{pages[0]}metrics").text
-        finally:
-            stop.set()
-            daemon.join(60)
+    with receiving(Answers()) as port:
+        linked = demo(tmp_path, 1).model_copy(update={"links": configured(tmp_path, orders=port)})
+        with daemon_thread(linked) as page:
+            shown = httpx.get(f"{page}api/v1/service", timeout=PATIENCE_S).json()["links"]
+            metrics = httpx.get(f"{page}metrics", timeout=PATIENCE_S).text
     assert [(link["name"], link["kind"], link["connected"]) for link in shown] == [
         ("orders", "webhook", True)
     ]
@@ -125,5 +111,5 @@ def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
     assert "links" not in {thread.name for thread in threading.enumerate()}
     (tmp_path / "secret").unlink()
     with pytest.raises(LinkSecretError, match="secret: cannot read the secret: No such file"):
-        run_daemon(linked)
+        run_daemon(on_any_port(linked))
     Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer

@@ -24,6 +24,7 @@ from service.links.link_secrets import LinkSecretError, key, secret, tls
 from service.links.webhook import Webhook
 from service.web import views
 from tests.conftest import ROOT
+from tests.ports import own_port
 from tests.service.links.journals import AXIS, NAMED, NOON_US, Inbox, Post, record
 
 KEY = b"0123456789abcdef0123456789abcdef"
@@ -156,7 +157,7 @@ def test_refused_and_redirects_are_not_followed(status: int, message: Message) -
 
 
 def test_no_answer(message: Message) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as silent:
+    with socket.create_server(("127.0.0.1", own_port())) as silent:
         port = silent.getsockname()[1]
         with pytest.raises(UnavailableError, match=r"no answer within 0\.1 s"):
             sent(webhook(port, timeout_s=0.1), message)

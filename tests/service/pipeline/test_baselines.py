@@ -19,7 +19,7 @@ from service.pipeline.baselines import (
 )
 from service.store.alarm_transitions import SERVICE, Note
 from service.web.models import sentences
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.robots import START_US, changed
 from tests.service.pipeline.running_core import AXIS, OTHER, TRUTH, RunningCore, cell, changed_axis
@@ -244,7 +244,7 @@ def test_a_checkpoint_of_another_epoch_is_not_restored_and_that_is_reported(
     """The process ends between the transaction and the exchange of the monitor."""
     first = start()
     first.feed(seconds(frames, 0, 5))
-    first.worker.between_blocks(first.checkpointer.save).result(30)
+    first.worker.between_blocks(first.checkpointer.save).result(PATIENCE_S)
 
     def ended(*_: object) -> None:
         raise KeyboardInterrupt

@@ -275,7 +275,7 @@ def test_what_waits_is_written_when_somebody_wants_to_read_it_once_in_an_interva
     bench.take(at(0))
     bench.recording.freshen()  # nobody writes yet
     bench.recording.start()
-    wait_for(lambda: bench.recording.store is not None and bench.times() == [0], 60)
+    wait_for(lambda: bench.recording.store is not None and bench.times() == [0])
     bench.take(at(100))
     bench.recording.freshen()  # it was written a moment ago
     assert bench.times() == [0]

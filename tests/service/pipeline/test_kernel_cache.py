@@ -15,7 +15,7 @@ from structlog.testing import capture_logs
 from service.pipeline import kernel_cache
 from service.pipeline.kernel_cache import VARIABLE, choose, fingerprint
 from service.pipeline.warming import CacheFiller, Shape, compile_kernel
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 
 
 def test_it_lies_below_the_folder_that_is_set_or_the_users_cache(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_a_stop_ends_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     wait_for((tmp_path / "begun").exists)
     with capture_logs() as logs:
         filler.stop()
-        thread.join(60)
+        thread.join(PATIENCE_S)
     assert (ended, logs) == ([False], [])
 
 

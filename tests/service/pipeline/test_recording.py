@@ -16,7 +16,7 @@ from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.recording import Extracts, FrameRing, Recording, RecordingFolder
 from service.simulation.robot import Fault
 from service.texts.instants import microseconds
-from tests.end_to_end.processes import demo_config, wait_for
+from tests.end_to_end.processes import PATIENCE_S, demo_config, wait_for
 from tests.service.pipeline.robots import START_US, blocks, demo, replayed
 
 S = 1_000_000
@@ -115,7 +115,7 @@ def test_a_silent_bus_does_not_keep_the_extract_waiting(tmp_path: Path) -> None:
     found.tick()
     asked = found.request()
     found.tick()
-    assert recorded_s(asked.result(20)) == [0, 1]
+    assert recorded_s(asked.result(PATIENCE_S)) == [0, 1]
     found.close()
 
 
@@ -125,7 +125,7 @@ def test_a_request_without_frames_says_so(tmp_path: Path) -> None:
     with capture_logs():
         found.tick()
         with pytest.raises(RecordError, match="no frames"):
-            asked.result(20)
+            asked.result(PATIENCE_S)
     late = found.request()
     found.close()
     with pytest.raises(RecordError, match="stopped"):
@@ -177,11 +177,11 @@ def test_frames_wait_for_space_on_the_disk(tmp_path: Path, monkeypatch: pytest.M
         asked = found.request()
         found.tick()
         with pytest.raises(RecordError, match="cannot write"):
-            asked.result(20)
+            asked.result(PATIENCE_S)
         assert found.problem is not None
         folder.unlink()
         wait_for(lambda: found.problem is None)
-    found.close()
+        found.close()
     (file,) = found.folder.files()
     assert recorded_s(file) == [0, 1, 2, 3]
     assert [entry["event"] for entry in logs] == [

@@ -38,7 +38,7 @@ from service.store.database import StoreError
 from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
 from service.store.journal import Journal
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.ingest.test_can_logs import fill_the_disk
 from tests.service.pipeline.robots import Waiting, blocks, changed, demo
 
@@ -346,7 +346,7 @@ def test_what_cannot_be_done_between_blocks_is_raised_to_the_caller(bench: Bench
     failed = bench.worker.between_blocks(fails)
     bench.worker.start()
     with pytest.raises(KeyError):
-        failed.result(timeout=30)
+        failed.result(timeout=PATIENCE_S)
     bench.worker.stop()
     assert bench.worker.error is None
     assert bench.worker.between_blocks(lambda: None).cancelled()
@@ -426,7 +426,7 @@ def test_no_checkpoint_is_saved_while_the_detectors_are_behind_the_estimates(
 def test_a_fault_of_the_worker_is_told(bench: Bench) -> None:
     bench.compiled.estimates.set_exception(RuntimeError("no compiler"))
     bench.worker.start()
-    assert bench.failed.wait(20)
+    assert bench.failed.wait(PATIENCE_S)
     bench.worker.stop()
     assert isinstance(bench.worker.error, RuntimeError)
 

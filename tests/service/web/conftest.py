@@ -51,6 +51,8 @@ from service.web.app_state import AppState, Latest
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import Certificate, serve
+from tests.end_to_end.processes import PATIENCE_S
+from tests.ports import own_port
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -315,7 +317,7 @@ class Daemon:
         arguments = (stage.app(), "127.0.0.1", port, self._started, self._stop, certificate)
         self._thread = threading.Thread(target=serve, args=arguments)
         self._thread.start()
-        assert self._ready.wait(30)
+        assert self._ready.wait(PATIENCE_S)
 
     @property
     def url(self) -> str:
@@ -328,7 +330,7 @@ class Daemon:
     def stop(self) -> None:
         self._stage.stopping = True  # streams of events end
         self._stop.set()
-        self._thread.join(30)
+        self._thread.join(PATIENCE_S)
         assert not self._thread.is_alive()
 
 
@@ -412,7 +414,7 @@ def browser(need: Callable[[str], str]) -> Iterator["Browser"]:
 
 @pytest.fixture
 def daemon(stage: Stage) -> Iterator[Daemon]:
-    started = Daemon(stage)
+    started = Daemon(stage, own_port())  # it can be had again
     yield started
     started.stop()
 

@@ -15,11 +15,12 @@ from service.pipeline.replay_reports import NoReplayError, ReplayReports, Report
 from service.store.alarm_entries import Entry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import Stage
 from tests.service.web.page_parts import alarm_row, tile
 
 pytestmark = pytest.mark.browser
-expect.set_options(timeout=30_000)  # a busy machine may take long
+expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 def test_it_shows_alarms_active_first_and_those_that_are_not_yet_recorded_can_be_acknowledged(

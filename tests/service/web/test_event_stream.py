@@ -18,6 +18,7 @@ from service.store.alarm_transitions import Note
 from service.store.tokens import Scope, TokenFile
 from service.web import event_stream, gate, models
 from service.web.access import Access
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import NOON_US, Daemon, Stage, monitored_axis, serving
 
 NOTE = Note(NOON_US, "anna")
@@ -38,7 +39,7 @@ def fast(monkeypatch: pytest.MonkeyPatch) -> None:
 def stream(address: str, query: str = "", **headers: str) -> Iterator[Iterator[Event]]:
     """The events of a new stream; comments are events without data."""
     sent = {name.replace("_", "-"): value for name, value in headers.items()}
-    with httpx.stream("GET", f"{address}/api/v1/events{query}", headers=sent, timeout=20) as answer:
+    with httpx.stream("GET", f"{address}/api/v1/events{query}", headers=sent, timeout=PATIENCE_S) as answer:
         assert answer.status_code == 200
         assert answer.headers["content-type"].startswith("text/event-stream")
         yield _events(answer.iter_lines())
@@ -65,7 +66,7 @@ def test_axes_come_all_at_first_and_then_those_that_change(stage: Stage) -> None
     with serving(stage) as address, stream(address) as events:
         first = next(events)
         assert (first.kind, first.number) == ("axes", None)
-        assert first.data == httpx.get(f"{address}/api/v1/axes").json()
+        assert first.data == httpx.get(f"{address}/api/v1/axes", timeout=PATIENCE_S).json()
         axes = stage.snapshot.axes
         gated = replace(axes[1], gated_by="mode = 2")
         stage.snapshot = replace(stage.snapshot, taken_us=NOON_US + 1, axes=(replace(axes[0]), gated))
@@ -91,7 +92,7 @@ def test_of_many_axes_that_change_each_has_its_turn(stage: Stage) -> None:
 def test_only_an_axis_and_its_alarms(stage: Stage, fm_alarm: Alarm) -> None:
     stage.healthy()
     with serving(stage) as address:
-        assert httpx.get(f"{address}/api/v1/events?axis=demo.axis9").status_code == 404
+        assert httpx.get(f"{address}/api/v1/events?axis=demo.axis9", timeout=PATIENCE_S).status_code == 404
         with stream(address, "?axis=demo.axis2", last_event_id="0") as events:
             assert [a["id"] for a in next(events).data["axes"]] == ["demo.axis2"]
             stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
@@ -110,7 +111,8 @@ def test_each_transition_of_an_alarm_is_an_event_and_none_is_missed(stage: Stage
             assert alarm.number == "2", "what was there before is not sent"
             assert alarm.data["transition"]["event"] == "acknowledge"
             assert alarm.data["transition"]["who"] == "anna"
-            assert alarm.data["alarm"] == httpx.get(f"{address}/api/v1/alarms").json()["alarms"][0]
+            (listed,) = httpx.get(f"{address}/api/v1/alarms", timeout=PATIENCE_S).json()["alarms"]
+            assert alarm.data["alarm"] == listed
             models.AlarmChange.model_validate(alarm.data)
         for k in range(250):
             stage.journal.act(number, AlarmEvent.COMMENT, NOTE._replace(comment=f"comment {k}"))
@@ -125,7 +127,7 @@ def test_each_transition_of_an_alarm_is_an_event_and_none_is_missed(stage: Stage
             next_of(events, "axes")
             stage.journal.act(number, AlarmEvent.COMMENT, NOTE._replace(comment="new"))
             assert next_of(events, "alarm").number == "254"
-        refused = httpx.get(f"{address}/api/v1/events", headers={"last-event-id": "x"})
+        refused = httpx.get(f"{address}/api/v1/events", headers={"last-event-id": "x"}, timeout=PATIENCE_S)
         assert refused.status_code == 422
 
 
@@ -140,11 +142,11 @@ def test_streams_are_few_and_their_places_become_free(stage: Stage, monkeypatch:
     with serving(stage) as address:
         with stream(address) as first, stream(address) as second:
             next(first), next(second)
-            refused = httpx.get(f"{address}/api/v1/events")
+            refused = httpx.get(f"{address}/api/v1/events", timeout=PATIENCE_S)
             assert (refused.status_code, refused.headers["retry-after"]) == (503, "10")
-            assert httpx.get(f"{address}/api/v1/axes").status_code == 200
+            assert httpx.get(f"{address}/api/v1/axes", timeout=PATIENCE_S).status_code == 200
         for _ in range(500):
-            with httpx.stream("GET", f"{address}/api/v1/events") as answer:
+            with httpx.stream("GET", f"{address}/api/v1/events", timeout=PATIENCE_S) as answer:
                 if answer.status_code == 200:
                     break
         assert answer.status_code == 200
@@ -194,7 +196,7 @@ def test_a_client_that_does_not_read_is_cut_off(stage: Stage, monkeypatch: pytes
     try:
         with serving(stage) as address:
             host, _, port = address.removeprefix("http://").partition(":")
-            assert httpx.get(f"{address}/healthz").status_code == 200  # the first request takes longer
+            httpx.get(f"{address}/healthz", timeout=PATIENCE_S).raise_for_status()  # the first takes longer
             monkeypatch.setattr(gate, "LONGEST_REQUEST_S", 0.5)
             with socket.socket() as deaf:
                 deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -202,7 +204,7 @@ def test_a_client_that_does_not_read_is_cut_off(stage: Stage, monkeypatch: pytes
                 deaf.sendall(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
                 assert deaf.recv(12) == b"HTTP/1.1 200"
                 for _ in range(1000):
-                    with httpx.stream("GET", f"{address}/api/v1/events", timeout=20) as answer:
+                    with httpx.stream("GET", f"{address}/api/v1/events", timeout=PATIENCE_S) as answer:
                         if answer.status_code == 200:
                             break
                     done.wait(0.02)

@@ -8,14 +8,16 @@ from playwright.sync_api import Page, expect
 from monitor_core.detection import TORQUE_SIGN, Alarm, Cause
 from monitor_core.monitoring import AlarmEvent
 from monitor_core.wording import sentence
+from service.links.delivery import answers
 from service.pipeline.snapshot import BusSnapshot, Snapshot
 from service.store.alarm_transitions import Note
 from service.web.models import sentence_bodies
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import SIGNAL_CHECK, Stage, robot_setup
 from tests.service.web.page_parts import unfold
 
 pytestmark = pytest.mark.browser
-expect.set_options(timeout=30_000)  # a busy machine may take long
+expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 def troubled(snapshot: Snapshot) -> Snapshot:
@@ -44,14 +46,16 @@ def troubled(snapshot: Snapshot) -> Snapshot:
 def test_nothing_that_the_daemon_says_is_english_there(
     configured: Stage, page: Page, fm_alarm: Alarm
 ) -> None:
-    configured.snapshot, configured.links = troubled(configured.snapshot), ()
+    configured.snapshot = troubled(configured.snapshot)
+    problem = answers("orders.example", "503 Service Unavailable")
+    configured.links = (replace(configured.links[0], problem=problem),)
     sign = replace(fm_alarm, parameter=TORQUE_SIGN, causes=(Cause(TORQUE_SIGN, 0.97),))
     configured.record("demo.axis1", "1", 1.0, sign)
     page.goto("/")
     page.get_by_role("button", name="Deutsch").click()
-    expect(page.locator("#messages")).to_have_text(
-        "Der Zustand der Überwachung kann nicht gespeichert werden: disk full"
-    )
+    messages = page.locator("#messages")
+    expect(messages).to_contain_text("Der Zustand der Überwachung kann nicht gespeichert werden: disk full")
+    expect(messages).to_contain_text("Verbindung orders: orders.example antwortet 503 Service Unavailable")
     expect(page.locator("#reasons")).to_contain_text("Bus can1: gestört: dieser Kernel hat kein CAN")
     shown = {
         "#/": "Vorzeichen des Moments",
@@ -66,6 +70,9 @@ def test_nothing_that_the_daemon_says_is_english_there(
         unfold(page)
         assert page.locator("main [lang=en], header bdi[lang=en]").all_inner_texts() == [], address
     expect(page.get_by_role("table", name="Busse")).to_contain_text("Warteschlange voll 7")
+    expect(page.get_by_role("table", name="Anlagenverbindungen")).to_contain_text(
+        "orders.example antwortet 503"
+    )
     page.evaluate("() => { location.hash = '#/axes/demo.axis1'; }")
     banner = page.get_by_role("list", name="nicht geprüft: demo.axis1")
     expect(banner).to_contain_text("Schätzung pausiert: temperature ist nicht bekannt")

@@ -18,6 +18,7 @@ from service.pipeline.history_recording import HistoryRecording
 from service.store.history_rows import QUANTITIES
 from service.texts.instants import iso
 from service.web.history_routes import MOST_READERS, MOST_WAITING
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import HISTORY_TIMES, Stage, point_values, serving
 
 HISTORY = "/api/v1/axes/demo.axis1/history"
@@ -132,7 +133,7 @@ def held(history: HistoryRecording) -> Iterator[tuple[threading.Event, list[int]
         with lock:
             now[0] += 1
             most[0] = max(most[0], now[0])
-        assert go.wait(30)
+        assert go.wait(PATIENCE_S)
         with read() as view:
             yield view
         with lock:
@@ -150,17 +151,17 @@ def test_readers_are_few_and_leave_the_others_alone(stage: Stage, history: Histo
     room, more = MOST_READERS + MOST_WAITING, 4
 
     def ask(address: str) -> httpx.Response:
-        return httpx.get(f"{address}{HISTORY}?points=5000", timeout=30)
+        return httpx.get(f"{address}{HISTORY}?points=5000", timeout=PATIENCE_S)
 
     with serving(stage) as address, held(history) as (go, most), ThreadPoolExecutor(room + more) as pool:
         asked = [pool.submit(ask, address) for _ in range(room + more)]
-        refused = [future.result() for future in islice(as_completed(asked, 30), more)]
+        refused = [future.result() for future in islice(as_completed(asked, PATIENCE_S), more)]
         assert [answer.status_code for answer in refused] == [503] * more
         assert {answer.headers["retry-after"] for answer in refused} == {"1"}
-        assert httpx.get(f"{address}/healthz").status_code == 200
-        assert httpx.get(f"{address}/api/v1/axes").status_code == 200
+        assert httpx.get(f"{address}/healthz", timeout=PATIENCE_S).status_code == 200
+        assert httpx.get(f"{address}/api/v1/axes", timeout=PATIENCE_S).status_code == 200
         go.set()
-        statuses = sorted(future.result(30).status_code for future in asked)
+        statuses = sorted(future.result(PATIENCE_S).status_code for future in asked)
         assert statuses == [200] * room + [503] * more
         assert most == [MOST_READERS]
         assert ask(address).status_code == 200

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import socket
 import subprocess
 import urllib.error
 import urllib.parse
@@ -29,7 +28,8 @@ from service.web.app_state import VERSION
 from service.web.metrics import Metrics
 from tests import golden
 from tests.conftest import ROOT
-from tests.end_to_end.processes import wait_for
+from tests.end_to_end.processes import PATIENCE_S, wait_for
+from tests.ports import own_port
 from tests.service.web.conftest import Stage, serving, with_status
 
 SHIPPED = ROOT / "config" / "prometheus"
@@ -212,12 +212,6 @@ def test_no_checkpoint_has_no_age_and_names_are_escaped(stage: Stage) -> None:
 # --- a real Prometheus ------------------------------------------------------------------------------------------------
 
 
-def free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
-
-
 @contextmanager
 def prometheus(program: str, target: str, folder: Path) -> Iterator[str]:
     """Prometheus on the shipped configuration, scraping this target; its address."""
@@ -228,7 +222,7 @@ def prometheus(program: str, target: str, folder: Path) -> Iterator[str]:
     config = config.replace("scrape_timeout: 4s", "scrape_timeout: 1s")
     (folder / "prometheus.yml").write_text(config, encoding="utf-8")
     (folder / "alerts.yml").write_bytes((SHIPPED / "alerts.yml").read_bytes())
-    address = f"127.0.0.1:{free_port()}"
+    address = f"127.0.0.1:{own_port()}"
     with (folder / "prometheus.log").open("wb") as log:
         process = subprocess.Popen(
             [
@@ -251,7 +245,7 @@ def asked(address: str, expression: str) -> dict[tuple[str, ...], float]:
     """The answer of Prometheus, by axis and parameter; empty while there is none."""
     url = f"{address}/api/v1/query?{urllib.parse.urlencode({'query': expression})}"
     try:
-        with urllib.request.urlopen(url, timeout=20) as answer:
+        with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
             found: list[dict[str, Any]] = json.loads(answer.read())["data"]["result"]
     except (urllib.error.URLError, ConnectionError):
         return {}

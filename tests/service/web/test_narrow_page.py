@@ -7,11 +7,12 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from monitor_core.detection import Alarm, Cause
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import Stage
 from tests.service.web.page_parts import serious_faults, unfold
 
 pytestmark = pytest.mark.browser
-expect.set_options(timeout=30_000)  # a busy machine may take long
+expect.set_options(timeout=PATIENCE_S * 1000)
 
 ADDRESSES = (
     *("#/", "#/axes/demo.axis1", "#/alarms", "#/alarms/1", "#/system", "#/system/commissioning"),

@@ -18,6 +18,7 @@ from service.store.alarm_transitions import Note
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from service.web.robot_setup import RobotSetup, SignalCheck
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import (
     PARAMETERS,
     SIGNAL_CHECK,
@@ -33,7 +34,7 @@ from tests.service.web.page_parts import parameter, serious_faults, tile, unfold
 from tests.shares import soaked
 
 pytestmark = pytest.mark.browser
-expect.set_options(timeout=30_000)  # a busy machine may take long
+expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 def test_the_overview_shows_axes_with_estimates_and_follows_them(page: Page, stage: Stage) -> None:
@@ -133,7 +134,7 @@ def test_it_asks_for_a_token_where_the_daemon_wants_one(
     stage.extracts.add("can0", FrameBlock.from_frames([Frame(fm_alarm.raised_us, 0x101, False, bytes(8))]))
     written = stage.extracts.request()
     stage.extracts.tick()
-    name = written.result(10).name
+    name = written.result(PATIENCE_S).name
     daemon = Daemon(stage)
     try:
         with quiet_page(browser, daemon.port) as page:

@@ -32,6 +32,7 @@ class Plant:
 
     def __init__(self, stage: Stage, folder: Path, config: Config, seed: int) -> None:
         self.stage, self.recordings = stage, RecordingFolder(folder / "recordings", 10**9)
+        self.config = config
         axis = config.axes[0]
         frames = [(config.bus[0].name, block) for block in blocks(config, 8.0, seed, [])]
         self.record = self.recordings.write(frames)
@@ -44,10 +45,13 @@ class Plant:
             stage.record(axis.id, "N m s/rad", 0.06, replace(FM_ALARM, raised_us=t_us, ended_us=t_us + 1))
             for t_us in (end_us - S, end_us + 60 * S)
         )
-        self.reports = ReplayReports(self.recordings, lambda: config, "robot.toml", stage.journal.epochs)
+        self.reports = self.replay_reports("robot.toml")
         stage.extracts = Extracts(self.recordings, 8.0, 2.0, lambda: stage.now_us)
         stage.replays = self.reports
         self.client = stage.client()
+
+    def replay_reports(self, named: str) -> ReplayReports:
+        return ReplayReports(self.recordings, lambda: self.config, named, self.stage.journal.epochs)
 
     def settled(self) -> dict[str, Any]:
         """What has become of the report that is being made."""
@@ -138,3 +142,22 @@ def test_a_report_ends_with_the_daemon(plant: Plant) -> None:
     assert (found["state"], found["sentences"][0]["kind"]) == ("failed", "replay ended")
     assert plant.ask(plant.alarm).status_code == 409
     assert [path.suffix for path in plant.recordings.path.iterdir()] == [".log"]
+
+
+class SlowName(str):
+    """The name of a file; when it is written for the process of the report, that process has been ended."""
+
+    reports: ReplayReports
+
+    def __reduce__(self) -> tuple[type[str], tuple[str]]:
+        self.reports.stop()
+        time.sleep(0.5)  # it is gone by now; were it not, the test would only see less
+        return str, (str(self),)
+
+
+def test_a_process_that_ends_before_it_has_read_its_order(plant: Plant) -> None:
+    name = SlowName("robot.toml")
+    plant.reports = plant.stage.replays = name.reports = plant.replay_reports(name)
+    plant.client = plant.stage.client()
+    assert plant.ask(plant.alarm).status_code == 202
+    assert plant.settled()["sentences"][0]["kind"] == "replay ended"

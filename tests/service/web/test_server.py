@@ -18,13 +18,15 @@ from hatch_build import is_current, npm
 from monitor_core.detection import Alarm
 from service.web.app import STATIC
 from service.web.server import CannotListenError, listen, serve
+from tests.end_to_end.processes import PATIENCE_S
+from tests.ports import own_port
 from tests.service.web.conftest import Daemon, Stage, robot_setup
 from tests.service.web.test_drive_routes import reference, watch
 
 
-def test_it_serves_on_a_free_port_until_it_is_stopped(stage: Stage) -> None:
-    daemon = Daemon(stage)
-    with httpx.Client(base_url=daemon.url) as client:
+def test_it_serves_until_it_is_stopped(stage: Stage) -> None:
+    daemon = Daemon(stage, own_port())
+    with httpx.Client(base_url=daemon.url, timeout=PATIENCE_S) as client:
         assert client.get("/healthz").status_code == 200
         daemon.stop()
         with pytest.raises(httpx.ConnectError):

@@ -6,11 +6,12 @@ from playwright.sync_api import Page, expect
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
+from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import Stage
 from tests.service.web.page_parts import unfold
 
 pytestmark = pytest.mark.browser
-expect.set_options(timeout=30_000)  # a busy machine may take long
+expect.set_options(timeout=PATIENCE_S * 1000)
 
 
 def test_the_system_page_shows_buses_files_configuration_and_who_has_changed_what(

@@ -35,7 +35,7 @@ export function SystemPage() {
       </div>
       <h2>{t.buses}</h2>
       <Buses live={live} />
-      {service.links.length > 0 && <Links links={service.links} />}
+      {service.links.length > 0 && <Links {...service} />}
       {system !== null && <Databases {...{ system, service }} />}
       <h2>{t.dropsAxis}</h2>
       <Table label={t.dropsAxis} columns={[t.columns.axis, t.samples, t.used, t.notUsed, t.dropped]} rows={live.axes.map(samplesOf)} />
@@ -77,12 +77,12 @@ function Buses({ live }: { live: Live }) {
   return <Table label={t.buses} columns={[t.bus, t.columns.state, t.reader, t.received, t.rate, t.dropped]} rows={rows} />;
 }
 
-function Links({ links }: { links: Body<"Link">[] }) {
+function Links({ links, sentences }: Pick<Body<"Service">, "links" | "sentences">) {
   const { connected, problem, pending, delivered, givenUp } = t.links;
   const rows = links.map((link): Cells => [
     <><bdi>{link.name}</bdi> ({link.kind})</>,
     <span class={link.connected ? "" : "pill warn"}>{link.connected ? connected : problem}</span>,
-    link.problem === null ? "–" : <Words>{link.problem}</Words>,
+    link.problem === null ? "–" : <Words by={sentences}>{link.problem}</Words>,
     count(link.pending),
     count(link.delivered),
     reasons(link.given_up),

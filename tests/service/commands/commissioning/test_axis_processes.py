@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.end_to_end.processes import PATIENCE_S
+
 PROGRAM = """
 import multiprocessing, os, sys, time
 from service.commands.commissioning.axis_processes import end_with_parent
@@ -83,7 +85,7 @@ def test_an_interrupt_of_the_command_alone_ends_them(tmp_path: Path) -> None:
         assert command.stdout is not None
         assert command.stdout.readline().strip() in (b"one", b"two")
         command.send_signal(signal.SIGINT)
-        assert command.wait(60) == 7
+        assert command.wait(PATIENCE_S) == 7
     finally:
         command.kill()
         command.communicate()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from service.simulation.axis import Reading
 from service.simulation.robot import Moment
 from service.web.robot_setup import NoLookError, SignalCheck
 from tests.service.pipeline.robots import START_US, blocks, changed, demo
+from tests.service.web.test_recording_routes import ticking
 
 SECONDS = 6.0
 NOW_US = START_US + round(SECONDS * 1e6)
@@ -25,22 +25,11 @@ NOW_US = START_US + round(SECONDS * 1e6)
 @contextmanager
 def kept(folder: Path, frames: Iterable[FrameBlock], bus: str = "can0") -> Iterator[Extracts]:
     """Frames that the daemon keeps, and its worker, which hands them over."""
-    extracts, end = Extracts(RecordingFolder(folder, 10**6), 20.0, 5.0, lambda: NOW_US), threading.Event()
+    extracts = Extracts(RecordingFolder(folder, 10**6), 20.0, 5.0, lambda: NOW_US)
     for block in frames:
         extracts.add(bus, block)
-
-    def work() -> None:
-        while not end.wait(0.01):
-            extracts.tick()
-
-    worker = threading.Thread(target=work)
-    worker.start()
-    try:
+    with closing(extracts), ticking(extracts):
         yield extracts
-    finally:
-        end.set()
-        worker.join()
-        extracts.close()
 
 
 def looked_at(
