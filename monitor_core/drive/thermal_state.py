@@ -7,12 +7,13 @@ exact for a constant power, heat+ = a heat + (1 - a) P with a = exp(-h / tau).  
 fault that changes friction does not change the heat.  Friction that follows the heat does so as it would follow a
 measured temperature (``operating_conditions``).
 
-An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  While nothing
-could have been received (``unwatched``), it may also have moved and come back: then less of its heat is known, the
-longer that was.  After that,
-after a clock that was set, and at a start of which nothing is known, the heat may be anything from 0 to the largest of
-the records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``), to that of what
-the model lacks.
+An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  A gearbox has
+more than one time constant, and it cools more slowly the longer it stands: what is left of its heat is known up to the
+difference to one that cools half as fast (standard deviation).  While nothing could have been received (``unwatched``),
+the axis may also have moved and come back: then less of its heat is known, the longer that was.  After that, after a
+clock that was set, and at a start of which nothing is known, the heat may be anything from 0 to the largest of the
+records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``), to that of what the
+model lacks.
 
 The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state.
 """
@@ -102,6 +103,8 @@ class ThermalState:
         """When it became unknown, or was last observed; None: before the first sample"""
         self._variance = 0.0  # at that time
         self._restored = False  # and no sample has come since
+        self.losses = 0
+        """How often nothing has been known of it but its range"""
         self._now_us: int | None = None
         if model.start == "unknown":
             self._lose(None)
@@ -125,22 +128,25 @@ class ThermalState:
         if self.since_us is None:
             self.since_us = int(t_us[0])
         h, gap = steps.interval_us, GAP_S * 1e6
-        lost = (h < -gap) | ((h > gap) & (steps.way > MOVED))
+        paused = h > gap
+        lost = (h < -gap) | (paused & (steps.way > MOVED))
         distinct, which = np.unique(np.maximum(h, 0), return_inverse=True)
         # One by one: a vectorised exponential may depend on the place in the array in its last bit.
         a = np.array([self.model.kept(us * 1e-6) for us in distinct.tolist()])[which]
-        brought = (1.0 - a) * np.where(h <= gap, self.model.power(steps.speed), 0.0)
+        brought = (1.0 - a) * np.where(paused, 0.0, self.model.power(steps.speed))
         if self._restored and self.model.unwatched == "unknown" and h[0] > gap and not lost[0]:
             self._doubt(int(t_us[0]), float(a[0]))
-            a[0], brought[0] = 1.0, 0.0
+            a[0], brought[0], paused[0] = 1.0, 0.0, False
         self._restored = False
-        heat, ends = np.empty(N), [0, *np.flatnonzero(lost).tolist(), N]
+        heat, ends = np.empty(N), [0, *np.flatnonzero(lost | paused).tolist(), N]
         for first, end in pairwise(ends):
             if first == end:
                 continue
             if lost[first]:
                 self._lose(int(t_us[first]))
                 a[first], brought[first] = 1.0, 0.0
+            elif paused[first]:
+                self._cool(int(t_us[first]), int(h[first]) * 1e-6)
             kept, course = self.heat, list[float]()
             for share, more in zip(a[first:end].tolist(), brought[first:end].tolist(), strict=True):
                 kept = share * kept + more
@@ -153,6 +159,16 @@ class ThermalState:
         """From now on nothing is known but the range."""
         self.heat = self.model.largest / 2
         self._variance, self.since_us, self.known = self.heat**2, t_us, False
+        self.losses += 1
+
+    def _cool(self, t_us: int, seconds: float) -> None:
+        """After a pause in which it stood, before the heat is that of now: how far that may be off."""
+        self._now_us, more = t_us, (self.model.kept(seconds / 2) - self.model.kept(seconds)) * self.heat
+        before = self.sd_of_start
+        if more > before:
+            self._variance, self.since_us = before**2 + more**2, t_us
+        elif before > 0:
+            self._variance *= 1 + (more / before) ** 2
 
     def _doubt(self, t_us: int, a: float) -> None:
         """After a pause that keeps a of a heat: it may have stood, or worked at up to the largest power, or both."""

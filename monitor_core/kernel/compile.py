@@ -15,6 +15,10 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numba.experimental.function_type  # noqa: F401
 from llvmlite import binding as llvm
 from numba import njit, typeof
+from numba._dynfunc import make_function  # type: ignore[import-not-found]
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.targetconfig import TargetConfig
 
 # Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long
 # runs that never come: the code would be twice as long and no faster, and compiling would take a quarter longer.
@@ -24,11 +28,58 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 
-def _compiled(function: Callable[_P, _R], nogil: bool = True, **options: bool | str) -> Callable[_P, _R]:
+# --- Numba's own work, of which a sixth can be saved -----------------------------------------------------------------
+
+
+def _equal_flags(flags: Any, other: Any) -> bool:
+    same = flags._values == other._values
+    return bool(same or flags.values() == other.values())
+
+
+# Numba looks its flags up 40 000 times.  Its own hash is that of the names of all options, which is always the same.
+TargetConfig.__hash__ = lambda _flags: 0  # type: ignore[method-assign]
+TargetConfig.__eq__ = _equal_flags  # type: ignore[method-assign]
+
+
+class _InnerLibrary(JITCodeLibrary):
+    """LLVM's code of an inner function: optimised and made into machine code only as a part of what calls it."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self: Any) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _InnerCompiler(Compiler):
+    """Compiles an inner function as far as its callers need it."""
+
+    def define_pipelines(self) -> Any:
+        state, library, base = self.state, cast("Any", _InnerLibrary), cast("Any", super())
+        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.targetctx = state.targetctx.subtarget(get_executable=_not_executable)
+        return base.define_pipelines()
+
+
+def _not_executable(library: JITCodeLibrary, described: Any, environment: object) -> object:
+    """Stands for a function that has no machine code."""
+    name = described.qualname
+    return make_function(described.lookup_module(), name, name, 0, environment, (library,))
+
+
+# --- The decorators --------------------------------------------------------------------------------------------------
+
+
+def _compiled(function: Callable[_P, _R], nogil: bool = True, **options: Any) -> Callable[_P, _R]:
     # Unused wrappers would cost a third of the compile time; numba's type hints lack these options.
     compile_: Any = njit
     decorator = compile_(nogil=nogil, error_model="numpy", no_cfunc_wrapper=True, **options)
     return cast("Callable[_P, _R]", decorator(function))
+
+
+def _inner(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
+    return _compiled(function, no_cpython_wrapper=True, pipeline_class=_InnerCompiler, **options)
 
 
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -37,22 +88,22 @@ def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
     It is inlined into its callers: each array that is passed to a call costs seven words on the stack, and a sample
     passes hundreds of arrays.
     """
-    return _compiled(function, no_cpython_wrapper=True, forceinline=True, _nrt=False)
+    return _inner(function, forceinline=True, _nrt=False)
 
 
 def outlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """As ``kernel``, for functions that are called seldom or are long: compiled once, not into every caller."""
-    return _compiled(function, no_cpython_wrapper=True, _nrt=False)
+    return _inner(function, _nrt=False)
 
 
 def array_function(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """As ``outlined``, for functions that calculate with arrays as a whole: numba makes arrays for the results."""
-    return _compiled(function, no_cpython_wrapper=True)
+    return _inner(function)
 
 
 def allocating(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """As ``kernel``, for functions that return arrays of their own: called once in a block, not in each sample."""
-    return _compiled(function, no_cpython_wrapper=True, forceinline=True)
+    return _inner(function, forceinline=True)
 
 
 def part(function: Callable[_P, _R]) -> Callable[_P, _R]:

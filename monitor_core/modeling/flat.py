@@ -1,6 +1,6 @@
 """The flat form of a drive: variables and linear equations, before the elimination.
 
-Drawings (drawing/) and Modelica texts (modelica/) both end here; elimination/ starts here.
+Drawings (drawing.py) and Modelica texts (modelica/) both end here; elimination/ starts here.
 """
 
 from __future__ import annotations

@@ -1,35 +1,134 @@
-"""The drives of the library in the form of the kernel, and the values of the reference experiment."""
+"""The drives of the library, as they are drawn and in the form of the kernel; values of the reference experiment.
 
-from collections.abc import Sequence
+A motor, a gear, and masses behind it, connected by springs in a chain.  Angles behind the gear are those of the arm: r
+times the motor's.  Each spring is drawn so that its deflection is the angle on the motor's side less the angle on the
+arm's side, as in the paper: r phi_m - phi_g, phi_g - phi_a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
+from typing import NamedTuple
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, Output
-from monitor_core.modeling import drive_drawings as drawings
+from monitor_core.modeling.drawing import Drawing, Part, part
 from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import drive_of
 
+_MOTOR = {
+    "fm": "viscous friction of the motor",
+    "fc": "Coulomb friction of the motor",
+    "tau0": "torque offset",
+    "kT": "torque constant, relative to the one the controller uses",
+}
+_GEAR = {"r": "gear ratio, arm angle over motor angle"}
+_MASS = {"J": "inertia of motor, gear and arm, on the motor side"}
+_WEIGHT = {
+    "gc": "torque of the weight on the arm at the angle zero, as where the arm lies flat there",
+    "gs": "torque of the weight on the arm a quarter of a turn further",
+}
+
+
+class _Link(NamedTuple):
+    """A mass behind the gear, with the spring and damper that connect it to the previous one; names of parameters.
+
+    ``mass`` and ``spring`` describe them in words; ``name`` is that of the mass in the drawing.
+    """
+
+    name: str
+    mass: str
+    J: str
+    spring: str
+    k: str
+    d: str
+
+
+def _drawings() -> Iterator[Drawing]:
+    gearbox = _Link("gearbox", "gearbox, arm side", "Jg", "gearbox, arm side", "kg", "dg")
+    links = {
+        "two-mass": [_Link("arm", "arm", "Ja", "gearbox, arm side", "k", "d")],
+        "three-mass": [gearbox, _Link("arm", "arm", "Ja", "arm", "ka", "da")],
+        "five-mass": [
+            _Link(f"mass{i}", f"mass {i}, arm side", f"J{i}", f"spring {i}, arm side", f"k{i}", f"d{i}")
+            for i in range(1, 5)
+        ],
+    }
+    yield Drawing("one-mass", _motor("J"), _MASS | _MOTOR)
+    yield Drawing(
+        "one-mass-weight", [*_motor("J"), _GEARBOX, _weight("gear")], _MASS | _MOTOR | _WEIGHT | _GEAR
+    )
+    for name, behind in links.items():
+        drive = _chain(name, behind)
+        yield drive
+        # It turns with r times the angle of the motor: what the springs give way changes it little.
+        heavy = [*drive.components, _weight(behind[-1].name)]
+        yield Drawing(f"{name}-weight", heavy, {**drive.meanings, **_WEIGHT})
+
+
+def _chain(name: str, links: Sequence[_Link]) -> Drawing:
+    """Motor and gear, and the links behind it in a chain; the motor's speed is measured."""
+    meanings = {"Jm": "inertia of the motor"}
+    meanings |= {link.J: f"inertia of the {link.mass}" for link in links}
+    meanings |= {link.k: f"stiffness of the {link.spring}" for link in links}
+    meanings |= {link.d: f"damping of the {link.spring}" for link in links}
+    components = [*_motor("Jm"), _GEARBOX]
+    before = "gear"
+    for link in links:
+        components.append(part("spring-damper", f"{link.name}_spring", link.name, before, c=link.k, d=link.d))
+        components.append(part("inertia", link.name, link.name, J=link.J))
+        before = link.name
+    return Drawing(name, components, meanings | _MOTOR | _GEAR)
+
+
+_GEARBOX = part("ideal-gear", "gear", "motor", "gear", ratio=Laurent.symbol("r", -1))
+
+
+def _weight(node: str) -> Part:
+    return part("gravity", "weight", node, gc="gc", gs="gs")
+
+
+def _motor(J: str) -> list[Part]:
+    """The motor with this inertia, its friction and its sensor."""
+    return [
+        part("torque", "torque", "motor", kT="kT"),
+        part("inertia", "motor", "motor", J=J),
+        part("viscous-friction", "bearing", "motor", d="fm"),
+        part("coulomb-friction", "friction", "motor", fc="fc"),
+        part("torque-offset", "offset", "motor", tau0="tau0"),
+        part("speed-sensor", "encoder", "motor"),
+    ]
+
+
+DRAWINGS: Mapping[str, Drawing] = MappingProxyType({drive.name: drive for drive in _drawings()})
+"""By name: one to five masses, each also with the weight of the arm.  The one of three masses is the drive of the paper
+(eq. 1-2) with Coulomb friction and torque offset; that of five masses its accurate drive, numbered outwards."""
+
 
 @cache
+def _drive(name: str, output: Output) -> Drive:
+    return drive_of(eliminate(DRAWINGS[name].flat(), output))
+
+
 def two_mass(output: Output) -> Drive:
     """Motor and arm: three states with the motor speed as output, four with the motor angle."""
-    return drive_of(eliminate(drawings.two_mass().flat(), output))
+    return _drive("two-mass", output)
 
 
-@cache
 def three_mass(output: Output) -> Drive:
     """The three-mass drive of the paper (eq. 1-2), with Coulomb friction and torque offset as inputs.
 
     Output speed: five states, y = phi_m'.  Output angle: an integrator is added, six states, y = phi_m.
     """
-    return drive_of(eliminate(drawings.three_mass().flat(), output))
+    return _drive("three-mass", output)
 
 
-@cache
 def five_mass(output: Output) -> Drive:
     """Motor and four masses in a row: nine states with the motor speed as output, ten with the motor angle."""
-    return drive_of(eliminate(drawings.five_mass().flat(), output))
+    return _drive("five-mass", output)
 
 
 _R = 1 / 118

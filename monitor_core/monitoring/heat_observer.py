@@ -36,6 +36,8 @@ MEMORIES = 4
 """Memories of motion until the estimates belong to the present heat."""
 SHARE = 0.5
 """Share of what the tests tolerate by which the uncertainty of the heat may move a nominal value."""
+FARTHEST = 3.0
+"""In standard deviations: friction that is farther from what the heat may be has changed, and tells nothing of it."""
 LOOKS_ALIKE = "a warmer or colder gearbox"
 """Than its motion makes it: what a change of a parameter that follows the heat may also be, for alarms."""
 _STEP = 1e-3
@@ -83,14 +85,16 @@ class WarmUp:
         n = self._alike(block)
         taken = self._operating.conditioned(block.select(slice(n)))
         self._last_us = int(block.t_us[n - 1])
-        if not self._thermal.known and self._thermal.since_us != self._since_us:
+        if self._thermal.since_us != self._since_us:
             self._since_us, self._learned = self._thermal.since_us, self._monitor.learned
+            if self._thermal.known and (found := self._monitor.deviations()) is not None:
+                self._thermal.known = self._is_enough(self._thermal.sd_of_start, found)
         self._monitor.judge(self._thermal.known)
         return taken, block.select(slice(n, None)) if n < block.size else None
 
     def _alike(self, block: SampleBlock) -> int:
         """Number of samples before the next look, and before a pause."""
-        if self._last_us is not None and abs(int(block.t_us[0]) - self._last_us) > GAP_S * 1e6:
+        if self._last_us is None or abs(int(block.t_us[0]) - self._last_us) > GAP_S * 1e6:
             return 1
         n, now_us = self._operating.alike(block.t_us), int(block.t_us[0])
         due_us = (now_us // self._widen_us + 1) * self._widen_us
@@ -116,17 +120,21 @@ class WarmUp:
         if self._next_look(self._last_us) > now_us or (found := self._monitor.deviations()) is None:
             return
         # What the model lacks is in what the tests tolerate: no observation makes it less.
-        heat, sd, slopes = self._thermal.heat, self._thermal.sd_of_start, self._slopes()
+        heat, sd = self._thermal.heat, self._thermal.sd_of_start
         if self._monitor.learned - self._learned >= self._needed:
-            heat, sd = corrected(heat, sd, slopes, found)
+            heat, sd = corrected(heat, sd, self._slopes(), found)
             self._learned = self._monitor.learned
-        known = bool(np.all(np.abs(slopes) * sd <= SHARE * found.tolerated))
+        known = self._is_enough(sd, found)
         if known or heat != self._thermal.heat:
             before = self._operating.shift_at_heat(self._thermal.heat)
             self._thermal.observed(heat, sd, known)
             step = self._operating.shift_at_heat(self._thermal.heat) - before
             self._monitor.move_nominal(np.where(np.isfinite(step), step, 0.0))
             self._since_us = self._thermal.since_us
+
+    def _is_enough(self, sd: float, found: Deviations) -> bool:
+        """Whether a heat with this standard deviation [W] is known well enough for the tests."""
+        return bool(np.all(np.abs(self._slopes()) * sd <= SHARE * found.tolerated))
 
     def _slopes(self) -> Floats:
         """Change of the nominal values (p,) for each watt."""
@@ -140,10 +148,13 @@ def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tupl
     which = np.flatnonzero((slopes != 0) & np.isfinite(found.d))
     if not which.size or not sd > 0:
         return heat, sd
+    d, s = found.d[which], slopes[which]
     M = found.covariance[np.ix_(which, which)] + np.diag(found.allowance[which] ** 2)
-    weighted = np.linalg.solve(M, slopes[which])
-    variance = 1 / (1 / sd**2 + float(weighted @ slopes[which]))
-    return heat + variance * float(weighted @ found.d[which]), float(np.sqrt(variance))
+    if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > FARTHEST**2 * which.size:
+        return heat, sd
+    weighted = np.linalg.solve(M, s)
+    variance = 1 / (1 / sd**2 + float(weighted @ s))
+    return heat + variance * float(weighted @ d), float(np.sqrt(variance))
 
 
 # --- Records, whose first heat is found afterwards --------------------------------------------------------------------
@@ -203,7 +214,7 @@ def _first_heat(
         monitor.update(part)
         rest = more if more is not None else rest
     plain.take(record.t_us[:taken], record.y[:taken], None)
-    if alone.since_us != int(record.t_us[0]):
+    if alone.losses > 1:
         return None  # a pause in between, of which nothing is known
     # What was observed is a difference to the heat without, which has decayed since the first sample.
     kept = thermal.model.kept((int(record.t_us[taken - 1]) - int(record.t_us[0])) * 1e-6)

@@ -42,7 +42,7 @@ class Deviations(NamedTuple):
     d: Floats
     covariance: Floats
     tolerated: Floats
-    """nu (p,): deviation per sample that the tests tolerate"""
+    """(p,) deviation that the tests tolerate: nu, or what the multi-model detector allows for where it alarms"""
     allowance: Floats
     """(p,) what healthy records differ by"""
 
@@ -89,10 +89,12 @@ class LaneStatus:
         if st.seed_left[a] or st.t[a] == NEVER:
             return None
         d = st.theta[:, a] - self._model.theta0 - st.shift[:, a]
+        nu = np.array([self._nu(i, float(st.P[i, i, a])) for i in range(len(d))])
+        errors = self._settings.model_errors(len(d)) * self._model.scale
         return Deviations(
             np.where(st.observed[:, a] == UNSEEN, math.nan, d),
             self._covariance(),
-            np.array([self._nu(i, float(st.P[i, i, a])) for i in range(len(d))]),
+            np.where(errors > 0, errors, nu) if self._by_models else nu,
             self._batch.allowance[:, a].copy(),
         )
 

@@ -88,6 +88,4 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
 
 
 def _drive(model: ModelConfig) -> str:
-    if model.components:
-        return f"drawn, {len(model.components)} components"
     return Path(model.drive).name if model.drive.endswith(SUFFIX) else model.drive

@@ -13,9 +13,8 @@ from service.commands.exit_codes import explained
 from service.commands.options import AxisName, ConfigPath, axis_of, names_in
 from service.commands.output_files import write
 from service.commands.planned_motion import MotionRequest, planned, torque_columns
-from service.reports.excitation_report import as_csv, as_picture, print_text
+from service.reports.excitation_report import as_csv, print_text
 
-_FORMS = (".svg", ".png")
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE.csv", help="Where to write it.", show_default=False)
 ]
@@ -40,9 +39,6 @@ As = Annotated[
     typer.Option("--as", help="What is given to the axis: torque, or a reference to follow."),
 ]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Repeat the same phases.")]
-Picture = Annotated[
-    Path | None, typer.Option("--picture", metavar="FILE.svg|.png", help="Also draw a picture.")
-]
 
 
 def excite(
@@ -59,22 +55,16 @@ def excite(
     free: Free = "",
     as_: As = "torque",
     seed: Seed = None,
-    picture: Picture = None,
 ) -> None:
     """Plan a motion for identification: a multisine as large as the limits allow, and what it will determine.
 
     From rest and back to it: a warm-up, then whole periods. At least one of --torque-limit, --speed-limit and
     --angle-limit is needed. The predicted standard deviations hold for the configured drive and noise.
     """
-    if picture is not None and picture.suffix not in _FORMS:
-        raise typer.BadParameter(f"{picture}: must end with .svg or .png", param_hint="--picture")
     found = axis_of(config, axis)
     limits = (torque_limit, speed_limit, angle_limit)
     request = MotionRequest(seconds, periods, band, *limits, names_in(find), names_in(free), as_)
     with explained(ValueError):
         experiment = planned(found, request, np.random.default_rng(seed))
     write(output, as_csv(experiment, torque_columns(found)))
-    if picture is not None:
-        form = picture.suffix.removeprefix(".")
-        write(picture, as_picture(experiment, f"Experiment for {found.id}", form))
     print_text(experiment, found.id, Console(highlight=False))

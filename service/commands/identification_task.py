@@ -179,7 +179,7 @@ def prepare(
 
 def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
     """Name and sha256 of the Modelica file of an axis; None: its drive has no file of its own."""
-    if axis.model.components or not axis.model.drive.endswith(SUFFIX):
+    if not axis.model.drive.endswith(SUFFIX):
         return None
     path = Path(axis.model.drive)
     return path.name, hashlib.sha256(path.read_bytes()).hexdigest()

@@ -21,6 +21,9 @@ _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = 
 """The model of every proposed axis: the motion of production seldom determines springs."""
 _INTERVAL_S = 0.005
 _BUS = "can0"
+_RATED_CURRENT = ("rated_current_A", "0x6075 (mA)", "0x6078")
+_RATED_TORQUE = ("rated_torque_Nm", "0x6076 (mN m)", "0x6077")
+"""Key, and the objects that hold the rated value and the measured one, of drives that send currents, and torques"""
 
 
 def table_lines(found: TableRoles, record: str, interval_s: float | None) -> Iterator[str]:
@@ -69,18 +72,9 @@ def drive_lines(
     yield "[robot.defaults.canopen]"
     yield f"eds = {toml_value(os.path.relpath(eds.resolve(), output.resolve().parent))}"
     known = "in this file; compare "
-    if current:
-        value, where = (
-            first.rated or 1.0,
-            f"object 0x6075 (mA), {known if first.rated else ''}data sheet of the motor",
-        )
-        yield f"#rated_current_A = {value:.10g}  # {where}: 0x6078 is in thousandths of it"
-    else:
-        value, where = (
-            first.rated or 1.0,
-            f"object 0x6076 (mN m), {known if first.rated else ''}data sheet of the motor",
-        )
-        yield f"#rated_torque_Nm = {value:.10g}  # {where}: 0x6077 is in thousandths of it"
+    key, rated, measured = _RATED_CURRENT if current else _RATED_TORQUE
+    where = f"object {rated}, {known if first.rated else ''}data sheet of the motor"
+    yield f"#{key} = {first.rated or 1.0:.10g}  # {where}: {measured} is in thousandths of it"
     if first.motion == VELOCITY:
         yield 'motion = "speed"'
         yield '#speed_unit = "rpm"  # of object 0x606C, or "counts/s": manual of the drive'

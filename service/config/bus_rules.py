@@ -1,4 +1,4 @@
-"""Cross-checks of names, buses, their messages and the web: references exist, nothing is used twice."""
+"""Cross-checks of names, buses and their messages: references exist, nothing is used twice."""
 
 from collections.abc import Iterator, Sequence
 from functools import cache, partial
@@ -24,7 +24,6 @@ from service.config.schema import (
     MessageConfig,
     RobotConfig,
     SignalConfig,
-    WebConfig,
 )
 from service.config.toml_lines import Keys
 
@@ -269,15 +268,7 @@ def counters_beside_values(config: Config) -> Iterator[Finding]:
             )
 
 
-def certificate_and_key(config: Config) -> Iterator[Finding]:
-    """Neither comes alone.  Whether they fit is seen at the start: not everyone who reads this may read the key."""
-    for given, lacking in (("certificate", "key"), ("key", "certificate")):
-        if getattr(config.web, given) is not None and getattr(config.web, lacking) is None:
-            yield Finding(("web", lacking), f"{_missing(WebConfig, lacking)}: {given} is given")
-
-
 CONFIG_RULES = (
-    certificate_and_key,
     names,
     channels,
     recording_channels,

@@ -1,4 +1,4 @@
-"""Drives by the names that a user gives: a Modelica file, a drive of the library, components in the configuration.
+"""Drives by the names that a user gives: a Modelica file, or a drive of the library.
 
 Each drive is read, reduced to its state space and converted once in a process, however many axes have it.  Mistakes in
 a drawing are reported with its file and line; each function raises ModelError where there is no drive.
@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import service
 from monitor_core.drive import Drive, Output
-from monitor_core.modeling import FlatComponent, FlatModel, ModelError, Origin, StateSpace
+from monitor_core.modeling import DRAWINGS, FlatComponent, FlatModel, ModelError, Origin, StateSpace
 from monitor_core.wording import did_you_mean
 from service.config.base_table import SUFFIX
 
@@ -21,11 +21,7 @@ if TYPE_CHECKING:
     from service.config.schema import AxisConfig
 
 LIBRARY: Mapping[str, str] = MappingProxyType(
-    {
-        name: f"drives/{name.replace('-', '_')}.mo"
-        for masses in ("one", "two", "three", "five")
-        for name in (f"{masses}-mass", f"{masses}-mass-weight")
-    }
+    {name: f"drives/{name.replace('-', '_')}.mo" for name in DRAWINGS}
 )
 """The drives that come with the program: name and file."""
 
@@ -42,10 +38,9 @@ class Modelled(NamedTuple):
 def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
     """The drive of a configured axis, for what is measured there or for the ``output`` given."""
     m, measured = axis.model, output or axis.output
-    if m.components:
-        return model_of_drawing(m.components, measured)
     if m.drive in LIBRARY and m.drive_model is None:
-        return _of_python(m.drive, measured)
+        # As drawn in Python, without values: a daemon need not load the Modelica parser.
+        return _once(m.drive, measured, DRAWINGS[m.drive].flat, None)
     return model_called(m.drive, m.drive_model, measured)
 
 
@@ -62,26 +57,6 @@ def model_called(name: str, model: str | None = None, output: Output | None = No
         raise ModelError(f'no such drive: {hint}; the name of a Modelica file ends with "{SUFFIX}"')
     path = shipped(LIBRARY[name])
     return _model_of_text(path.name, _text(path), model, output, name)
-
-
-def _of_python(name: str, output: Output) -> Modelled:
-    """The same drive of the library drawn in Python, without values: a daemon need not load the Modelica parser."""
-    from monitor_core.modeling import drive_drawings
-
-    draw = getattr(drive_drawings, name.replace("-", "_"))
-    return _once(name, output, lambda: draw().flat(), None)
-
-
-def model_of_drawing(components: Mapping[str, Mapping[str, Any]], output: Output | None = None) -> Modelled:
-    """The drive of components by name: {"motor": {"type": "inertia", "at": "shaft", "J": "Jm"}, ...}."""
-    tables = [{**table, "name": name} for name, table in components.items()]
-
-    def read() -> FlatModel:
-        from monitor_core.modeling import from_tables
-
-        return from_tables("drawn", tables, origins=[Origin(name) for name in components]).flat()
-
-    return _once(repr(tables), output, read, None)
 
 
 def _model_of_text(

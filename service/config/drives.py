@@ -41,8 +41,7 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
     Those of a file of nominal values take precedence over the drawing's; a cross-check compares them with the
     configuration. The values of the library are those of one robot, so they are not used.
     """
-    is_library = not axis.model.components and not axis.model.drive.endswith(SUFFIX)
-    drawn = {} if is_library else model_of_axis(axis).values
+    drawn = model_of_axis(axis).values if axis.model.drive.endswith(SUFFIX) else {}
     found = axis.model.nominal_file
     return {**drawn, **axis.model.nominal, **(found.values if found else {})}
 

@@ -17,6 +17,7 @@ RENAMED_KEYS: Mapping[str, str] = {
 }
 """Keys of earlier versions: an old key is an error that names the new one."""
 REMOVED_KEYS: Mapping[str, str] = {
+    "components": 'draw the drive as a Modelica file, and give drive = "....mo" instead',
     "forgetting": "give memory_s = sample_interval_s / (1 - forgetting) instead",
     "history_length_s": "the history is kept in a file: give history_raw_days instead",
     "gain": "follows from torque_noise and output_noise, or from an identification: give nominal_file",

@@ -1,11 +1,11 @@
-"""Cross-checks of [links]: names, secrets, encryption, and whether the program can do it at all."""
+"""Cross-checks of [links] and [web]: names, secrets, encryption, and whether the program can do it at all."""
 
 from collections.abc import Iterator
 from importlib.util import find_spec
 
 from service.config.problems import Finding
 from service.config.schema import Config
-from service.config.schema_links import MqttConfig, SmtpConfig, is_local
+from service.config.schema_links import ServerLink, is_local
 from service.config.toml_lines import Keys
 
 RESERVED = ("mqtt", "smtp", "opcua")
@@ -34,7 +34,7 @@ def link_secrets(config: Config) -> Iterator[Finding]:
             yield from (finding.inside(("links", name)) for finding in _login(link))
 
 
-def _login(link: MqttConfig | SmtpConfig) -> Iterator[Finding]:
+def _login(link: ServerLink) -> Iterator[Finding]:
     given = link.password_file is not None or link.password_env is not None
     if given and link.user is None:
         yield Finding(("user",), "missing: it is needed with a password")
@@ -52,15 +52,17 @@ def link_encryption(config: Config) -> Iterator[Finding]:
         yield Finding(("links", "smtp", "security"), message)
 
 
-def opcua_certificate(config: Config) -> Iterator[Finding]:
-    """A certificate has its key, and other machines reach the server only by encrypted connections."""
+def certificates(config: Config) -> Iterator[Finding]:
+    """A certificate has its key, and other machines reach OPC UA only by encrypted connections.
+
+    Whether they fit is seen at the start: not everyone who reads this may read the key.
+    """
     opcua, path = config.links.opcua, ("links", "opcua")
-    if opcua is None:
-        return
-    for given, lacking in (("certificate", "key"), ("key", "certificate")):
-        if getattr(opcua, given) is not None and getattr(opcua, lacking) is None:
-            yield Finding((*path, lacking), f"missing: it belongs to {given}")
-    if not is_local(opcua.host) and opcua.certificate is None and opcua.key is None:
+    for where, table in ((("web",), config.web), (path, opcua)):
+        for given, lacking in (("certificate", "key"), ("key", "certificate")):
+            if getattr(table, given, None) is not None and getattr(table, lacking) is None:
+                yield Finding((*where, lacking), f"missing: it belongs to {given}")
+    if opcua is not None and not is_local(opcua.host) and opcua.certificate is None and opcua.key is None:
         message = 'other machines reach this host: give certificate and key, or host = "127.0.0.1"'
         yield Finding((*path, "host"), message)
 
@@ -72,4 +74,4 @@ def link_extras(config: Config) -> Iterator[Finding]:
             yield Finding(("links", name), f"needs another package: pip install axiswatch[{name}]")
 
 
-LINK_RULES = (link_names, link_secrets, link_encryption, opcua_certificate, link_extras)
+LINK_RULES = (link_names, link_secrets, link_encryption, certificates, link_extras)

@@ -25,38 +25,26 @@ from service.config.schema import AxisConfig
 from service.config.toml_lines import Keys
 
 _SAME = 1e-6
+DRIVE: Keys = ("model", "drive")
 
 
 # --- The drive --------------------------------------------------------------------------------------------------------
 
 
-def one_drive(axis: AxisConfig) -> Iterator[Finding]:
-    """A drive is named or drawn, not both; it can be modelled, and its inputs computed from what is measured."""
-    model = axis.model
-    twice = [key for key in ("drive", "drive_model") if model.components and key in model.model_fields_set]
-    for key in twice:
-        message = "the drive is drawn already: remove this, or"
-        yield Finding(("model", key), message, ("model", "components"))
-    place = _drive_key(axis)
+def possible_drive(axis: AxisConfig) -> Iterator[Finding]:
+    """The drive can be modelled, and its inputs computed from what is measured."""
     try:
-        drive = watched_drive(axis, _measured(axis))
+        if wrong := _model_error(watched_drive(axis, _measured(axis)), {}):
+            yield Finding(DRIVE, str(wrong))
     except ModelError as error:
-        component = error.origin.component.split(".")[0]
-        yield Finding((*place, component) if component in model.components else place, str(error))
-        return
-    if not twice and (wrong := _model_error(drive, {})):
-        yield Finding(place, str(wrong))
+        yield Finding(DRIVE, str(error))
 
 
 def usable_drive(axis: AxisConfig) -> Drive:
     """The drive as it is monitored; if there is none, another check reports it."""
-    if any(one_drive(axis)):
+    if any(possible_drive(axis)):
         raise Undecidable("drive")
     return watched_drive(axis, _measured(axis))
-
-
-def _drive_key(axis: AxisConfig) -> Keys:
-    return ("model", "components" if axis.model.components else "drive")
 
 
 def _measured(axis: AxisConfig) -> Output | None:
@@ -206,7 +194,7 @@ def complete_model(axis: AxisConfig) -> Iterator[Finding]:
     except KeyError:  # a wrong value counts as missing here
         return
     except ValueError as error:
-        yield Finding(_drive_key(axis), str(error))
+        yield Finding(DRIVE, str(error))
 
 
 # --- Limits of the long-term trend ------------------------------------------------------------------------------------
@@ -293,7 +281,7 @@ def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
 
 
 MODEL_RULES = (
-    one_drive,
+    possible_drive,
     nominal_values,
     merged_values,
     monitored,

@@ -70,38 +70,11 @@ class WebhookConfig(AlarmLimits):
     """time in which the receiver must answer [s]"""
 
 
-class MqttConfig(AlarmLimits):
-    """[links.mqtt]: states of the axes and alarms to a broker, MQTT 5."""
+class ServerLink(AlarmLimits):
+    """A link to a server at which the daemon logs in."""
 
     host: Text
-    """name or address of the broker"""
-    port: Port = 8883
-    """TCP port of the broker"""
-    tls: bool = Field(True, strict=True)
-    """whether the broker speaks TLS; its certificate is verified"""
-    ca_file: FilePath | None = None
-    """PEM file of the authority that has signed the broker's certificate; default: the known ones"""
-    user: Text | None = None
-    """name by which the daemon logs in"""
-    password_file: FilePath | None = None
-    """file whose text is the password"""
-    password_env: Variable | None = None
-    """variable of the environment with the password; where it is set, the file is not read"""
-    prefix: Topic = "axiswatch"
-    """beginning of all topics; another one for each daemon at the broker"""
-    interval_s: Positive = Field(10.0, ge=1, le=3600)
-    """time between two states of an axis [s]"""
-
-
-class SmtpConfig(AlarmLimits):
-    """[links.smtp]: a message for each new alarm and for its end; many at a time are one message."""
-
-    host: Text
-    """name or address of the mail server"""
-    port: Port = 587
-    """TCP port of the mail server"""
-    security: Literal["starttls", "tls", "none"] = "starttls"
-    """"starttls", "tls" from the first byte, or "none", without a password and only on this machine"""
+    """name or address of the server"""
     ca_file: FilePath | None = None
     """PEM file of the authority that has signed the server's certificate; default: the known ones"""
     user: Text | None = None
@@ -110,6 +83,28 @@ class SmtpConfig(AlarmLimits):
     """file whose text is the password"""
     password_env: Variable | None = None
     """variable of the environment with the password; where it is set, the file is not read"""
+
+
+class MqttConfig(ServerLink):
+    """[links.mqtt]: states of the axes and alarms to a broker, MQTT 5."""
+
+    port: Port = 8883
+    """TCP port of the broker"""
+    tls: bool = Field(True, strict=True)
+    """whether the broker speaks TLS; its certificate is verified"""
+    prefix: Topic = "axiswatch"
+    """beginning of all topics; another one for each daemon at the broker"""
+    interval_s: Positive = Field(10.0, ge=1, le=3600)
+    """time between two states of an axis [s]"""
+
+
+class SmtpConfig(ServerLink):
+    """[links.smtp]: a message for each new alarm and for its end; many at a time are one message."""
+
+    port: Port = 587
+    """TCP port of the mail server"""
+    security: Literal["starttls", "tls", "none"] = "starttls"
+    """"starttls", "tls" from the first byte, or "none", without a password and only on this machine"""
     sender: MailAddress
     """address of the sender"""
     to: tuple[MailAddress, ...] = Field(min_length=1, max_length=50)

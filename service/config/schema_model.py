@@ -1,6 +1,6 @@
 """The keys of the model of an axis and its monitoring: drive, values, limits; estimator, detectors, trend, alarms."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
@@ -63,8 +63,6 @@ class ModelConfig(Table):
     """name of a drive that comes with the program, or "....mo", a file"""
     drive_model: Text | None = None
     """which model, of a Modelica file with more than one"""
-    components: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    """the drive drawn here, in place of one by name: name = { type, at, ... }"""
     monitor: tuple[Text, ...] = Field(min_length=1)
     """parameters to estimate, e.g. ["kT", "1/Ja", "fm"]"""
     friction_speed_scale: Positive = 1.0

@@ -1,10 +1,9 @@
-"""A planned experiment: the table for the terminal, the CSV file, and the picture."""
+"""A planned experiment: the table for the terminal, and the CSV file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from io import BytesIO, StringIO
-from typing import TYPE_CHECKING
+from io import StringIO
 
 import numpy as np
 from rich.console import Console
@@ -13,10 +12,6 @@ from rich.table import Table
 from monitor_core.excitation import PlannedExperiment, warnings
 from monitor_core.wording import percent
 from service.config.unit_names import UNITS
-from service.reports.plot_style import on_light
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 QUANTITIES = ("torque", "speed", "angle")
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
@@ -94,63 +89,3 @@ def _gained(experiment: PlannedExperiment) -> Iterator[str]:
         return
     each = ", ".join(f"{name} {gain:.2g}" for name, gain in experiment.gains.items())
     yield f"The spectrum is made for what is to be found: so many times as accurate as a flat one: {each}."
-
-
-# --- The picture: its motion within the limits, and its spectrum ------------------------------------------------------
-
-
-_INK, _LIMIT, _BAND = (on_light(name) for name in ("text", "alarm", "zone"))
-
-
-def as_picture(experiment: PlannedExperiment, title: str, form: str) -> bytes:
-    """The picture as "png" or "svg"."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 8.2), layout="constrained")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=13)
-    motion, spectrum = np.asarray(figure.subfigures(2, 1, height_ratios=(3, 1)))
-    _course(np.asarray(motion.subplots(3, 1, sharex=True)), experiment)
-    _spectrum(spectrum.subplots(), experiment)
-    for axes in figure.axes:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=9)
-    out = BytesIO()
-    figure.savefig(out, format=form, dpi=130, metadata={"Date": None} if form == "svg" else None)
-    return out.getvalue()
-
-
-def _course(rows: np.ndarray, experiment: PlannedExperiment) -> None:
-    motion, task = experiment.motion, experiment.task
-    t = np.arange(len(motion.torque)) * task.plant.interval_s
-    limits = task.limits.by_name()
-    for axes, name in zip(rows, QUANTITIES, strict=True):
-        evaluated = t[task.schedule.evaluated]
-        axes.axvspan(evaluated[0], evaluated[-1], color=_BAND, linewidth=0)
-        axes.plot(t, getattr(motion, name), linewidth=0.8, color=_INK)
-        if np.isfinite(limits[name]):
-            for limit in (-limits[name], limits[name]):
-                axes.axhline(limit, color=_LIMIT, linewidth=1.2, linestyle=(0, (2, 3)))
-        axes.set_ylabel(f"{name} [{UNITS[name]}]")
-        axes.margins(x=0)
-        axes.set_title(_used(experiment, name), loc="right", fontsize=9)
-    rows[0].set_title("shaded: whole periods", loc="left", fontsize=9)
-    rows[-1].set_xlabel("time [s]")
-
-
-def _used(experiment: PlannedExperiment, name: str) -> str:
-    share = experiment.used[name]
-    if not np.isfinite(experiment.task.limits.by_name()[name]):
-        return "no limit"
-    binds = ", binds" if experiment.trial.fitted.binding == name else ""
-    return f"{100 * share:.0f} % of the limit{binds}"
-
-
-def _spectrum(axes: Axes, experiment: PlannedExperiment) -> None:
-    signal = experiment.trial.signal
-    axes.vlines(signal.frequency_hz, 0, signal.amplitudes, color=_INK, linewidth=1)
-    axes.plot(signal.frequency_hz, signal.amplitudes, ".", color=_INK, markersize=3)
-    axes.set_xlim(0, float(signal.frequency_hz.max()) * 1.05)
-    axes.set_ylim(bottom=0)
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("amplitude of torque [N m]")
-    axes.set_title(f"spectrum; crest factor {experiment.crest:.2f}", loc="left", fontsize=10)

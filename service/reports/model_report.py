@@ -219,18 +219,25 @@ def _sentences(sentences: Iterable[str]) -> RenderableType | None:
     return table if table.row_count else None
 
 
-# --- A, B and C in lines of text: as matrices where they fit, else as equations ---------------------------------------
+# --- A, B and C in lines of text: as matrices where they fit, else entry by entry ------------------------------------
 
 
 _GAP = 3
 
 
 def _state_space(space: StateSpace, width: int, ascii_only: bool) -> RenderableType | None:
-    """The three matrices if they fit, else x' and y row by row."""
+    """The three matrices if they fit, else the entries that are not zero."""
     blocks = [matrix(letter, cells, ascii_only) for letter, cells in matrices(space).items()]
     if all(len(line) <= width for block in blocks for line in block):
         return _lines([line for block in blocks for line in (*block, "")][:-1])
-    return _grid(((left, " ".join(terms)) for left, *terms in equations(space)), gap=1)
+    rows = ((letter, *entry) for letter, M in matrices(space).items() for entry in _entries(M))
+    return _grid(((f"{letter}[{i},{j}] =", text) for letter, i, j, text in rows), gap=1)
+
+
+def _entries(M: list[list[str]]) -> Iterator[tuple[int, int, str]]:
+    """Row and column, from 1 on, and the text of what is not zero."""
+    for i, row in enumerate(M, 1):
+        yield from ((i, j, text) for j, text in enumerate(row, 1) if text != "0")
 
 
 def matrix(letter: str, cells: list[list[str]], ascii_only: bool = False) -> list[str]:
@@ -245,41 +252,6 @@ def matrix(letter: str, cells: list[list[str]], ascii_only: bool = False) -> lis
         brackets = "[]" if ascii_only or not last else brackets
         lines.append(f"{head}{brackets[0]} {body} {brackets[1]}")
     return lines
-
-
-def equations(space: StateSpace) -> Iterator[list[str]]:
-    """``["x3' =", "-kg*r/Jm*x1", "+ kT/Jm*u1"]``: each row as its left side and its terms."""
-    n, m, outputs = len(space.states), len(space.inputs), len(space.sensors)
-    for row in range(n):
-        terms = [(space.A.get((row, i)), f"x{i + 1}") for i in range(n)]
-        terms += [(space.B.get((row, i)), f"u{i + 1}") for i in range(m)]
-        yield [f"x{row + 1}' =", *_sum(terms)]
-    for row in range(outputs):
-        yield [f"y{row + 1} =", *_sum([(space.C.get((row, i)), f"x{i + 1}") for i in range(n)])]
-
-
-def _sum(terms: list[tuple[Laurent | None, str]]) -> Iterator[str]:
-    first = True
-    for coefficient, symbol in terms:
-        if not coefficient:
-            continue
-        text = product(coefficient, symbol)
-        sign, rest = ("-", text[1:]) if text.startswith("-") else ("+", text)
-        yield (text if first else f"{sign} {rest}")
-        first = False
-    if first:
-        yield "0"
-
-
-def product(coefficient: Laurent, symbol: str) -> str:
-    """``-kg*r/Jm*x1``; sums in brackets."""
-    if coefficient == Laurent.number(1):
-        return symbol
-    if coefficient == Laurent.number(-1):
-        return f"-{symbol}"
-    text = str(coefficient)
-    bare = not coefficient.is_unit and coefficient.common_factor()[0] == Laurent.number(1)
-    return f"({text})*{symbol}" if bare else f"{text}*{symbol}"
 
 
 # --- JSON -------------------------------------------------------------------------------------------------------------

@@ -29,13 +29,13 @@ _MEANINGS = {DELAY: "delay of the torque", LOAD: "weight of arm and payload, rel
 """Meanings of what is watched and is no parameter of the drive"""
 _MISSING = {
     Effect.POSE: (
-        "torque depends on the angle, as that of a weight does: add gravity to the drive (AxisWatch.Gravity, or"
-        ' type = "gravity" in [robot.axis.model.components])'
+        "torque depends on the angle, as that of a weight does: take a drive with a weight (of the library one such as"
+        ' "one-mass-weight"; in a Modelica file AxisWatch.Gravity)'
     ),
     Effect.COULOMB: (
-        'friction does not vanish with the speed: add Coulomb friction to the drive (type = "coulomb-friction")'
+        "friction does not vanish with the speed: add Coulomb friction to the drive (AxisWatch.CoulombFriction)"
     ),
-    Effect.OFFSET: 'a constant torque acts: add an offset to the drive (type = "torque-offset")',
+    Effect.OFFSET: "a constant torque acts: add an offset to the drive (AxisWatch.TorqueOffset)",
     Effect.FRICTION_CURVE: (
         "friction is another function of the speed (Stribeck) than fm and fc describe: give records at the speeds of"
         " production"

@@ -11,8 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from service.reports.formats import TEMPLATES
-
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
@@ -22,13 +20,6 @@ TEXT, QUIET, GRID, BAND, ZONE, PANEL, ALARM, ALARM_BACK = (f"#01010{k}" for k in
 """Stand for colours of the page, which COLOURS names."""
 _NAMES = ("text", "quiet", "line", "band", "zone", "panel", "alarm", "alarm-back")
 COLOURS = {f"#01010{k}": name for k, name in enumerate(_NAMES, 1)}
-
-
-def on_light(name: str) -> str:
-    """A colour of the page as it is in the light, for a picture that stands alone."""
-    tokens = (TEMPLATES / "tokens.css").read_text(encoding="utf-8")
-    return str(re.findall(rf"--{name}: (#\w+);", tokens)[0])
-
 
 Look = dict[str, Any]
 ESTIMATE: Look = {"color": TEXT, "lw": 1.3}

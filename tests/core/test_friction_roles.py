@@ -8,6 +8,7 @@ from monitor_core.drive.friction_roles import braking, friction_of
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.drawing import Drawing, part
 from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass
 from monitor_core.modeling.statespace import drive_of
 
@@ -19,7 +20,7 @@ NAMED_OTHERWISE = Drawing(
         part("inertia", "motor", "shaft", J="m1"),
         part("viscous-friction", "bearing", "shaft", d="fv"),
         part("coulomb-friction", "seal", "shaft", fc="fs"),
-        part("ideal-gear", "gearbox", "shaft", "output", ratio="1/n"),
+        part("ideal-gear", "gearbox", "shaft", "output", ratio=Laurent.symbol("n", -1)),
         part("spring-damper", "belt", "load", "output", c="k", d="d"),
         part("inertia", "arm", "load", J="m2"),
         part("viscous-friction", "far_bearing", "load", d="fl"),

@@ -67,6 +67,27 @@ def test_a_pause_cools() -> None:
     assert heat_of(axis, pause_us, np.array([t_us[-1] * 1e-5]))[0] == pytest.approx(warm * math.exp(-0.5))
     assert axis.thermal is not None
     assert axis.thermal.known
+    # One that cools half as fast would be warmer by so much.
+    slower = warm * (math.exp(-0.25) - math.exp(-0.5))
+    assert axis.thermal.sd == pytest.approx(slower)
+    # So it is after a further pause: most of the doubt of the first one has gone with the heat.
+    heat_of(axis, pause_us + 3_000_000_000, np.array([t_us[-1] * 1e-5]))
+    more = warm * math.exp(-0.5) * (math.exp(-2.5) - math.exp(-5.0))
+    assert axis.thermal.sd == pytest.approx(math.hypot(slower * math.exp(-5.0), more))
+
+
+def test_many_short_pauses_doubt_less_than_a_long_one() -> None:
+    """As there is motion in between; and the doubt of a heat that is not known hardly grows by them."""
+    cold, unknown = operating(COLD), operating(UNKNOWN)
+    t_us = np.cumsum(np.where(np.arange(600) % 2, 2_000_000, 100_000))
+    for axis in (cold, unknown):
+        heat_of(axis, t_us, np.full(t_us.size, 10.0))
+    assert cold.thermal is not None
+    assert unknown.thermal is not None
+    assert 0 < cold.thermal.sd < 0.1
+    alone = 15.0 * math.exp(-(t_us[-1] - t_us[0]) * 1e-6 / 600.0)
+    assert alone < unknown.thermal.sd < 1.01 * alone
+    assert unknown.thermal.since_us == t_us[0]
 
 
 @pytest.mark.parametrize(("later_s", "way"), [(300.0, 1.5), (-100.0, 0.0)], ids=["it moved", "clock set"])
@@ -148,7 +169,8 @@ def test_what_it_did_while_nothing_was_received(unwatched: Unwatched, pause_s: f
     assert thermal is not None
     more = (1 - a) * 15.0 if unwatched == "unknown" else 0.0
     assert heat == pytest.approx(a * warm + more)
-    assert thermal.sd == pytest.approx(more)
+    slower = (math.sqrt(a) - a) * warm
+    assert thermal.sd == pytest.approx(more if unwatched == "unknown" else slower)
     assert thermal.known == (unwatched == "stood")
     # A pause while it is received is one in which it stood.
     (last,) = heat_of(after, later_us + round(pause_s * 1e6), t_us[-1:] * 1e-5)

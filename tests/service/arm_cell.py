@@ -31,15 +31,6 @@ START = {
     "shoulder": {"kT": 1.0, "J": 7e-3, "fm": 4e-3, "fc": 0.3, "tau0": -1.0},
     "elbow": {"kT": 1.0, "J": 3e-3, "fm": 1.5e-3, "fc": 0.1, "tau0": -0.4},
 }
-DRIVE = """\
-[robot.axis.model.components]
-motor = { type = "torque", at = "shaft", kT = "kT" }
-mass = { type = "inertia", at = "shaft", J = "J" }
-bearing = { type = "viscous-friction", at = "shaft", d = "fm" }
-friction = { type = "coulomb-friction", at = "shaft", fc = "fc" }
-offset = { type = "torque-offset", at = "shaft", tau0 = "tau0" }
-encoder = { type = "angle-sensor", at = "shaft" }
-"""
 
 
 def write(path: Path, samples: ArmSamples) -> Path:
@@ -67,7 +58,7 @@ estimator = {{ memory_s = {MEMORY_S} }}
 """
         for k in (2, 3):
             text += f'[[robot.axis.signal]]\nname = "q{k}"\ncolumn = "angle{k}"\nfactor = {R}\n'
-        text += f"[robot.axis.model]\nmonitor = {list(monitor)}\n{models[axis]}\n{DRIVE}"
+        text += f"[robot.axis.model]\ndrive = 'one-mass'\nmonitor = {list(monitor)}\n{models[axis]}\n"
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path

@@ -1,6 +1,6 @@
 """The kinds of components of a drive: flanges, parameters, equations.
 
-One definition serves drawings (drawing/) and Modelica texts (modelica/).  Names, signs and equations are those of
+One definition serves drawings (drawing.py) and Modelica texts (modelica/).  Names, signs and equations are those of
 Modelica's standard library: ``tau`` of a flange is the torque that acts on the component there, and angles count from
 rest, where no spring is under tension.
 """
@@ -29,7 +29,6 @@ class Role:
     unit: str
     meaning: str
     positive: bool = False
-    default: float | None = None
     signed: bool = False
     nonnegative: bool = False
 
@@ -201,7 +200,7 @@ _GC = Role("gc", "N m", "gravity torque by the cosine")
 _GS = Role("gs", "N m", "gravity torque by the sine")
 _TAU0 = Role("tau0", "N m", "torque offset")
 # relative to the one that the controller uses
-_KT = Role("kT", "1", "torque constant", positive=True, default=1.0)
+_KT = Role("kT", "1", "torque constant", positive=True)
 _K = Role("k", "", "gain")
 
 KINDS: Mapping[str, Kind] = MappingProxyType(

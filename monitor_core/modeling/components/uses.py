@@ -17,14 +17,13 @@ from monitor_core.modeling.laurent import Laurent, Monomial
 class Use(NamedTuple):
     """A use of parameters in a component: the expression there, the required unit ("": any), the place, and the role.
 
-    ``role`` is None for an equation of the user's own.  ``number``: what was drawn in the place of an expression.
+    ``role`` is None for an equation of the user's own.
     """
 
     value: Laurent
     unit: str
     origin: Origin
     role: Role | None = None
-    number: float | None = None
 
     def __str__(self) -> str:
         role = f"{self.role.name} ({self.role.meaning})" if self.role else ""

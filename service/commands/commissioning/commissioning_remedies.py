@@ -83,8 +83,6 @@ def retry(
     """
     watched = watched_in(report)
     if report.rejection or not watched:
-        if axis.config.model.components:
-            return None  # what the user has drawn is not replaced
         if not tried and axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY and (weight := links()):
             return _with_links(text, axis, weight)
         missing = report.result.verdict.missing

@@ -11,8 +11,8 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import speed_scales
 from monitor_core.identification.records.standstill import find_standstill
 from monitor_core.identification.verdict import Quality
-from monitor_core.modeling.drive_drawings import one_mass
 from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import drive_of
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import H, healthy, picks
@@ -57,7 +57,7 @@ def test_an_axis_that_stands_at_first_is_identified(seed: int, stands_s: float) 
     u = 2e-3 * np.gradient(w, step) + 5e-3 * w + 0.5 * np.tanh(w / 0.5)
     w, u = w + rng.normal(0, 0.02, t.size), u + rng.normal(0, 0.02, t.size)
     true = {"J": 2e-3, "fm": 5e-3, "fc": 0.5}
-    drive = drive_of(eliminate(one_mass().flat(), "speed"))
+    drive = drive_of(eliminate(DRAWINGS["one-mass"].flat(), "speed"))
     problem = Problem(drive, {**true, "tau0": 0.0, "kT": 1.0}, tuple(true), speed_scale=0.5, min_speed=2.0)
     found = fit(problem, [Record(t, u, w, "speed")])
     assert found.converged

@@ -1,22 +1,14 @@
-"""The drive that is drawn in several ways: in Python, and as tables of a configuration file."""
+"""Drives drawn for tests."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from monitor_core.modeling.drawing import Drawing, part
 
-TABLES: list[dict[str, Any]] = [
-    {"type": "torque", "name": "torque", "at": "shaft", "kT": "kT"},
-    {"type": "inertia", "name": "motor", "at": ["shaft"], "J": "Jm"},
-    {"type": "viscous-friction", "name": "bearing", "at": "shaft", "d": "fm"},
-    {"type": "spring-damper", "name": "belt", "at": ["shaft", "load"], "c": "k", "d": "d"},
-    {"type": "inertia", "name": "arm", "at": "load", "J": "Ja"},
-    {"type": "speed-sensor", "name": "encoder", "at": "shaft"},
-]
 
-
-def two_mass(**nominal: float) -> Drawing:
+def two_mass() -> Drawing:
     return Drawing(
         "two-mass",
         [
@@ -27,5 +19,17 @@ def two_mass(**nominal: float) -> Drawing:
             part("inertia", "arm", "load", J="Ja"),
             part("speed-sensor", "encoder", "shaft"),
         ],
-        nominal,
     )
+
+
+def drawn(parts: Iterable[Mapping[str, Any]], name: str = "random") -> Drawing:
+    """The drawing of a random drive's parts; the node "ground" is fixed."""
+    components = [
+        part(
+            p["type"], p["name"], *p["at"], **{k: v for k, v in p.items() if k not in ("type", "name", "at")}
+        )
+        for p in parts
+    ]
+    if any("ground" in each.nodes for each in components):
+        components.append(part("fixed", "ground", "ground"))
+    return Drawing(name, components)

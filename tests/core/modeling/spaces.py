@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from monitor_core.drive.structure import Output, Quantity
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
-from monitor_core.modeling.drawing.expressions import parse
-from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import Definition, Report, StateSpace
+from tests.core.modeling.expressions import parse
 
 UNITS = {"kT": "1", "M": "kg m^2", "J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad"}
 INPUTS = {
@@ -76,7 +76,7 @@ def table(
 
 def library_three_mass(output: Output = "speed", inputs: Sequence[int] = (TORQUE,)) -> StateSpace:
     """The library's drive with some of its inputs."""
-    ss = eliminate(three_mass().flat(), output)
+    ss = eliminate(DRAWINGS["three-mass"].flat(), output)
     columns = {k: inputs.index(u.kind) for k, u in enumerate(ss.inputs) if u.kind in inputs}
     B = {(i, columns[k]): entry for (i, k), entry in ss.B.items() if k in columns}
     return space(ss.A, B, ss.C, inputs=inputs, units={p.name: p.unit for p in ss.parameters})

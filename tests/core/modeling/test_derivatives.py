@@ -19,10 +19,10 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
 from monitor_core.kernel.propagate import evaluate_coefficients
 from monitor_core.kernel.tables import Tables
-from monitor_core.modeling.drawing import from_tables
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Entries, StateSpace, drive_of
+from tests.core.modeling.drawings import drawn
 from tests.core.modeling.random_drives import RandomDrive, drives
 from tests.core.oracle.system import Matrices, derivatives
 
@@ -140,7 +140,7 @@ def check(ss: StateSpace, values: Mapping[str, float], source: random.Random) ->
 @LAWS
 @given(drive=drives(most=4), seed=st.integers(0, 2**32 - 1))
 def test_derivatives_of_random_drives(drive: RandomDrive, seed: int) -> None:
-    ss = eliminate(from_tables("random", drive.parts).flat())
+    ss = eliminate(drawn(drive.parts).flat())
     check(ss, {name: float(value) for name, value in drive.exact.items()}, random.Random(seed))
 
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from sympy import QQ
 from sympy.polys.matrices import DomainMatrix
 
-from monitor_core.modeling.drawing import from_tables
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel
 from monitor_core.modeling.statespace import Entries, StateSpace
+from tests.core.modeling.drawings import drawn
 from tests.core.modeling.generic_ranks import minimality
 from tests.core.modeling.random_drives import RandomDrive, drives
 
@@ -23,7 +23,7 @@ Matrix = list[list[Fraction]]
 
 
 def flat(drive: RandomDrive) -> FlatModel:
-    return from_tables("random", drive.parts).flat()
+    return drawn(drive.parts).flat()
 
 
 def reduced(drive: RandomDrive) -> StateSpace:

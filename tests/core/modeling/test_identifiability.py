@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
-from monitor_core.modeling.drawing import Drawing
-from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.identifiability.lattice import fraction, integers, short_basis
 from monitor_core.modeling.modular import PRIMES, echelon
+from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import Entries, StateSpace
 from tests.core.modeling.spaces import Chain, Table, library_three_mass, table
 
@@ -61,10 +60,10 @@ def test_three_masses(seed: int) -> None:
     assert known.words() == ("Ja, Jg, Jm, da, dg, fm, ka and kg can be found.",)
 
 
-@pytest.mark.parametrize(("drawing", "masses"), [(two_mass, 2), (three_mass, 3), (five_mass, 5)])
-def test_drawn_chains(drawing: Callable[[], Drawing], masses: int, seed: int) -> None:
+@pytest.mark.parametrize(("name", "masses"), [("two-mass", 2), ("three-mass", 3), ("five-mass", 5)])
+def test_drawn_chains(name: str, masses: int, seed: int) -> None:
     """Through the elimination: Jm, fm, fc, tau0 and kT at the motor, J, k and d of each mass behind it, r."""
-    found = structural(eliminate(drawing().flat()), seed=seed)
+    found = structural(eliminate(DRAWINGS[name].flat()), seed=seed)
     assert sum(map(len, found.groups)) == 6 + 3 * (masses - 1)
     assert found.count == 4 + 3 * (masses - 1)
     assert sum(found.unnamed) == 0

@@ -1,13 +1,15 @@
 """The drives that come with the program: their names, and the paper's three-mass drive entry by entry."""
 
-from monitor_core.modeling.drawing.expressions import parse
-from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import Entries
+from tests.core.modeling.expressions import parse
+
+THREE_MASSES = DRAWINGS["three-mass"]
 
 
 def test_the_parameters_of_the_three_masses_in_words() -> None:
-    assert [(p.name, p.unit, p.meaning, p.positive, p.value) for p in three_mass().flat().parameters] == [
+    assert [(p.name, p.unit, p.meaning, p.positive, p.value) for p in THREE_MASSES.flat().parameters] == [
         ("Jm", "kg m^2", "inertia of the motor", True, None),
         ("Jg", "kg m^2", "inertia of the gearbox, arm side", True, None),
         ("Ja", "kg m^2", "inertia of the arm", True, None),
@@ -48,14 +50,14 @@ def printed(*matrices: str) -> Entries:
 
 def test_what_may_be_zero_but_not_negative() -> None:
     """Dampers and friction; offsets have either sign, inertias and springs are positive."""
-    parameters = eliminate(three_mass().flat()).parameters
+    parameters = eliminate(THREE_MASSES.flat()).parameters
     assert {p.name for p in parameters if p.nonnegative} == {"dg", "da", "fm", "fc"}
     assert {p.name for p in parameters if p.positive} == {"Jm", "Jg", "Ja", "kg", "ka", "kT", "r"}
 
 
 def test_the_three_masses_are_the_papers_entry_by_entry() -> None:
     """x = (r phi_m - phi_g, phi_g - phi_a, phi_m', phi_g', phi_a'); torque, Coulomb friction, 1; y = phi_m'."""
-    ss = eliminate(three_mass().flat())
+    ss = eliminate(THREE_MASSES.flat())
     assert dict(ss.A) == printed(A)
     assert dict(ss.B) == printed(B)
     assert dict(ss.C) == printed(SPEED)

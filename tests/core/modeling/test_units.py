@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.modeling.components import Role
+from monitor_core.modeling.components.component_kinds import Role
 from monitor_core.modeling.components.units import BASE, ONE, Dimension, parse
 from monitor_core.modeling.components.uses import Use, infer
-from monitor_core.modeling.drawing import expressions
 from monitor_core.modeling.flat import ModelError, Origin
+from tests.core.modeling import expressions
 
 HOUSE = ["kg m^2", "N m/rad", "N m s/rad", "N m", "rad", "rad/s", "rad/s^2", "1"]
 DIMENSIONS = st.builds(Dimension, st.tuples(*[st.integers(-4, 4)] * len(BASE)), st.integers(-2, 2))

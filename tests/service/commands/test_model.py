@@ -1,7 +1,6 @@
 """``axiswatch model``: files, the library and configured axes, in all forms; every mistake with what would be right."""
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +27,6 @@ equation
   connect(belt.flange_b, ram.flange_a);
 end Press;
 """
-
-
-EXAMPLE = shipped("reference.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -85,17 +81,6 @@ def test_the_drive_of_an_axis(tmp_path: Path) -> None:
         found = as_json("--config", config, "--axis", name)
         assert {p["name"]: p["nominal"] for p in found["parameters"]}["fm"] == 0.05
     assert as_json("--config", config, "--axis", "axis2")["outputs"][0]["quantity"] == "angle"
-
-
-def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
-    config = demo_config(tmp_path, axes=1)
-    text = config.read_text(encoding="utf-8")
-    drawn = re.findall(r"^#((?:\[robot.axis.model.components\]|\w+ = \{ type = ).*)$", EXAMPLE, re.M)
-    assert len(drawn) == 12
-    head, tail = text.replace('drive = "three-mass"\n', "", 1).split("[robot.axis.model.nominal]", 1)
-    config.write_text("\n".join([head, *drawn, "[robot.axis.model.nominal]" + tail]), encoding="utf-8")
-    found, library = (as_json("--config", config), as_json("three-mass", "--output", "angle"))
-    assert (found["A"], found["B"], found["C"]) == (library["A"], library["B"], library["C"])
 
 
 MISTAKES = [

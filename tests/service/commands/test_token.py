@@ -80,6 +80,6 @@ def test_the_daemon_does_not_let_other_machines_in(
 
 def test_a_certificate_that_is_not_there_is_a_mistake(config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("AXISWATCH_WEB__CERTIFICATE", "none.crt")
-    assert "web.key: missing (PEM file of the private key" in refused("run", "--config", config)
+    assert "web.key: missing: it belongs to certificate" in refused("run", "--config", config)
     monkeypatch.setenv("AXISWATCH_WEB__KEY", "none.key")
     assert "none.crt: No such file" in refused("run", "--config", config)

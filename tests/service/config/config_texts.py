@@ -1,4 +1,4 @@
-"""Right configurations that the tests change: on a bus, with operating conditions, with a drive drawn, of tables."""
+"""Right configurations that the tests change: on a bus, with operating conditions, with a drive, of tables."""
 
 import re
 import shutil
@@ -127,15 +127,6 @@ end Rigid;
 """
 """The file rigid.mo"""
 FILE = 'drive = "rigid.mo"\nmonitor = ["f"]\n'
-DRAWN = """\
-monitor = ["f"]
-nominal = { J = 0.01, f = 0.03 }
-[robot.axis.model.components]
-motor = { type = "torque", at = "shaft", kT = 1 }
-rotor = { type = "inertia", at = "shaft", J = "J" }
-bearing = { type = "viscous-friction", at = "shaft", d = "f" }
-encoder = { type = "angle-sensor", at = "shaft" }
-"""
 TABLE_AXIS = """\
 [[robot]]
 name = "cell1"
@@ -205,7 +196,6 @@ key = "opcua.key"
 TEXTS = {
     "base": BASE,
     "conditions": with_conditions(),
-    "drawn": HEAD + DRAWN,
     "file": HEAD + FILE,
     "found": found(),
     "links": TABLES + LINKS,

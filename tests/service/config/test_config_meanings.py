@@ -16,7 +16,6 @@ from tests.service.command_line import shown
 from tests.service.config.config_texts import (
     BASE,
     CONFIG,
-    DRAWN,
     FILE,
     HEAD,
     RIGID,
@@ -27,8 +26,6 @@ from tests.service.config.config_texts import (
 )
 
 MERGED = "Jm + Jl*r^2"
-
-WEIGHT = 'weight = { type = "gravity", at = "shaft", gc = 0.1, gs = 0.2 }\n'
 
 
 @pytest.fixture
@@ -62,13 +59,6 @@ def test_values_of_a_file_of_the_configuration_and_of_merged_parameters(folder: 
     assert model.theta0.tolist() == [500]
 
 
-def test_components_are_a_drive(folder: Path) -> None:
-    model = axis_model(read(folder, DRAWN).axes[0].config)
-    assert model.nominal == {"J": 0.01, "f": 0.03, "motor.kT": 1.0}
-    assert [state.unit for state in model.drive.states] == ["rad/s", "rad"]
-    assert axis_model(read(folder, DRAWN + WEIGHT).axes[0].config).drive.output == "angle"
-
-
 def test_which_model_of_a_file(folder: Path) -> None:
     second = RIGID.replace("Rigid", "Stiff").replace("= 2 ", "= 4 ")
     (folder / "rigid.mo").write_text(RIGID + second, encoding="utf-8")
@@ -92,13 +82,13 @@ def test_a_mistake_in_a_file_has_the_line_of_the_file_too(folder: Path) -> None:
 
 def test_alarms_of_another_payload_can_be_hidden_whatever_is_monitored(folder: Path) -> None:
     """The multi-model detector names them, of an axis that bears a weight, and of one that does not."""
-    axis = read(folder, DRAWN + '[robot.axis.alarms]\nsuppressed = ["load", "inertia"]\n').axes[0].config
+    axis = read(folder, FILE + '[robot.axis.alarms]\nsuppressed = ["load", "inertia"]\n').axes[0].config
     assert axis.alarms.suppressed == ("load", "inertia")
 
 
 def test_every_axis_is_checked_at_once(folder: Path) -> None:
     axis = HEAD[HEAD.index("[[robot.axis]]") :].replace('"a"', '"b"').replace("Axis1", "Axis2")
-    found = problems_of(folder, FILE.replace('"f"', '"F"') + axis + DRAWN.replace('["f"]', '["g"]'))
+    found = problems_of(folder, FILE.replace('"f"', '"F"') + axis + FILE.replace('"f"', '"g"'))
     assert len(found) == 2
 
 

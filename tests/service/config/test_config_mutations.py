@@ -61,11 +61,6 @@ class Mutation(NamedTuple):
         """What describes the messages: beside another description it may be left out."""
         return self.entry["key"] == "messages"
 
-    @property
-    def is_component(self) -> bool:
-        """Components have names of the user's own, and a drive without one of them may be a drive, too."""
-        return self.rows[self.header - 1] == "[robot.axis.model.components]"
-
     def with_row(self, *new: str) -> str:
         return "\n".join([*self.rows[: self.row], *new, *self.rows[self.row + 1 :]])
 
@@ -110,7 +105,7 @@ def test_a_deleted_key_is_missed_where_its_table_is(file: Path, mutation: Mutati
     problems = found(file, mutation.with_row())
     if mutation.is_description:  # of its messages, and not of the key, others say that they are missing
         return
-    assert not problems or mutation.is_component or mutation.header in [problem.line for problem in problems]
+    assert not problems or mutation.header in [problem.line for problem in problems]
 
 
 @settings(deadline=None, max_examples=30)
@@ -119,7 +114,7 @@ def test_a_misspelled_key_is_named(file: Path, mutation: Mutation, letters: str,
     key = mutation.entry["key"].strip('"')
     wrong = letters + key if before else key + letters
     problems = found(file, mutation.with_row(f'"{wrong}" = {mutation.entry["value"]}'))
-    if not mutation.is_option and not mutation.is_component:
+    if not mutation.is_option:
         assert (mutation.row + 1, wrong) in [(p.line, p.key.split(".")[-1].strip('"')) for p in problems]
 
 

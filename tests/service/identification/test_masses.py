@@ -23,13 +23,9 @@ GRAVITY = (
     TABLES.partition("model =")[0]
     + """\
 [robot.axis.model]
-monitor = ["f"]
-nominal = { J = 0.006, f = 0.06, gc = 1.0, gs = 0.0 }
-components.torque = { type = "torque", at = "shaft" }
-components.motor = { type = "inertia", at = "shaft", J = "J" }
-components.load = { type = "gravity", at = "shaft", gc = "gc", gs = "gs" }
-components.bearing = { type = "viscous-friction", at = "shaft", d = "f" }
-components.encoder = { type = "angle-sensor", at = "shaft" }
+drive = "one-mass-weight"
+monitor = ["fm"]
+nominal = { J = 0.006, fm = 0.06, fc = 0.0, tau0 = 0.0, gc = 1.0, gs = 0.0, kT = 1.0, r = 1.0 }
 """
 )
 
@@ -100,7 +96,7 @@ def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Pa
     shutil.copy(folder / "second.csv", tmp_path)
     config = load(tmp_path / "a.toml", {})
     record = [str(tmp_path / "second.csv")]
-    task = prepare(config, config.axes[0], record, [], Request(masses=2, free=("J", "f", "gc")))
+    task = prepare(config, config.axes[0], record, [], Request(masses=2, free=("J", "fm", "gc")))
     with pytest.raises(IdentificationError, match="without gravity, which acts on this drive"):
         task.run(PROVENANCE)
 

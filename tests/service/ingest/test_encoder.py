@@ -223,35 +223,22 @@ def test_remarks(angle: str, noise: str, words: str | None, tmp_path: Path) -> N
     assert words is None or words in shown("check", "--config", file)
 
 
-GRAVITY = """[robot.axis.model.components]
-torque = { type = "torque", at = "shaft", kT = "kT" }
-motor = { type = "inertia", at = "shaft", J = "Jm" }
-bearing = { type = "viscous-friction", at = "shaft", d = "fm" }
-encoder = { type = "angle-sensor", at = "shaft" }
-gear = { type = "ideal-gear", at = ["shaft", "arm"], ratio = "1/r" }
-weight = { type = "gravity", at = "WHERE", gc = "gc", gs = "gs" }
-[robot.axis.model.nominal]
-gc = 1.0
-gs = 0.0
-"""
+GRAVITY = "gc = 1.0\ngs = 0.0\nJ = 0.006\n"
 
 
 @pytest.mark.parametrize(
-    ("where", "wrap_period", "fine"),
-    [
-        ("shaft", 2 * math.pi, True),
-        ("arm", 2 * math.pi, False),
-        ("shaft", math.pi, False),
-        ("arm", 2 * math.pi / R, True),
-    ],
+    ("ratio", "wrap_period", "fine"),
+    [(1.0, 2 * math.pi, True), (R, 2 * math.pi, False), (1.0, math.pi, False), (R, 2 * math.pi / R, True)],
 )
 def test_gravity_needs_to_know_where_the_arm_stands(
-    where: str, wrap_period: float, fine: bool, tmp_path: Path
+    ratio: float, wrap_period: float, fine: bool, tmp_path: Path
 ) -> None:
-    drawn = ("[robot.axis.model.nominal]\n", GRAVITY.replace("WHERE", where))
-    text = config(tmp_path / "a", f"wrap_period = {wrap_period!r}", drawn, ('drive = "three-mass"\n', ""))
+    weight = ("[robot.axis.model.nominal]\n", f"[robot.axis.model.nominal]\n{GRAVITY}")
+    drive = ('drive = "three-mass"\n', 'drive = "one-mass-weight"\n')
+    gear = (f"\nr = {R!r} ", f"\nr = {ratio!r} ")
+    text = config(tmp_path / "a", f"wrap_period = {wrap_period!r}", weight, drive, gear)
     lines = text.read_text().splitlines()
-    gone = ("Jg =", "Ja =", "kg =", "ka =", "dg =", "da =", "fc =", "tau0 =", "scales =")
+    gone = ("Jm =", "Jg =", "Ja =", "kg =", "ka =", "dg =", "da =", "scales =")
     kept = [line for line in lines if not line.startswith(gone)]
     text.write_text("\n".join(kept).replace(WATCHED, 'monitor = ["kT", "fm"]'))
     if fine:

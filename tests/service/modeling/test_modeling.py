@@ -5,26 +5,14 @@ from pathlib import Path
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.modeling import drive_drawings as library
 from monitor_core.modeling import modelica
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import ModelError
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import DRAWINGS, REFERENCE_VALUES
 from monitor_core.modeling.statespace import drive_of
-from service.config.drive_sources import LIBRARY, model_called, model_of_axis, model_of_drawing
+from service.config.drive_sources import LIBRARY, model_called, model_of_axis
 from tests.service.pipeline.robots import changed, demo
 from tests.shares import soaked
-
-DRAWINGS = {
-    "one-mass": library.one_mass,
-    "one-mass-weight": library.one_mass_weight,
-    "two-mass": library.two_mass,
-    "two-mass-weight": library.two_mass_weight,
-    "three-mass": library.three_mass,
-    "three-mass-weight": library.three_mass_weight,
-    "five-mass": library.five_mass,
-    "five-mass-weight": library.five_mass_weight,
-}
 
 BELT = """\
 model Belt
@@ -44,19 +32,11 @@ equation
 end Belt;
 """
 
-COMPONENTS: dict[str, dict[str, object]] = {
-    "torque": {"type": "torque", "at": "shaft", "kT": 1},
-    "motor": {"type": "inertia", "at": "shaft", "J": "Jm"},
-    "belt": {"type": "spring", "at": ["shaft", "load"], "c": "k"},
-    "arm": {"type": "inertia", "at": "load", "J": "Ja"},
-    "encoder": {"type": "speed-sensor", "at": "shaft"},
-}
-
 
 @pytest.mark.parametrize("output", soaked(["speed", "angle"], "angle"))
 @pytest.mark.parametrize("name", LIBRARY)
 def test_the_files_of_the_library_are_the_drives_drawn_in_python(name: str, output: Output) -> None:
-    drawn = eliminate(DRAWINGS[name]().flat(), output)
+    drawn = eliminate(DRAWINGS[name].flat(), output)
     read = model_called(name, None, output).space
     for entries in ("A", "B", "C", "rest", "ratio"):
         assert getattr(read, entries) == getattr(drawn, entries), entries
@@ -77,13 +57,6 @@ def test_what_is_measured_goes_before_what_was_drawn(tmp_path: Path) -> None:
         "angle",
     ]
     assert [len(ss.states) for ss in (drawn, speed, angle)] == [3, 3, 4]
-
-
-def test_components_of_a_configuration_are_the_same_drive_as_a_file(tmp_path: Path) -> None:
-    (tmp_path / "belt.mo").write_text(BELT, encoding="utf-8")
-    read, drawn = model_called(str(tmp_path / "belt.mo")).space, model_of_drawing(COMPONENTS).space
-    assert (read.A, read.C) == (drawn.A, drawn.C)
-    assert {str(entry) for entry in drawn.B.values()} == {"torque.kT/Jm"}
 
 
 def test_axes_with_one_drive_read_it_once(tmp_path: Path) -> None:

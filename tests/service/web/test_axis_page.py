@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from monitor_core.detection import Alarm
-from monitor_core.modeling import drive_drawings, reference_model
+from monitor_core.modeling import DRAWINGS, reference_model
 from monitor_core.monitoring import AxisTrace, Trace
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -74,7 +74,7 @@ def watch_the_reference(stage: Stage) -> None:
     watched = MonitoredDrive(
         reference_model("angle"),
         Settings(0.005, outlier_limit=6.0),
-        drive_drawings.three_mass().flat().components,
+        DRAWINGS["three-mass"].flat().components,
     )
     first, *others = stage.snapshot.axes
     stage.snapshot = replace(stage.snapshot, axes=(replace(first, watched=watched), *others))

@@ -9,23 +9,27 @@ import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.drive import AxisModel
-from monitor_core.modeling import drive_drawings, reference_model
+from monitor_core.modeling import DRAWINGS, drive_of, eliminate, reference_model
+from monitor_core.modeling.drawing import Drawing, part
+from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.resonances import resonances
 from monitor_core.settings import Settings
-from service.config.drive_sources import model_of_drawing
 from service.pipeline.snapshot import MonitoredDrive
 from tests.service.web.conftest import PARAMETERS, Stage
 
 AXIS = "/api/v1/axes/demo.axis1"
 MODEL = reference_model("angle")
-STIFF: dict[str, dict[str, Any]] = {
-    "drive": {"type": "torque", "at": "shaft"},
-    "rotor": {"type": "inertia", "at": "shaft", "J": "Jm"},
-    "flange": {"type": "inertia", "at": "arm", "J": "Ja"},
-    "gear": {"type": "ideal-gear", "at": ["shaft", "arm"], "ratio": "1/r"},
-    "bearing": {"type": "viscous-friction", "at": "shaft", "d": "fm"},
-    "encoder": {"type": "angle-sensor", "at": "shaft"},
-}
+STIFF = Drawing(
+    "stiff",
+    [
+        part("torque", "drive", "shaft"),
+        part("inertia", "rotor", "shaft", J="Jm"),
+        part("inertia", "flange", "arm", J="Ja"),
+        part("ideal-gear", "gear", "shaft", "arm", ratio=Laurent.symbol("r", -1)),
+        part("viscous-friction", "bearing", "shaft", d="fm"),
+        part("angle-sensor", "encoder", "shaft"),
+    ],
+).flat()
 """Both inertias turn together: only their sum can be monitored."""
 
 
@@ -44,7 +48,7 @@ def watch(stage: Stage, watched: MonitoredDrive, **estimates: float) -> None:
 
 
 def reference(**settings: Any) -> MonitoredDrive:
-    return MonitoredDrive(MODEL, Settings(0.005, **settings), drive_drawings.three_mass().flat().components)
+    return MonitoredDrive(MODEL, Settings(0.005, **settings), DRAWINGS["three-mass"].flat().components)
 
 
 def test_every_parameter_is_in_a_component_that_has_its_place(client: TestClient, stage: Stage) -> None:
@@ -68,12 +72,10 @@ def test_every_parameter_is_in_a_component_that_has_its_place(client: TestClient
 
 
 def test_a_merged_parameter_is_in_all_components_it_is_merged_from(client: TestClient, stage: Stage) -> None:
-    drawing = model_of_drawing(STIFF, "angle")
-    (merged,) = (d.name for d in drawing.drive.definitions if "Ja" in d.names)
-    model = AxisModel(
-        drawing.drive, {"Jm": 0.01, "Ja": 2.0, "r": 0.01, "fm": 0.1, "drive.kT": 1.0}, (merged,)
-    )
-    watch(stage, MonitoredDrive(model, Settings(0.005), drawing.components))
+    drive = drive_of(eliminate(STIFF, "angle"))
+    (merged,) = (d.name for d in drive.definitions if "Ja" in d.names)
+    model = AxisModel(drive, {"Jm": 0.01, "Ja": 2.0, "r": 0.01, "fm": 0.1, "drive.kT": 1.0}, (merged,))
+    watch(stage, MonitoredDrive(model, Settings(0.005), STIFF.components))
     answer = client.get(f"{AXIS}/model").json()
     assert answer["monitored"] == [{"name": merged, "names": ["Ja", "Jm", "r"]}]
     assert client.get(f"{AXIS}/bode").json()["resonances"] == []

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import random
-from dataclasses import replace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor_core.modeling.drawing import from_tables
 from monitor_core.modeling.flat import FlatModel
+from tests.core.modeling.drawings import drawn
 from tests.core.modeling.modelica.texts import flat, values, written
 from tests.core.modeling.modelica.transfer import PRIME, responses
 from tests.core.modeling.random_drives import RandomDrive, drives
@@ -28,17 +27,14 @@ def behaviour(model: FlatModel, seed: int) -> object:
     return responses(model, value_of, s)
 
 
-def drawn(drive: RandomDrive) -> FlatModel:
-    nominal = {name: float(v) for name, v in drive.exact.items()}
-    return replace(from_tables("Whole", drive.parts), nominal=nominal).flat()
-
-
 @LAWS
 @given(drive=drives(), seed=seeds)
 def test_a_text_is_the_drawing(drive: RandomDrive, seed: int) -> None:
-    text, drawing = flat(written(drive)), drawn(drive)
+    text, drawing = flat(written(drive)), drawn(drive.parts, "Whole").flat()
     assert behaviour(text, seed) == behaviour(drawing, seed)
-    assert {n.replace("_", ".", 1): v for n, v in values(text).items()} == values(drawing)
+    assert {n.replace("_", ".", 1): v for n, v in values(text).items()} == {
+        name: float(v) for name, v in drive.exact.items()
+    }
     units = {p.name.replace("_", ".", 1): (p.unit, p.positive) for p in text.parameters}
     expected = {p.name: (p.unit, p.positive) for p in drawing.parameters}
     assert {n: u for n, u in units.items() if not n.endswith("kT")} == {

@@ -23,7 +23,7 @@ from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.outlook_words import outlook_words
-from tests.service.config.config_texts import DRAWN
+from tests.service.config.config_texts import FILE, furnish
 
 TEXT = """
 [[robot]]
@@ -89,8 +89,8 @@ def test_keys_of_parameters_that_are_not_monitored_any_more_are_left_out_and_nam
 
 
 def test_a_drawn_drive_is_not_replaced(tmp_path: Path) -> None:
-    text = TEXT[: TEXT.index("model = ")] + "[robot.axis.model]\n" + DRAWN
-    _, axis = configured(text, NAME, tmp_path)
+    text = TEXT[: TEXT.index("model = ")] + "[robot.axis.model]\n" + FILE
+    _, axis = configured(text, NAME, furnish(tmp_path))
     for missing in ((), (Effect.POSE,)):
         found = report(rejection="poor", missing=missing)
         assert retry(found, text, axis, links=lambda: LinkLoad((), ("cos(a1)",))) is None
