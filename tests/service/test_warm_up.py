@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import NotTested
+from monitor_core.monitoring.heat_observer import corrected
+from monitor_core.monitoring.lane_status import Deviations
 from monitor_core.settings import Threshold
 from service.commands.exit_codes import NOT_TESTED
 from service.config import conditions_of, load
@@ -171,6 +173,38 @@ def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> N
     assert {p.not_tested for p in finds.monitor.status().parameters} == {None}
     assert knows.heat is not None
     assert abs(finds.heat.heat_w - knows.heat.heat_w) < 4 * np.hypot(finds.heat.sd_w, knows.heat.sd_w)
+
+
+def test_after_a_pause_the_models_wait_longer_than_the_tests_of_the_estimates(made: Made) -> None:
+    """What is left of the heat is not certain then; the tests of the estimates tolerate more."""
+    text, plant = made.config.read_text(encoding="utf-8"), copy.deepcopy(made.plant)
+    config = made.config.with_name("models.toml")
+    config.write_text(
+        re.sub("detector = .*", 'detector = { alarm_source = "multimodel" }', text), encoding="utf-8"
+    )
+    watchers, waited = [Watcher(path) for path in (made.config, config)], list[list[int]]()
+    for seconds, pause_s in ((DAY_S, 1.5), (5.0, 100.0), (100.0, 0.0)):
+        waited.append([0, 0])
+        for _ in range(round(seconds)):
+            block = plant.take(1.0)
+            for k, watcher in enumerate(watchers):
+                watcher.take(block)
+                reasons = {p.not_tested for p in watcher.monitor.status().parameters}
+                waited[-1][k] += NotTested.WARM_UP in reasons
+        plant.rest(pause_s)
+    (_, short, long) = waited
+    assert short == [0, 0]
+    assert long[0] < long[1] < 100
+
+
+def test_friction_that_no_heat_explains_does_not_move_the_heat() -> None:
+    """20 W, known to 1 W, and slopes by which 1 W is 1 % of each: 2 % more friction is 2 W less, 30 % is no heat."""
+    slopes, covariance = np.array([-0.01, -0.01]), 1e-6 * np.eye(2)
+    for d, moves in ((0.02, True), (0.3, False)):
+        found = Deviations(np.full(2, d), covariance, np.ones(2), np.zeros(2))
+        heat, sd = corrected(20.0, 1.0, slopes, found)
+        assert (heat < 19.0) == moves
+        assert (sd < 1.0) == moves
 
 
 def narrowed(made: Made, largest_w: float, config: str) -> Path:
