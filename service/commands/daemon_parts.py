@@ -18,9 +18,10 @@ from service.config import Config
 from service.config.schema_links import LinksConfig
 from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.baselines import AtStart, Baselines, at_start, note_begun_again, resume
+from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.epochs_at_start import AtStart, at_start, note_begun_again, resume
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.reloading import Part, Reloading

@@ -6,10 +6,10 @@ monitor.  A process that is killed between the two finds the new epoch when it s
 """
 
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import structlog
 
@@ -23,16 +23,16 @@ from service.config.epoch_values import (
     fingerprint_of,
     from_files,
     recentred,
-    values_of,
     with_epoch,
 )
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.epoch_progress import Learning
+from service.pipeline.epochs_at_start import nominal_values
 from service.pipeline.snapshot import AxisSnapshot
 from service.pipeline.worker import Worker
 from service.store.alarm_transitions import SERVICE, Note
 from service.store.database import StoreError
-from service.store.epochs import CANCELLED, RECONFIGURED, Configured, Epoch, EpochPlan, Epochs, EpochValue
+from service.store.epochs import CANCELLED, RECONFIGURED, Epoch, EpochPlan, Epochs, EpochValue
 
 LOOK_S = 1.0
 """Time between two looks at the windows that are under way."""
@@ -89,99 +89,6 @@ def reason_of(stored: str) -> str:
         if colon
         else _REASONS[why]
     )
-
-
-class AtStart(NamedTuple):
-    """Axes with the values of the epochs that are in force, these epochs, and what to tell the operator."""
-
-    axes: tuple[NamedAxis, ...]
-    epochs: Mapping[str, Epoch]
-    messages: tuple[str, ...]
-
-
-def at_start(configured: Sequence[NamedAxis], epochs: Epochs, now_us: int) -> AtStart:
-    """The axes as they are to be monitored: as configured, or with the nominal values of a later epoch.
-
-    Raises:
-        StoreError: the epochs cannot be read or written.
-    """
-    as_configured = {axis.id: _configured(axis) for axis in configured}
-    found = epochs.begin_with(as_configured.values(), now_us)
-    axes, messages = list[NamedAxis](), list[str]()
-    for axis in configured:
-        epoch = found[axis.id]
-        if epoch.source == "configuration":
-            if epoch.number > 1 and epoch.began_us == now_us:
-                messages.append(
-                    sentence(
-                        "configuration changed",
-                        "{axis}: the configuration was changed since epoch {before} began: it is used, as epoch"
-                        " {epoch}; axiswatch baseline restore {axis} {before} takes that back",
-                        axis=axis.id,
-                        before=epoch.number - 1,
-                        epoch=epoch.number,
-                    )
-                )
-            axes.append(axis._replace(epoch=epoch.number))
-            continue
-        try:
-            axes.append(with_epoch(axis, epoch.content, epoch.number))
-            messages.append(
-                sentence(
-                    "epoch in force",
-                    "{axis}: the nominal values of epoch {epoch} are in force, not those of the configuration",
-                    axis=axis.id,
-                    epoch=epoch.number,
-                )
-            )
-        except EpochValuesError as error:
-            found[axis.id] = new = epochs.refused_at_start(as_configured[axis.id], now_us)
-            axes.append(axis._replace(epoch=new.number))
-            messages.append(
-                sentence(
-                    "epoch does not fit",
-                    "epoch {epoch} does not fit the configuration any more, which is used: {why}",
-                    epoch=epoch.number,
-                    why=error,
-                )
-            )
-    return AtStart(tuple(axes), found, tuple(messages))
-
-
-def _configured(axis: NamedAxis) -> Configured:
-    return Configured(axis.id, content_of(axis), fingerprint_of(axis), _nominal(axis))
-
-
-def _nominal(axis: NamedAxis, before: NamedAxis | None = None) -> tuple[EpochValue, ...]:
-    """The nominal values of an axis, beside those that it had before."""
-    former = {} if before is None else {v.name: v.value for v in values_of(before)}
-    return tuple(
-        EpochValue(v.name, v.unit, v.value, former.get(v.name), v.standard_deviation) for v in values_of(axis)
-    )
-
-
-def resume(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch]) -> None:
-    """Let windows that were under way go on, before their state is restored.
-
-    Raises:
-        StoreError: the epochs cannot be read.
-    """
-    for axis_id, epoch in in_force.items():
-        if epoch.state == "verifying":
-            monitors.epochs[axis_id].verify_s = epoch.verify_s
-    for epoch in epochs.learning():
-        if epoch.axis in monitors.by_id and epoch.learn_s is not None:
-            window = LearningWindow(monitors.by_id[epoch.axis].model, epoch.learn_s)
-            monitors.epochs[epoch.axis].learning = Learning(epoch.number, window)
-
-
-def note_begun_again(monitors: AxisMonitors) -> None:
-    """Let the windows of ``resume`` of which nothing could be restored have a message, for as long as they run."""
-    for axis_id, epoch in monitors.epochs.items():
-        if epoch.learning is not None and not epoch.learning.window.done_s:
-            words = "{axis}: the learning window of epoch {epoch} begins again"
-            again = sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
-            epoch.learning = epoch.learning._replace(again=again)
 
 
 class Baselines:
@@ -412,7 +319,7 @@ class Baselines:
         except EpochValuesError as error:
             raise BaselineError(str(error)) from None
         before = self._in_force[axis_id]
-        plan = plan._replace(nominal=_with_learned(_nominal(axis, before), learned))
+        plan = plan._replace(nominal=_with_learned(nominal_values(axis, before), learned))
         made = AxisMonitors([axis])
         made.compile()
         made.compile_multimodel()

@@ -21,9 +21,10 @@ from service.config.drive_sources import Modelled, model_of_axis
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.baselines import Baselines, at_start, note_begun_again, resume
+from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.epochs_at_start import at_start, note_begun_again, resume
 from service.pipeline.worker import BusIntake, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal

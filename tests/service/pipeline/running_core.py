@@ -13,8 +13,9 @@ from service.can.frames import Frame, FrameBlock
 from service.config import Config
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.baselines import Baselines, at_start, note_begun_again, resume
+from service.pipeline.baselines import Baselines
 from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.epochs_at_start import at_start, note_begun_again, resume
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisSnapshot

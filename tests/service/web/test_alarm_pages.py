@@ -182,6 +182,8 @@ def test_a_new_alarm_sounds_where_that_is_wanted(page: Page, stage: Stage, fm_al
     expect(page.get_by_text("No alarm in this list.")).to_be_visible()
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     expect(alarm_row(page)).to_be_visible()
+    # The list is asked for by itself: the switch has seen the alarm when the title has.
+    expect(page).to_have_title("(1) axiswatch")
     assert page.evaluate("tones") == 0
     page.get_by_role("button", name="Sound: off").click()
     expect(page.get_by_role("button", name="Sound: on")).to_be_visible()
