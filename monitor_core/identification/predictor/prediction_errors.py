@@ -288,10 +288,11 @@ class Predictor:
         if self.drive.speed_state < 0:  # no acceleration is known: friction is that of the measured speed
             middle = MiddleSpeed(*(0 * part for part in middle))
         scale, dscale = self._scales(levels, kinds, q)
+        # Contiguous: the kernel would be compiled anew for slices.
+        dhalf, dbraked = (np.ascontiguousarray(part[..., :q]) for part in (middle.dhalf, middle.dbraked))
         return MotionInputs(
-            kinds, source, self.drive.speed_state, scale, dscale,
-            middle.half, middle.dhalf[..., :q], middle.braked, middle.dbraked[..., :q],
-        )  # fmt: skip
+            kinds, source, self.drive.speed_state, scale, dscale, middle.half, dhalf, middle.braked, dbraked
+        )
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""
