@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from monitor_core.monitoring import AlarmEvent, AlarmRules
+from monitor_core.wording import Sentence
 from service.links.delivery import (
     LAST_RETRY_S,
     LONGEST_REQUESTED_S,
@@ -18,6 +19,7 @@ from service.links.delivery import (
     NotYetError,
     RefusedError,
     UnavailableError,
+    answers,
 )
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
@@ -102,6 +104,18 @@ def test_a_link_that_is_down_tries_again_more_and_more_seldom(post: Post) -> Non
     post.inbox.failures = [UnavailableError("down")]
     alarms(post.journal, 3)
     assert post.settle() == 1  # from the beginning
+
+
+@pytest.mark.parametrize("kind", [UnavailableError, RefusedError])
+def test_why_a_link_is_down_keeps_its_kind_for_other_languages(
+    post: Post, kind: type[UnavailableError | RefusedError]
+) -> None:
+    alarms(post.journal, 1)
+    post.inbox.failures = [kind(answers("orders.example", "503 Service Unavailable"))]
+    post.settle()
+    problem = post.delivery.snapshot.problem
+    assert isinstance(problem, Sentence)
+    assert (problem, problem.kind) == ("orders.example answers 503 Service Unavailable", "link answers")
 
 
 def test_the_time_that_a_receiver_asks_for_is_given_but_not_more_than_an_hour(post: Post) -> None:

@@ -142,6 +142,7 @@ def test_tried_again(status: int, headers: dict[str, str], wait_s: float | None,
     ):
         sent(webhook(port), message)
     assert caught.value.retry_after_s == wait_s
+    assert caught.value.args[0].kind == "link answers"
 
 
 @pytest.mark.parametrize("status", [400, 401, 404, 410, 301, 307])
