@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import kernel, part
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT, Tables
 
@@ -171,7 +171,7 @@ def form_innovation(
         eps[a] = y[a] - yhat[a] if moves[a] else 0.0
 
 
-@kernel
+@part
 def hold_inputs(
     lanes: Any,
     T: Tables,

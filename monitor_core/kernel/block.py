@@ -21,7 +21,7 @@ from monitor_core.kernel.admission import (
     hold_inputs,
     restart_predictor,
 )
-from monitor_core.kernel.compile import entry, kernel, outlined
+from monitor_core.kernel.compile import compile_part, entry, kernel, part
 from monitor_core.kernel.cusum import Events
 from monitor_core.kernel.evidence import EvidenceColumns, Kept, count_until_kept
 from monitor_core.kernel.friction import MiddleSpeed, hold_friction
@@ -39,7 +39,13 @@ from monitor_core.kernel.sample_interval import (
     switch_torque,
     time_since_correction,
 )
-from monitor_core.kernel.state import State, kernel_constant_views, kernel_state_views
+from monitor_core.kernel.state import (
+    State,
+    constant_views,
+    kernel_constant_views,
+    kernel_state_views,
+    state_views,
+)
 from monitor_core.kernel.tables import Tables
 from monitor_core.kernel.taylor_series import SECTIONS
 from monitor_core.kernel.update import Work, update_estimates, update_tests
@@ -111,7 +117,7 @@ def _take(
         weight[a] = samples.weight[k, a0 + a] if samples.weight.shape[0] else math.nan
 
 
-@outlined
+@part
 def _record(lanes: Any, k: int, a0: int, w: Work, st: State, to: Trace) -> None:
     theta, P, g = st.theta, st.P, st.g
     for a in range(min(len(lanes), to.eps.shape[1] - a0)):
@@ -244,3 +250,35 @@ def run(
         copy_rows(X[z:], st.x)
         put_columns(F_, F, a0)
         put_columns(I_, I, a0)
+
+
+def compile_parts(
+    lanes: Any,
+    tables: Tables,
+    C: Floats,
+    F: Floats,
+    I: Ints,
+    kept: Kept,
+    reset: bool,
+    events: Events,
+    noted: EvidenceColumns,
+    trace: Trace,
+) -> None:
+    """Compile the parts of ``run`` that are cached by themselves, or load them from the cache.
+
+    On a cold start a second process does it, while the first is still at what comes before them in ``run``.
+    """
+    T, n, p, W = tables, tables.n, tables.p, len(lanes)
+    con, st = constant_views(C[:, :W].copy(), T), state_views(F[:, :W].copy(), I[:, :W].copy(), n, p, T.m)
+    x, xs, N, k, ks = (
+        np.zeros(W),
+        np.zeros((p, W)),
+        np.zeros((p, p)),
+        np.zeros(W, np.int64),
+        np.zeros((p, W), np.int64),
+    )
+    w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
+    compile_part(update_estimates, lanes, con, st, w, xs, False)
+    compile_part(update_tests, lanes, con, st, w, 0, reset, kept, events, noted)
+    compile_part(hold_inputs, lanes, T, con.u_scale, con.rest, k, x, x, x, k, st.t, st.u, st.torque_before)
+    compile_part(_record, lanes, 0, 0, w, st, trace)

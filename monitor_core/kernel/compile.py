@@ -19,6 +19,8 @@ from numba._dynfunc import make_function  # type: ignore[import-not-found]
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.targetconfig import TargetConfig
+from numba.core.typed_passes import NopythonRewrites
+from numba.core.untyped_passes import InlineClosureLikes
 
 # Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long
 # runs that never come: the code would be twice as long and no faster, and compiling would take a quarter longer.
@@ -32,8 +34,12 @@ _R = TypeVar("_R")
 
 
 def _equal_flags(flags: Any, other: Any) -> bool:
-    same = flags._values == other._values
-    return bool(same or flags.values() == other.values())
+    """What is not set has its default."""
+    own, others, options = flags._values, other._values, flags.options
+    return own == others or all(
+        own.get(name, options[name].default) == others.get(name, options[name].default)
+        for name in own.keys() | others.keys()
+    )
 
 
 # Numba looks its flags up 40 000 times.  Its own hash is that of the names of all options, which is always the same.
@@ -53,13 +59,21 @@ class _InnerLibrary(JITCodeLibrary):
 
 
 class _InnerCompiler(Compiler):
-    """Compiles an inner function as far as its callers need it."""
+    """Compiles an inner function as far as its callers need it.
+
+    What makes no arrays is not searched for functions in functions, nor for arithmetic of arrays as a whole.
+    """
 
     def define_pipelines(self) -> Any:
         state, library, base = self.state, cast("Any", _InnerLibrary), cast("Any", super())
         state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.targetctx = state.targetctx.subtarget(get_executable=_not_executable)
-        return base.define_pipelines()
+        pipelines = base.define_pipelines()
+        for pipeline in pipelines if not state.flags.nrt else ():
+            pipeline.passes = [
+                p for p in pipeline.passes if p[0] not in (InlineClosureLikes, NopythonRewrites)
+            ]
+        return pipelines
 
 
 def _not_executable(library: JITCodeLibrary, described: Any, environment: object) -> object:

@@ -1,16 +1,10 @@
-"""The second half of a sample: from its innovation to theta and P, and from these to the tests.
-
-Each of the two functions is cached by itself: on a cold start a second process compiles them, while the first is still
-at what comes before them in ``run``.
-"""
+"""The second half of a sample: from its innovation to theta and P, and from these to the tests."""
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, Roles, form_innovation
-from monitor_core.kernel.compile import compile_part, kernel, part
+from monitor_core.kernel.compile import kernel, part
 from monitor_core.kernel.cusum import (
     Events,
     TestConstants,
@@ -31,8 +25,6 @@ from monitor_core.kernel.state import (
     STARVED,
     USED,
     State,
-    constant_views,
-    state_views,
 )
 from monitor_core.kernel.supervision import (
     FloorConstants,
@@ -41,7 +33,7 @@ from monitor_core.kernel.supervision import (
     check_excitation,
     select_tests,
 )
-from monitor_core.kernel.tables import Constants, Tables
+from monitor_core.kernel.tables import Constants
 
 
 class Work(NamedTuple):
@@ -130,29 +122,3 @@ def _tally(lanes: Any, mode: Ints, hit: Ints, counts: Ints, last: Ints) -> None:
         counts[OUTLIER, a] += mode[a] == DOUBTED
         counts[STARVED, a] += mode[a] == IDLE
         counts[PROJECTED, a] += hit[a]
-
-
-def compile_update(
-    lanes: Any,
-    tables: Tables,
-    C: Floats,
-    F: Floats,
-    I: Ints,
-    kept: Kept,
-    reset: bool,
-    events: Events,
-    noted: EvidenceColumns,
-) -> None:
-    """Compile both functions for the arguments of ``run``, or load them from the cache."""
-    n, p, m, W = tables.n, tables.p, tables.m, len(lanes)
-    con, st = constant_views(C[:, :W].copy(), tables), state_views(F[:, :W].copy(), I[:, :W].copy(), n, p, m)
-    x, xs, N, k, ks = (
-        np.zeros(W),
-        np.zeros((p, W)),
-        np.zeros((p, p)),
-        np.zeros(W, np.int64),
-        np.zeros((p, W), np.int64),
-    )
-    w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
-    compile_part(update_tests, lanes, con, st, w, 0, reset, kept, events, noted)
-    compile_part(update_estimates, lanes, con, st, w, xs, False)

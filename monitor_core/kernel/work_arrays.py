@@ -28,13 +28,13 @@ def ints(W: int) -> Ints:
 @allocating
 def table(rows: int, W: int) -> Floats:
     """Zeros (rows, W)."""
-    return np.zeros((rows, W))
+    return np.zeros(rows * W).reshape(rows, W)
 
 
 @allocating
 def flags(rows: int, W: int) -> Ints:
     """Zeros (rows, W)."""
-    return np.zeros((rows, W), np.int64)
+    return np.zeros(rows * W, np.int64).reshape(rows, W)
 
 
 @array_function

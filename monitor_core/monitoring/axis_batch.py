@@ -12,14 +12,13 @@ from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing, Ev
 from monitor_core.drive.assembly import Assembly, fill, rubs, without_friction
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.stable_range import stable_limits
-from monitor_core.kernel.block import BatchSamples, Trace, run
+from monitor_core.kernel.block import BatchSamples, Trace, compile_parts, run
 from monitor_core.kernel.cusum import Events
 from monitor_core.kernel.evidence import KEPT, EvidenceColumns, Kept, kept_numbers, noted_numbers
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import constant_rows
-from monitor_core.kernel.update import compile_update
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8
@@ -181,11 +180,11 @@ class AxisBatch:
         )  # fmt: skip
         return events, noted
 
-    def compile_update(self) -> None:
-        """Compile the second half of a sample only, for another process, which then compiles the whole sooner."""
-        compile_update(
+    def compile_parts(self) -> None:
+        """Compile parts of the kernel only, in another process than the whole, which is then compiled sooner."""
+        compile_parts(
             _lanes(len(self.models)), self._tables, self._constants, *self._parts, self._kept,
-            not self.settings[0].run_on, self._events(0), self._noted(0),
+            not self.settings[0].run_on, self._events(0), self._noted(0), self._untraced,
         )  # fmt: skip
 
     def _trace(self, N: int) -> Trace:

@@ -24,11 +24,11 @@ _CHILD = """
 import gc, os, sys, threading
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()  # its end: the parent has ended
 gc.disable()  # a tenth of the time; the process ends soon
-from service.pipeline.warming import Shape, compile_kernel, compile_update
+from service.pipeline.warming import Shape, compile_kernel, compile_parts
 shape = Shape(sys.argv[1])
 if shape == Shape.MULTIMODEL:
     os.nice(10)  # the daemon monitors already, and may need the processor
-compile_update() if "update" in sys.argv else compile_kernel(shape)
+compile_parts() if "parts" in sys.argv else compile_kernel(shape)
 os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
 """
 
@@ -77,14 +77,14 @@ def compile_kernel(shape: Shape) -> None:
         mark.touch()
 
 
-def compile_update() -> None:
-    """Compile the second half of a sample of few axes, then the way from frames to samples.
+def compile_parts() -> None:
+    """Compile parts of the kernel of few axes, then the way from frames to samples.
 
     This is beside ``compile_kernel``, which then finds both in the cache.
     """
     from monitor_core.sampling import compile_stream
 
-    _batch(1).compile_update()
+    _batch(1).compile_parts()
     compile_stream()
 
 
@@ -151,10 +151,10 @@ class CacheFiller:
             if self._stopped:
                 return None
             try:
-                self._children[shape] = child = _compiler(shape)
-                # The cold start of most daemons: from both ends at once.
+                # The cold start of most daemons: from both ends at once; first the process that has to be in time.
                 if shape == Shape.FEW_AXES and (os.cpu_count() or 1) > 1:
-                    self._beside.append(_compiler(shape, "update"))
+                    self._beside.append(_compiler(shape, "parts"))
+                self._children[shape] = child = _compiler(shape)
             except OSError as error:
                 _warn(str(error))
                 return None
