@@ -11,9 +11,8 @@ from rich.table import Table
 
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.inferred_layout import Field
-from service.can.left_out import left_out_words
 from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
-from service.can.user_errors import RecordError
+from service.can.user_errors import RecordError, left_out_words
 from service.commands.exit_codes import explained
 from service.commands.init import ListenFor, heard_on, propose
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named

@@ -20,11 +20,10 @@ from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
 from service.config.axis_rules import AXIS_RULES, defaults_without_name
-from service.config.base_table import Reading, Table, Undecidable
+from service.config.base_table import Reading, Table, Undecidable, hint
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
-from service.config.former_keys import hint
 from service.config.link_rules import LINK_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import ConfigErrors, Finding, Problem, dotted, shown

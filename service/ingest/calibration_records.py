@@ -14,8 +14,7 @@ from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.conditions import needed
-from service.ingest.absent_messages import why_none
-from service.ingest.axis_records import axis_record, sha256_of, wanted
+from service.ingest.axis_records import axis_record, sha256_of, wanted, why_none
 
 
 class SamplesOrigin(NamedTuple):

@@ -14,6 +14,7 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from service.config.unit_names import unit_of
+from service.ingest.axis_columns import TimeOfDay
 from service.ingest.roles_by_name import (
     asked_role,
     axis_number,
@@ -24,7 +25,6 @@ from service.ingest.roles_by_name import (
     words_in,
 )
 from service.ingest.roles_by_values import MOST, AxisRoles, Named, axes_by_values, changes
-from service.ingest.time_of_day import TimeOfDay
 
 _MOST_ROWS = 20_000
 _ABSURD = 1e30

@@ -13,8 +13,7 @@ from monitor_core.identification import Record, between
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config.schema import Config, FurtherSignalConfig, NamedAxis
-from service.ingest.absent_messages import why_none
-from service.ingest.axis_records import Wanted, axis_record, sha256_of, wanted
+from service.ingest.axis_records import Wanted, axis_record, sha256_of, wanted, why_none
 from service.ingest.records import is_table
 
 _NAMED = 3

@@ -36,9 +36,9 @@ from service.commands.commissioning.commissioning_remedies import (
 )
 from service.commands.commissioning.link_load import link_load
 from service.commands.commissioning.signal_proposals import Review, configured
+from service.commands.excite import MotionRequest, planned, torque_columns
 from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.output_files import replace_text
-from service.commands.planned_motion import MotionRequest, planned, torque_columns
 from service.config import AxisConfig, ConfigErrors
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of

@@ -10,7 +10,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import UNITS, Record, Span, held_for, stuck_spans
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
-from service.can.left_out import left_out_words
+from service.can.user_errors import left_out_words
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest, values_of
 from service.ingest.identification_records import RecordOrigin
 
