@@ -12,7 +12,7 @@ from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
 from service.can.user_errors import left_out_words
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest, values_of
-from service.ingest.identification_records import RecordOrigin
+from service.ingest.loaded_records import RecordOrigin
 
 _LITTLE = 0.01
 """Of a record: so much of it may be stuck; identification leaves that to its warnings."""
