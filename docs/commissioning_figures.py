@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from docs.svg_documents import document
-from service.commands.planned_motion import MotionRequest, planned
+from service.commands.excite import MotionRequest, planned
 from service.config import load
 from service.config.drive_sources import shipped
 from service.config.unit_names import UNITS
@@ -17,8 +17,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.plot_style import LIMIT, TEXT, ZONE, as_svg, figure
 from service.reports.replay_html import overview_picture
 from service.reports.replay_result import Replay, Replayed
-from service.simulation.robot import Fault
-from service.simulation.robot_table import table_lines
+from service.simulation.robot import Fault, table_lines
 
 SECONDS, BROKEN_S, GROWN = 60.0, 30.0, 1.3
 _SEED = 7

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 import pytest
 from hypothesis import settings
 
-from service.pipeline.kernel_cache import choose
+from service.pipeline.warming import choose
 
 ROOT = Path(__file__).resolve().parent.parent
 CI = os.environ.get("CI") == "true"

@@ -20,12 +20,19 @@ from can.io.blf import BLFParseError
 from monitor_core.arrays import Ints
 from service.can.candump import CSV_HEAD, SAVVYCAN_HEAD, Parsed, parse_lines, rewritten
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, concatenate_frames
-from service.can.left_out import too_many
-from service.can.log_bytes import GZIP, GZIP_START, BlfObjects, CompleteReads, LogBytes
-from service.can.log_lines import LONGEST_LINE, LogLines, line_text
+from service.can.log_bytes import (
+    GZIP,
+    GZIP_START,
+    LONGEST_LINE,
+    BlfObjects,
+    CompleteReads,
+    LogBytes,
+    LogLines,
+    line_text,
+)
 from service.can.mf4_frames import Mf4Frames
 from service.can.receivers import frame_of
-from service.can.user_errors import RecordError
+from service.can.user_errors import RecordError, too_many
 
 _CSV = ".csv"
 """A log of python-can or SavvyCAN; other .csv files are tables"""

@@ -6,18 +6,9 @@ from typing import Annotated, Literal
 import typer
 
 from monitor_core.wording import percent, seconds_in
-from service.client import AlarmAction, Client, Json, Remark, Value
-from service.commands.daemon_options import (
-    DEFAULT_URL,
-    AsJson,
-    Comment,
-    Token,
-    Url,
-    WorkOrder,
-    print_answer,
-    short_time,
-)
-from service.commands.exit_codes import GROUP, explained
+from service.client import AlarmAction, Json, Remark, Value
+from service.commands.daemon_options import Daemon, asks_daemon, short_time
+from service.commands.exit_codes import GROUP
 
 Z95 = 1.96
 """Half of a 95 % interval, in standard deviations"""
@@ -35,7 +26,9 @@ alarms = typer.Typer(
 
 
 @alarms.command("list")
+@asks_daemon
 def list_alarms(
+    daemon: Daemon,
     state: Annotated[
         AlarmStateName | None,
         typer.Option(
@@ -49,50 +42,40 @@ def list_alarms(
         str | None, typer.Option("--axis", metavar="ROBOT.AXIS", help="Only of this axis.")
     ] = None,
     limit: Annotated[int, typer.Option("--limit", min=1, max=1000, help="At most this number.")] = 100,
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
 ) -> None:
     """List alarms, the latest first."""
-    with explained(), Client(url, token) as client:
-        found = client.alarms(state=state, axis=axis, limit=limit)
-        if axis is not None and not found["alarms"]:
-            client.axis(axis)  # a name with a slip must not read as "no alarm"
+    found = daemon.client.alarms(state=state, axis=axis, limit=limit)
+    if axis is not None and not found["alarms"]:
+        daemon.client.axis(axis)  # a name with a slip must not read as "no alarm"
     none = "no alarm" + ("" if axis is None else f" of {axis}") + ("" if state is None else f" is {state}")
     left = found["total"] - len(found["alarms"])
     more = [f"{left} more"] if left > 0 else []
-    print_answer(found, as_json, [*map(alarm_lines, found["alarms"]), *more] or [none])
+    daemon.show(found, [*map(alarm_lines, found["alarms"]), *more] or [none])
 
 
 @alarms.command()
+@asks_daemon
 def show(
-    alarm_id: Annotated[int, typer.Argument(metavar="ID", help="Number of the alarm.")],
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
+    daemon: Daemon, alarm_id: Annotated[int, typer.Argument(metavar="ID", help="Number of the alarm.")]
 ) -> None:
     """Show an alarm, and all that has happened to it."""
-    with explained(), Client(url, token) as client:
-        found = client.alarm(alarm_id)
-    print_answer(found, as_json, [alarm_lines(found), *(f"  {fact}" for fact in _facts(found))])
+    found = daemon.client.alarm(alarm_id)
+    daemon.show(found, [alarm_lines(found), *(f"  {fact}" for fact in _facts(found))])
 
 
 @alarms.command()
-def ack(
-    alarm_ids: AlarmIds,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
-) -> None:
+@asks_daemon
+def ack(daemon: Daemon, alarm_ids: AlarmIds, remark: Remark) -> None:
     """Acknowledge alarms."""
-    _act(url, token, alarm_ids, as_json, "acknowledge", Remark(comment, work_order))
+    _act(daemon, alarm_ids, "acknowledge", remark)
 
 
 @alarms.command()
+@asks_daemon
 def shelve(
+    daemon: Daemon,
     alarm_ids: AlarmIds,
+    remark: Remark,
     duration: Annotated[
         str | None, typer.Option("--for", metavar="TIME", help="How long: 8h, 3d, 30min.", show_default=False)
     ] = None,
@@ -100,11 +83,6 @@ def shelve(
         str | None,
         typer.Option("--until", metavar="TIME", help="2026-03-01T14:00:00Z, instead.", show_default=False),
     ] = None,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
 ) -> None:
     """Hide alarms for a time, at most seven days; each comes back by itself."""
     if (duration is None) == (until is None):
@@ -113,40 +91,29 @@ def shelve(
         seconds = None if duration is None else seconds_in(duration)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--for") from None
-    remark = Remark(comment, work_order)
-    _act(url, token, alarm_ids, as_json, "shelve", remark, duration_s=seconds, until=until)
+    _act(daemon, alarm_ids, "shelve", remark, duration_s=seconds, until=until)
 
 
 @alarms.command()
-def unshelve(
-    alarm_ids: AlarmIds,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
-) -> None:
+@asks_daemon
+def unshelve(daemon: Daemon, alarm_ids: AlarmIds, remark: Remark) -> None:
     """Show alarms again before their time is over."""
-    _act(url, token, alarm_ids, as_json, "unshelve", Remark(comment, work_order))
+    _act(daemon, alarm_ids, "unshelve", remark)
 
 
 @alarms.command("comment")
-def comment_alarm(
-    alarm_ids: AlarmIds,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
-) -> None:
+@asks_daemon
+def comment_alarm(daemon: Daemon, alarm_ids: AlarmIds, remark: Remark) -> None:
     """Add a comment, the number of a work order, or both, to alarms of any state."""
-    if not comment and not work_order:
+    if not any(remark):
         raise typer.BadParameter("give --comment, --work-order or both")
-    _act(url, token, alarm_ids, as_json, "comment", Remark(comment, work_order))
+    _act(daemon, alarm_ids, "comment", remark)
 
 
 @alarms.command()
+@asks_daemon
 def statistics(
+    daemon: Daemon,
     since: Annotated[
         str | None,
         typer.Option(
@@ -159,14 +126,10 @@ def statistics(
     until: Annotated[
         str | None, typer.Option("--until", metavar="TIME", help="Default: now.", show_default=False)
     ] = None,
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
 ) -> None:
     """Print alarms per ten minutes (EEMUA 191), and the most frequent ones."""
-    with explained(), Client(url, token) as client:
-        found = client.statistics(since, until)
-    print_answer(found, as_json, _statistics(found))
+    found = daemon.client.statistics(since, until)
+    daemon.show(found, _statistics(found))
 
 
 def _statistics(found: Json) -> Iterator[str]:
@@ -184,33 +147,19 @@ Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="The axis, as in
 
 
 @alarms.command("out-of-service")
-def out_of_service(
-    axis: Axis,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
-) -> None:
+@asks_daemon
+def out_of_service(daemon: Daemon, axis: Axis, remark: Remark) -> None:
     """Take an axis out of service: its alarms are recorded, but not announced."""
-    with explained(), Client(url, token) as client:
-        found = client.change_service(axis, "out-of-service", Remark(comment, work_order))
-    print_answer(found, as_json, [_service_line(found, "taken out of service")])
+    found = daemon.client.change_service(axis, "out-of-service", remark)
+    daemon.show(found, [_service_line(found, "taken out of service")])
 
 
 @alarms.command("return-to-service")
-def return_to_service(
-    axis: Axis,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
-) -> None:
+@asks_daemon
+def return_to_service(daemon: Daemon, axis: Axis, remark: Remark) -> None:
     """Return an axis to service: its alarms are announced again."""
-    with explained(), Client(url, token) as client:
-        found = client.change_service(axis, "return-to-service", Remark(comment, work_order))
-    print_answer(found, as_json, [_service_line(found, "returned to service")])
+    found = daemon.client.change_service(axis, "return-to-service", remark)
+    daemon.show(found, [_service_line(found, "returned to service")])
 
 
 def _service_line(found: Json, done: str) -> str:
@@ -219,20 +168,11 @@ def _service_line(found: Json, done: str) -> str:
     return f"{found['axis']}: {done} by {step['who']} at {short_time(step['at'])}{texts}"
 
 
-def _act(
-    url: str,
-    token: str,
-    alarm_ids: Sequence[int],
-    as_json: bool,
-    action: AlarmAction,
-    remark: Remark,
-    **end: Value,
-) -> None:
+def _act(daemon: Daemon, alarm_ids: Sequence[int], action: AlarmAction, remark: Remark, **end: Value) -> None:
     """Do it for each alarm; the first that is refused ends it."""
-    with explained(), Client(url, token) as client:
-        for number in alarm_ids:
-            found = client.act(number, action, remark, **end)
-            print_answer(found, as_json, [alarm_lines(found)])
+    for number in alarm_ids:
+        found = daemon.client.act(number, action, remark, **end)
+        daemon.show(found, [alarm_lines(found)])
 
 
 def _facts(a: Json) -> Iterator[str]:

@@ -8,18 +8,9 @@ from typing import Annotated
 
 import typer
 
-from service.client import Client, Json, Remark, Value
-from service.commands.daemon_options import (
-    DEFAULT_URL,
-    AsJson,
-    Comment,
-    Token,
-    Url,
-    WorkOrder,
-    print_answer,
-    short_time,
-)
-from service.commands.exit_codes import GROUP, explained
+from service.client import Json, Remark, Value
+from service.commands.daemon_options import Daemon, asks_daemon, short_time
+from service.commands.exit_codes import GROUP
 
 Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="The axis, as in `axiswatch status`.")]
 VerifyHours = Annotated[
@@ -37,8 +28,11 @@ baseline = typer.Typer(
 
 
 @baseline.command()
+@asks_daemon
 def start(
+    daemon: Daemon,
     axis: Axis,
+    remark: Remark,
     hours: Annotated[
         float | None,
         typer.Option(
@@ -61,11 +55,6 @@ def start(
         ),
     ] = None,
     verify_hours: VerifyHours = 8.0,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
 ) -> None:
     """Begin a new epoch of an axis after a repair.
 
@@ -83,49 +72,38 @@ def start(
         "thresholds": _text(thresholds, "--thresholds"),
         "verify_hours": verify_hours,
     }
-    with explained(), Client(url, token) as client:
-        found = client.baseline(axis, Remark(comment, work_order), **plan)
-    print_answer(found, as_json, _lines(found))
+    found = daemon.client.baseline(axis, remark, **plan)
+    daemon.show(found, _lines(found))
 
 
 @baseline.command()
-def status(axis: Axis, url: Url = DEFAULT_URL, token: Token = "", as_json: AsJson = False) -> None:
+@asks_daemon
+def status(daemon: Daemon, axis: Axis) -> None:
     """Show the epochs of an axis, the newest first."""
-    with explained(), Client(url, token) as client:
-        found = client.epochs(axis)
-    print_answer(found, as_json, (line for epoch in found["epochs"] for line in _lines(epoch)))
+    found = daemon.client.epochs(axis)
+    daemon.show(found, (line for epoch in found["epochs"] for line in _lines(epoch)))
 
 
 @baseline.command()
-def cancel(
-    axis: Axis,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
-) -> None:
+@asks_daemon
+def cancel(daemon: Daemon, axis: Axis, remark: Remark) -> None:
     """End the learning window of an axis: the epoch before stays in force."""
-    with explained(), Client(url, token) as client:
-        found = client.cancel_baseline(axis, Remark(comment, work_order))
-    print_answer(found, as_json, _lines(found))
+    found = daemon.client.cancel_baseline(axis, remark)
+    daemon.show(found, _lines(found))
 
 
 @baseline.command()
+@asks_daemon
 def restore(
+    daemon: Daemon,
     axis: Axis,
     number: Annotated[int, typer.Argument(metavar="EPOCH", min=1, help="Number of a former epoch.")],
+    remark: Remark,
     verify_hours: VerifyHours = 8.0,
-    comment: Comment = "",
-    work_order: WorkOrder = "",
-    url: Url = DEFAULT_URL,
-    token: Token = "",
-    as_json: AsJson = False,
 ) -> None:
     """Let the values of a former epoch be in force again."""
-    with explained(), Client(url, token) as client:
-        found = client.restore_epoch(axis, number, verify_hours, Remark(comment, work_order))
-    print_answer(found, as_json, _lines(found))
+    found = daemon.client.restore_epoch(axis, number, verify_hours, remark)
+    daemon.show(found, _lines(found))
 
 
 def _text(path: Path | None, option: str) -> str | None:

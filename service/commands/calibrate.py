@@ -104,7 +104,7 @@ def calibrate(
 
 def as_identified(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Config, NamedAxis]:
     """The configuration and the axis, cold at first if its identification took the same records to begin so."""
-    from service.ingest.calibration_records import begins_cold
+    from service.ingest.loaded_records import begins_cold
 
     if not begins_cold(axis, records):
         return config, axis
@@ -132,12 +132,12 @@ def calibrate_axis(
     from service.commands.progress import Background
     from service.config import conditions_of
     from service.config.axis_settings import alarm_source_of, axis_settings, monitored_model
-    from service.ingest.calibration_records import read
+    from service.ingest.loaded_records import load_samples
     from service.reports.calibration_report import Calibration, one_sided, warnings
 
     model = monitored_model(axis)
     settings = axis_settings(axis, model)
-    records, sources = read(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
+    records, sources = load_samples(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
     result = find_thresholds(model, settings, records, options, progress, Background)
     alarms: DetectorName = "cusum" if result.bank is None else alarm_source_of(axis.config, True)
     found = ranges(model.drive.output, settings, conditions_of(axis).columns, records)

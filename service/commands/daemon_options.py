@@ -1,10 +1,18 @@
-"""What the commands of a running daemon share: their options, and how they print its answers."""
+"""What the commands of a running daemon share: their options, and how they print its answers.
+
+They load nothing of the daemon itself, so that they answer at once.
+"""
 
 import json
-from collections.abc import Iterable
-from typing import Annotated, Any
+from collections.abc import Callable, Iterable
+from functools import wraps
+from inspect import Parameter, signature
+from typing import Annotated, Any, get_type_hints
 
 import typer
+
+from service.client import Client, Remark
+from service.commands.exit_codes import explained
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 Url = Annotated[
@@ -29,13 +37,50 @@ WorkOrder = Annotated[
 ]
 
 
-def print_answer(found: Any, as_json: bool, lines: Iterable[str]) -> None:
-    """Print an answer of the API as JSON, or these lines about it."""
-    if as_json:
-        print(json.dumps(found, indent=1, ensure_ascii=False))
-    else:
-        for line in lines:
-            print(line)
+class Daemon:
+    """The daemon that a command asks, by ``client``, and how its answers are printed."""
+
+    def __init__(self, client: Client, url: str, as_json: bool) -> None:
+        self.client, self.url, self._as_json = client, url, as_json
+
+    def show(self, found: Any, lines: Iterable[str]) -> None:
+        """Print an answer of the API as JSON where that is wanted, else these lines about it."""
+        if self._as_json:
+            print(json.dumps(found, indent=1, ensure_ascii=False))
+        else:
+            for line in lines:
+                print(line)
+
+
+_REMARK: dict[str, tuple[Any, Any]] = {"comment": (Comment, ""), "work_order": (WorkOrder, "")}
+_DAEMON: dict[str, tuple[Any, Any]] = {
+    "url": (Url, DEFAULT_URL), "token": (Token, ""), "as_json": (AsJson, False)
+}  # fmt: skip
+"""Name of each option, its type and its default"""
+
+
+def asks_daemon(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose first argument is the Daemon, for the options --url, --token and --json.
+
+    An argument ``remark`` stands for --comment and --work-order.
+    """
+    types = get_type_hints(command, include_extras=True)
+    own = [p for name, p in signature(command).parameters.items() if name not in ("daemon", "remark")]
+    remarks = _REMARK if "remark" in types else {}
+    parameters = [p.replace(annotation=types[p.name], kind=Parameter.KEYWORD_ONLY) for p in own]
+    for name, (kind, default) in (remarks | _DAEMON).items():
+        parameters.append(Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind))
+
+    @wraps(command)
+    def run(url: str, token: str, as_json: bool, **given: Any) -> None:
+        if remarks:
+            given["remark"] = Remark(**{name: given.pop(name) for name in remarks})
+        with explained(), Client(url, token) as client:
+            command(Daemon(client, url, as_json), **given)
+
+    vars(run)["__signature__"] = signature(command).replace(parameters=parameters)
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    return run
 
 
 def short_time(iso: str | None) -> str:

@@ -1,9 +1,9 @@
 """The parts of the daemon: opened, restored and connected."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,10 +12,11 @@ import structlog
 from monitor_core.wording import sentence
 from service.can.bus import blf_channels
 from service.can.frame_recorder import FrameRecorder
-from service.commands.plant_links import PlantLinks
+from service.commands.protection import looks
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.schema_links import LinksConfig
+from service.links.link_secrets import LinkSecretError
 from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import Baselines
@@ -24,12 +25,13 @@ from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.epochs_at_start import AtStart, at_start, note_begun_again, resume
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
-from service.pipeline.reloading import Part, Reloading
-from service.pipeline.snapshot import Snapshot
+from service.pipeline.reloading import Part, ReloadError, Reloading
+from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.pipeline.wall_clock import WallClock
 from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import Compiled, Worker
 from service.store.checkpoints import Checkpoints
+from service.store.database import StoreError
 from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
 from service.texts.instants import now_us
@@ -38,6 +40,7 @@ from service.web.app_state import AppState
 
 if TYPE_CHECKING:
     from service.links.running import Links
+
 
 ALARMS_FILE, CHECKPOINTS_FILE, HISTORY_FILE = "alarms.sqlite", "checkpoints.sqlite", "history.sqlite"
 """In the state directory."""
@@ -85,7 +88,7 @@ class DaemonParts:
         stack.callback(self.worker.stop)
         stack.callback(self.baselines.stop)
         stack.callback(self.buses.close)
-        self.links = _links(config, self.state.journal, lambda: self.worker.snapshot, self.extracts)
+        self.links = PlantLinks(config, self.state.journal, lambda: self.worker.snapshot, self.extracts)
         stack.callback(self.links.stop)
 
     def start(self) -> None:
@@ -192,20 +195,6 @@ def _restored(
     return alarms, messages
 
 
-def _links(
-    config: Config, journal: Journal, snapshot: Callable[[], Snapshot], extracts: Extracts | None
-) -> PlantLinks:
-    def recording_of(t_us: int) -> str | None:
-        return None if extracts is None else extracts.folder.holding(t_us)
-
-    def make(links: LinksConfig) -> "Links":
-        from service.links.running import Links
-
-        return Links(links, config.service.state_dir, journal, snapshot, recording_of)
-
-    return PlantLinks(config.links, make)
-
-
 def _extracts(config: Config) -> Extracts | None:
     """What writes the frames around alarms, unless the configuration leaves no room for them."""
     kept = config.service
@@ -260,3 +249,85 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     stack.callback(thread.join, _LONGEST_LOAD_S)
     stack.callback(filler.stop)
     return compiled
+
+
+# --- The plant links --------------------------------------------------------------------------------------------------
+
+
+class PlantLinks:
+    """The links that run; where there are none, nothing of them is imported.
+
+    Args:
+        config: which ones, and the state directory.
+        journal: with what they deliver.
+        snapshot: returns the newest one.
+        extracts: recordings of the frames around alarms; None: there are none.
+
+    Raises:
+        LinkSecretError: a secret or a certificate cannot be used.
+        StoreError: the outbox cannot be used.
+    """
+
+    def __init__(
+        self, config: Config, journal: Journal, snapshot: Callable[[], Snapshot], extracts: Extracts | None
+    ) -> None:
+        self._config, self._state_dir = config.links, config.service.state_dir
+        self._journal, self._snapshot, self._extracts = journal, snapshot, extracts
+        self._links = self._made()
+
+    def _made(self) -> "Links | None":
+        if not self._config.any:
+            return None
+        from service.links.running import Links
+
+        return Links(self._config, self._state_dir, self._journal, self._snapshot, self._recording_of)
+
+    def _recording_of(self, t_us: int) -> str | None:
+        return None if self._extracts is None else self._extracts.folder.holding(t_us)
+
+    def start(self) -> None:
+        """Start them."""
+        if self._links is not None:
+            self._links.start()
+
+    def stop(self) -> None:
+        """End them."""
+        links, self._links = self._links, None
+        if links is not None:
+            links.stop()
+
+    def snapshots(self) -> Sequence[LinkSnapshot]:
+        """The newest state of each."""
+        links = self._links
+        return () if links is None else links.snapshots()
+
+    @contextmanager
+    def exchanged(self, new: Config) -> Iterator[None]:
+        """Run those of another configuration, from where the outbox says; the former where what is done within fails.
+
+        Raises:
+            ReloadError: they cannot be run.
+        """
+        before = self._config
+        if new.links == before:
+            yield
+            return
+        try:
+            for look in looks(new.links):
+                look()
+        except LinkSecretError as error:
+            raise ReloadError(str(error)) from None
+        try:
+            self._exchange(new.links)
+            yield
+        except BaseException as error:
+            self._exchange(before)
+            if isinstance(error, LinkSecretError | StoreError):
+                raise ReloadError(str(error)) from None
+            raise
+
+    def _exchange(self, config: LinksConfig) -> None:
+        self.stop()
+        self._config = config
+        self._links = self._made()
+        self.start()

@@ -25,8 +25,7 @@ from service.config import Config
 from service.config.commissioned import connected, relocated
 from service.config.drive_sources import shipped
 from service.config.schema import WebConfig
-from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
-from service.simulation.robot_table import table_lines
+from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender, table_lines
 
 log = structlog.get_logger(__name__)
 

@@ -11,11 +11,10 @@ from rich.table import Table
 
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.inferred_layout import Field
-from service.can.left_out import left_out_words
 from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
-from service.can.user_errors import RecordError
+from service.can.user_errors import RecordError, left_out_words
 from service.commands.exit_codes import explained
-from service.commands.init import ListenFor, heard_on, propose
+from service.commands.init import ListenFor, Output, heard_on, propose
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new
 from service.config.schema import BusConfig
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 Log = Annotated[
     Path | None, typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot.")
 ]
-Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
 Channel = Annotated[
     str | None,
     typer.Option("--channel", metavar="NAME", help="Of a log of several buses: this one. Default: the busiest."),

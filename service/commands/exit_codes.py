@@ -40,6 +40,8 @@ def explained(*mistakes: type[Exception]) -> Iterator[None]:
     """
     try:
         yield
+    except (typer.Exit, typer.BadParameter):
+        raise
     except Exception as error:
         code = _code(error, mistakes)
         if code is None:

@@ -39,7 +39,7 @@ from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
-from service.ingest.identification_records import Loaded, load
+from service.ingest.loaded_records import Loaded, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -100,6 +100,7 @@ def _from_table(record: Path, output: Path) -> None:
     from service.commands.proposed_configuration import table_lines
     from service.ingest.column_roles import roles
     from service.ingest.records import is_table
+    from service.ingest.signal_roles import summary
     from service.ingest.table_files import open_table
 
     if not is_table(record):
@@ -114,14 +115,15 @@ def _from_table(record: Path, output: Path) -> None:
         raise RecordError(
             f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}"
         )
-    found = roles(columns, table.units)
+    found = roles(columns, table.units, interval_s)
     if not found.axes:
         raise RecordError(
             f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{fault}"
         )
-    interval_s = found.interval_s or interval_s
-    lines = table_lines(found, record.name, interval_s)
-    words = [*table.taken, *_summary(found, interval_s), *(f"not used: {why}" for why in faults.values())]
+    unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
+    not_read = (f"not used: {why}" for why in faults.values())
+    words = [*table.taken, _time_words(found), *summary(found.axes), *unused, *not_read]
+    lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 
 
@@ -240,14 +242,8 @@ def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str
     return {n: v for n, v in found.items() if len(v) == longest}, next(intervals, None), faults
 
 
-def _summary(found: TableRoles, interval_s: float | None) -> Iterator[str]:
+def _time_words(found: TableRoles) -> str:
+    interval_s = found.axes[0].interval_s
     apart = f", {interval_s:.4g} s apart" if interval_s else ""
     unknown = apart or "; put their interval into sample_interval_s, which nothing shows"
-    yield f"time: {found.time or f'no column; rows are taken as evenly spaced{unknown}'}"
-    for axis in found.axes:
-        yield (
-            f"{axis.name}: torque {axis.torque}, {axis.output} {axis.motion}: {axis.sureness}"
-            f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
-        )
-    if any(found.unused):
-        yield f"not used: {', '.join(filter(None, found.unused))}"
+    return f"time: {found.time or f'no column; rows are taken as evenly spaced{unknown}'}"

@@ -12,8 +12,7 @@ from typer.core import TyperGroup
 
 from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import EPILOG, GROUP
-from service.pipeline.kernel_cache import choose
-from service.pipeline.warming import EARLY, Shape
+from service.pipeline.warming import EARLY, Shape, choose
 
 COMMANDS = (
     "demo",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,11 +13,13 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from service.can.bus import BusSettings, reaches_hardware
 from service.commands.exit_codes import MISTAKE
 from service.config import Config, ConfigErrors, NamedAxis, Problem, load
 
 if TYPE_CHECKING:
     from service.config.schema import BusConfig
+
 
 LOG_KINDS = ".log .asc .blf .trc .mf4 .csv, also .gz"
 """Suffixes of CAN logs, for the help"""
@@ -209,3 +212,31 @@ def _value(text: str) -> object:
         return tomllib.loads(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
         return text
+
+
+# --- Consent to send on a bus where a drive may listen: only simulate and play send at all ----------------------------
+
+
+SendYes = Annotated[
+    bool, typer.Option("--yes", help="Send on a real CAN interface without asking: a drive there may move.")
+]
+
+
+def confirm_sending(buses: Iterable[BusSettings], yes: bool) -> None:
+    """Ask before frames are sent on buses that may have drives; without a terminal ``yes`` is needed.
+
+    Raises:
+        typer.Exit: with status 2, where there is no consent.
+    """
+    real = [f"{bus.interface} {bus.channel}" for bus in buses if reaches_hardware(bus)]
+    if yes or not real:
+        return
+    danger = (
+        f"this sends frames on {', '.join(real)}: a drive or controller that listens there may act on them"
+    )
+    if not sys.stdin.isatty():
+        print(f"axiswatch: {danger}. Give --yes if none does, or use a virtual bus (vcan0).", file=sys.stderr)
+        raise typer.Exit(MISTAKE)
+    print(f"{danger[0].upper()}{danger[1:]}.")
+    if not typer.confirm("Send?", default=False):
+        raise typer.Exit(MISTAKE)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from service.config.canopen_axis import CURRENT, VELOCITY
 from service.config.schema import BusConfig
-from service.config.unit_names import UNITS, Quantity, current_in, unit_in, unit_of
+from service.config.unit_names import UNITS, unit_in
 from service.ingest.column_roles import TableRoles
 from service.ingest.drive_objects import DriveObjects
-from service.ingest.roles_by_values import AxisRoles
-from service.ingest.signal_roles import BusAxis, SignalRole
+from service.ingest.signal_roles import AxisRoles, SignalRole
 from service.ingest.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 
@@ -26,16 +25,18 @@ _RATED_TORQUE = ("rated_torque_Nm", "0x6076 (mN m)", "0x6077")
 """Key, and the objects that hold the rated value and the measured one, of drives that send currents, and torques"""
 
 
-def table_lines(found: TableRoles, record: str, interval_s: float | None) -> Iterator[str]:
-    """The file for a table; ``interval_s``: between its rows, where the record shows it."""
+def table_lines(found: TableRoles, record: str) -> Iterator[str]:
+    """The file for a table."""
     yield f"# Proposed by `axiswatch init` from {record}."
     yield "# Check units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
-    yield from _robot_lines({axis.name: [*_column_lines(found, axis, interval_s)] for axis in found.axes})
+    unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
+    time = [] if found.time is None else [f"time = {{ column = {toml_value(found.time)}{unit} }}"]
+    yield from _robot_lines({axis.name: [*_axis_lines(axis, time)] for axis in found.axes})
 
 
 def bus_lines(
-    axes: Sequence[BusAxis], messages: Path, output: Path, bus: BusConfig | None = None
+    axes: Sequence[AxisRoles], messages: Path, output: Path, bus: BusConfig | None = None
 ) -> Iterator[str]:
     """The file ``output`` for the axes of a bus that ``messages`` describes; ``bus``: if one was listened to."""
     yield f"# Proposed by `axiswatch init` from {messages.name}."
@@ -44,7 +45,7 @@ def bus_lines(
     yield from _bus_lines(bus)
     yield f"messages = {toml_value(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
-    yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
+    yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis))] for axis in axes})
 
 
 def drive_lines(
@@ -111,7 +112,7 @@ def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
 
 
 def unknown_bus_lines(
-    axes: Sequence[BusAxis], messages: Sequence[UnknownMessage], name: str, bus: BusConfig | None = None
+    axes: Sequence[AxisRoles], messages: Sequence[UnknownMessage], name: str, bus: BusConfig | None = None
 ) -> Iterator[str]:
     """The file for the axes of a bus that nothing describes, with the numbers in the messages that carry them.
 
@@ -134,7 +135,7 @@ def unknown_bus_lines(
             yield f'  {{ name = {toml_value(bits.name)}, {place}, kind = "{bits.kind}"{order} }},'
         yield "]"
     yield ""
-    yield from _robot_lines({axis.name: [*_message_lines(axis)] for axis in axes})
+    yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis))] for axis in axes})
 
 
 def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
@@ -154,31 +155,23 @@ def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
         yield from (line for line in lines if line not in common)
 
 
-# --- An axis in a table -----------------------------------------------------------------------------------------------
+# --- An axis ----------------------------------------------------------------------------------------------------------
 
 
-def _column_lines(found: TableRoles, axis: AxisRoles, interval_s: float | None) -> Iterator[str]:
-    if interval_s is None:
-        yield "sample_interval_s = 0.001  # not known: correct it"
+def _axis_lines(axis: AxisRoles, time: Iterable[str]) -> Iterator[str]:
+    """Its keys; ``time``: those of the time of its samples."""
+    if axis.interval_s is None:
+        yield f"sample_interval_s = {_INTERVAL_S:g}  # not known: correct it; `commission` measures it where it can"
     else:
-        yield f"sample_interval_s = {interval_s:.4g}"
-    if found.time is not None:
-        unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
-        yield f"time = {{ column = {toml_value(found.time)}{unit} }}"
+        origin = "as measured" if axis.measured else "cycle time of the message"
+        yield f"sample_interval_s = {axis.interval_s:.4g}  # {origin}"
+    yield from time
     yield _MODEL
-    torque, motion = (unit_of(name, found.units.get(name, "")) for name in (axis.torque, axis.motion))
-    sign = -1.0 if axis.turned else 1.0
-    if axis.current:
-        factor, remark = current_in(torque) or 1.0, "a current: add kT_Nm_per_A, the torque constant"
-    else:
-        factor, remark = _factor(axis.torque, torque, "torque")
-    remark = f"{axis.sureness}; {remark}" if remark else axis.sureness
-    yield f"torque = {_column(axis.torque, sign * factor)}  # {remark}"
-    factor, remark = _factor(axis.motion, motion, axis.output)
-    if not remark and axis.fastest is not None and (factor != 1 or motion):
-        remark = _side(factor * axis.fastest)
-    source = _column(axis.motion, factor, axis.wrap_period)
-    yield f"{axis.output} = {source}" + (f"  # {remark}" if remark else "")
+    yield f"torque = {_source(axis, axis.torque)}"
+    factor, side = axis.motion.factor, ""
+    if factor is not None and axis.fastest is not None:
+        side = _side(factor * axis.fastest)
+    yield f"{axis.motion.quantity} = {_source(axis, axis.motion)}{side}"
 
 
 _ARM, _MOTOR = 20.0, 100.0
@@ -188,50 +181,13 @@ _ARM, _MOTOR = 20.0, 100.0
 def _side(fastest: float) -> str:
     """On which side of the gear something turns that hardly ever is faster [rad/s]; empty: that does not tell."""
     if fastest > _MOTOR:
-        return f"likely of the motor, as it reaches {fastest:.3g} rad/s"
-    words = f"likely of the arm, as it reaches {fastest:.3g} rad/s only: multiply factor by the gear ratio"
+        return f"; likely of the motor, as it reaches {fastest:.3g} rad/s"
+    words = f"; likely of the arm, as it reaches {fastest:.3g} rad/s only: multiply factor by the gear ratio"
     return words if 0 < fastest < _ARM else ""
 
 
-def _factor(column: str, unit: str, quantity: Quantity) -> tuple[float, str]:
-    """Of the unit of a column, or of the one in its name, and what is to be put in its place by hand."""
-    known = unit_in(unit, quantity) or unit_in(column, quantity)
-    if known is None or known.factor is None:
-        by_hand = _LINEAR if known is not None and known.linear else _BY_HAND[quantity]
-        return 1.0, "" if known is None else f"in {known.words}: {by_hand}"
-    return known.factor, ""
-
-
-_LINEAR = "add factor, 2 pi / mm that a turn of the motor moves it"
-_BY_HAND: Mapping[Quantity, str] = {
-    "torque": "add factor, N m of one",
-    "angle": "add factor, radians of the motor for one",
-    "speed": "add factor, rad/s of the motor for one",
-}
-
-
-def _column(column: str, factor: float, wrap_period: float | None = None) -> str:
-    words = "" if factor == 1 else f", factor = {factor:.10g}"
-    wraps = "" if wrap_period is None else f", wrap_period = {wrap_period:.10g}"
-    return f"{{ column = {toml_value(column)}{words}{wraps} }}"
-
-
-# --- An axis on a bus -------------------------------------------------------------------------------------------------
-
-
-def _message_lines(axis: BusAxis) -> Iterator[str]:
-    if axis.interval_s is None:
-        yield f"sample_interval_s = {_INTERVAL_S:g}  # not described: correct it; `commission` measures it"
-    else:
-        origin = "as measured" if axis.measured else "cycle time of the message"
-        yield f"sample_interval_s = {axis.interval_s:g}  # {origin}"
-    yield from _time_lines(axis)
-    yield _MODEL
-    yield f"torque = {_source(axis.torque)}"
-    yield f"{axis.motion.quantity} = {_source(axis.motion)}"
-
-
-def _time_lines(axis: BusAxis) -> Iterator[str]:
+def _time_lines(axis: AxisRoles) -> Iterator[str]:
+    """The source of the times on a bus."""
     if axis.counter is not None:
         message, signal = axis.counter
         # The times of a counter are whole intervals: nothing would show that the interval is wrong.
@@ -244,33 +200,37 @@ def _time_lines(axis: BusAxis) -> Iterator[str]:
         yield 'time = { clock = "cyclic" }  # frames are received in bunches: the clock of the controller is fitted'
 
 
-def _source(role: SignalRole) -> str:
-    keys = [f"message = {toml_value(role.message)}", f"signal = {toml_value(role.signal)}"]
+def _source(axis: AxisRoles, role: SignalRole) -> str:
+    keys = [f"column = {toml_value(role.signal)}"]
+    if role.message:
+        keys = [f"message = {toml_value(role.message)}", f"signal = {toml_value(role.signal)}"]
     factor = (1.0 if role.factor is None else role.factor) * (-1.0 if role.turned else 1.0)
     if factor != 1:
         keys.append(f"factor = {factor:.10g}")
     if role.wrap_period is not None:
         keys.append(f"wrap_period = {role.wrap_period:.10g}")
-    remark = f"{role.sureness}: {_unit_words(role)}"
-    if role.turned:
-        remark += "; the sign is turned, since the motion goes against it"
-    return f"{{ {', '.join(keys)} }}  # {remark}"
+    sureness = role.sureness if axis.explained is None else axis.sureness
+    turned = "; the sign is turned, since the motion goes against it" if role.turned else ""
+    return f"{{ {', '.join(keys)} }}  # {sureness}: {_unit_words(role)}{turned}"
 
 
 def _unit_words(role: SignalRole) -> str:
     if role.current:
         return "a current: add kT_Nm_per_A, the torque constant"
-    if not role.unit and role.sureness == "guess":
-        return f"by its values; factor is {UNITS[role.quantity]} for each count"
-    if not role.unit:
-        assumed = "N m" if role.quantity == "torque" else "radians"
-        return f"by its name; it has no unit, so {assumed} are assumed"
-    if role.factor is not None:
-        return f"in {role.unit}"
-    known = unit_in(role.unit, role.quantity)
-    if known is not None and known.linear:
-        return f"in {known.words}; factor is 2 pi / mm that a turn of the motor moves it"
-    of_rated = {"per mille of the rated torque": "/ 1000", "percent of the rated torque": "/ 100"}
-    part = of_rated.get("" if known is None else known.words, "/ 1000 or / 100")
-    rated, counts = f"rated torque {part} [N m]", "2 pi / counts of a turn [rad]"
-    return f"in {role.unit}; factor is {rated if role.quantity == 'torque' else counts}"
+    unit = unit_in(role.unit, role.quantity) or (
+        None if role.message else unit_in(role.signal, role.quantity)
+    )
+    if unit is None and role.factor is not None:
+        return "by its values, which start again after a turn"
+    if unit is None and role.sureness == "guess":
+        return f"by its values; factor makes it {UNITS[role.quantity]}"
+    if unit is None:
+        return f"by its name; it has no unit, so {UNITS[role.quantity]} is assumed"
+    if unit.factor is not None:
+        return f"in {unit.words}"
+    if unit.linear:
+        return f"in {unit.words}; factor is 2 pi / mm that a turn of the motor moves it"
+    if role.quantity != "torque":
+        return f"in {unit.words}; factor is 2 pi / {unit.words} of a turn of the motor"
+    part = "/ 1000" if unit.words.startswith("per mille") else "/ 100"
+    return f"in {unit.words}; factor is rated torque {part} [N m]"

@@ -9,8 +9,7 @@ from rich.console import Console
 from monitor_core.drive import DELAY
 from service.can.bus import open_buses
 from service.commands.exit_codes import explained
-from service.commands.options import ConfigPath, Seconds, axis_named, configuration
-from service.commands.sending import SendYes, confirm_sending
+from service.commands.options import ConfigPath, Seconds, SendYes, axis_named, configuration, confirm_sending
 from service.commands.signal_handling import stopped_by_signals
 from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
 

@@ -11,9 +11,8 @@ from typing import Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from monitor_core.wording import sentence
-from service.config.former_keys import RENAMED_KEYS
-from service.config.problems import dotted, shown
-from service.texts.mistake_words import at_place
+from service.config.base_table import RENAMED_KEYS
+from service.config.problems import at_place, dotted, shown
 
 FORMAT = 1
 """Format of these files; a later one may mean something else."""

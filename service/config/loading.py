@@ -20,17 +20,15 @@ from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
 from service.config.axis_rules import AXIS_RULES, defaults_without_name
-from service.config.base_table import Reading, Table, Undecidable
+from service.config.base_table import Reading, Table, Undecidable, hint
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
-from service.config.former_keys import hint
-from service.config.link_rules import LINK_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import ConfigErrors, Finding, Problem, dotted, shown
 from service.config.robot_defaults import origin
 from service.config.schema import AxisConfig, Config
-from service.config.schema_links import concealed
+from service.config.schema_links import LINK_RULES, certificate_and_key, concealed
 from service.config.toml_lines import Keys, nearest, positions
 
 PREFIX = "AXISWATCH_"
@@ -266,7 +264,10 @@ Rule = Callable[[T], Iterator[Finding]]
 
 def crosscheck(config: Config) -> Iterator[Finding]:
     """The findings of all cross-checks."""
-    yield from _run((*CONFIG_RULES, *LINK_RULES), config, ())
+    yield from _run(CONFIG_RULES, config, ())
+    yield from _run(LINK_RULES, config.links, ("links",))
+    for table, path in ((config.web, ("web",)), (config.links.opcua, ("links", "opcua"))):
+        yield from _run((certificate_and_key,), table, path)
     for i, bus in enumerate(config.bus):
         yield from _run(BUS_RULES, bus, ("bus", i))
     for i, robot in enumerate(config.robot):

@@ -1,14 +1,15 @@
-"""Mistakes in a configuration: findings of the checks, and problems with place, key, value and what would be right."""
+"""Mistakes in a configuration: findings of the checks; problems with place, key, value and what would be right."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from monitor_core.wording import sentence
 from service.config.toml_lines import Keys
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -95,3 +96,25 @@ def _toml(value: object) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{dotted([str(key)])} = {_toml(entry)}" for key, entry in value.items()) + "}"
     return str(value)
+
+
+# --- What a validation has found, in words ----------------------------------------------------------------------------
+
+
+_LIMITS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
+
+
+def at_place(place: str, error: Mapping[str, Any]) -> str:
+    """What pydantic has found wrong at a place, such as a key: its words, and where it is a usual mistake its kind."""
+    words, values = error["msg"].removeprefix("Value error, "), error.get("ctx", {})
+    template = "{place}: {words}"
+    for name, sign in _LIMITS.items():
+        if isinstance(limit := values.get(name), int | float):
+            return sentence(
+                "out of limits", template, place=place, words=words, sign=sign, limit=f"{limit:g}"
+            )
+    if error["type"] == "missing":
+        return sentence("key missing", template, place=place, words=words)
+    if error["type"].endswith(("_type", "_parsing")):
+        return sentence("other kind", template, place=place, words=words)
+    return f"{place}: {words}"

@@ -1,17 +1,21 @@
-"""[links]: where else the alarms and states go; each link is optional.
+"""[links]: where else the alarms and states go; each link is optional.  Its keys, and what must fit together in them.
 
 Secrets are never in the configuration: it names a file or a variable of the environment that holds them.
 """
 
 import re
+from collections.abc import Iterator
+from importlib.util import find_spec
 from ipaddress import ip_address
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field
 
 from monitor_core.monitoring import PRIORITIES, Priority
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, written
+from service.config.problems import Finding
+from service.config.toml_lines import Keys
 
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
 Variable = Annotated[
@@ -174,3 +178,71 @@ def concealed(key: str | int, value: object) -> object:
     if key in SECRET_KEYS:
         return "..."
     return re.sub(r"//[^/]*@", "//...@", value) if key == "url" and isinstance(value, str) else value
+
+
+# --- Cross-checks: names, secrets, encryption, and whether the program can do it at all -------------------------------
+
+
+RESERVED = ("mqtt", "smtp", "opcua")
+"""Names of the links that have no name of their own."""
+
+
+def link_names(links: LinksConfig) -> Iterator[Finding]:
+    """Each link has a name of its own: status and metrics are shown by it."""
+    first: dict[str, Keys] = {}
+    for i, hook in enumerate(links.webhook):
+        path: Keys = ("webhook", i, "name")
+        if hook.name in RESERVED:
+            yield Finding(path, f"is the name of [links.{hook.name}]: choose another one")
+        elif (taken := first.setdefault(hook.name, path)) != path:
+            yield Finding(path, "must differ from the name of", taken[:-1])
+
+
+def link_secrets(links: LinksConfig) -> Iterator[Finding]:
+    """A secret has a source.  Whether it can be read is seen at the start: not everyone who checks this may."""
+    for i, hook in enumerate(links.webhook):
+        if hook.secret_file is None and hook.secret_env is None:
+            message = "missing: give secret_file or secret_env, the key of the signature"
+            yield Finding(("webhook", i, "secret_file"), message)
+    for name, link in (("mqtt", links.mqtt), ("smtp", links.smtp)):
+        if link is None:
+            continue
+        given = link.password_file is not None or link.password_env is not None
+        if given and link.user is None:
+            yield Finding((name, "user"), "missing: it is needed with a password")
+        elif link.user is not None and not given:
+            message = "missing: give password_file or password_env with user"
+            yield Finding((name, "password_file"), message)
+
+
+def link_encryption(links: LinksConfig) -> Iterator[Finding]:
+    """A password crosses no network in the clear, and neither do messages; OPC UA is encrypted for other machines."""
+    mqtt, smtp, opcua = links.mqtt, links.smtp, links.opcua
+    if mqtt is not None and not mqtt.tls and mqtt.user is not None and not is_local(mqtt.host):
+        yield Finding(("mqtt", "tls"), "the password would cross the network in the clear: use TLS")
+    if smtp is not None and smtp.security == "none" and (smtp.user is not None or not is_local(smtp.host)):
+        message = 'is possible only without user and to this machine: use "starttls" or "tls"'
+        yield Finding(("smtp", "security"), message)
+    if opcua is not None and not is_local(opcua.host) and opcua.certificate is None and opcua.key is None:
+        message = 'other machines reach this host: give certificate and key, or host = "127.0.0.1"'
+        yield Finding(("opcua", "host"), message)
+
+
+def link_extras(links: LinksConfig) -> Iterator[Finding]:
+    """What a link needs is installed."""
+    for name, package in (("mqtt", "aiomqtt"), ("opcua", "asyncua")):
+        if getattr(links, name) is not None and find_spec(package) is None:
+            yield Finding((name,), f"needs another package: pip install axiswatch[{name}]")
+
+
+def certificate_and_key(table: Any) -> Iterator[Finding]:
+    """A certificate has its key, of [web] or [links.opcua]; None: there is no such table.
+
+    Whether they fit is seen at the start: not everyone who reads this may read the key.
+    """
+    for given, lacking in (("certificate", "key"), ("key", "certificate")):
+        if getattr(table, given, None) is not None and getattr(table, lacking) is None:
+            yield Finding((lacking,), f"missing: it belongs to {given}")
+
+
+LINK_RULES = (link_names, link_secrets, link_encryption, link_extras)

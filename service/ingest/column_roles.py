@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from service.config.unit_names import unit_of
+from service.config.unit_names import Quantity, current_in, unit_in, unit_of
+from service.ingest.axis_columns import TimeOfDay
 from service.ingest.roles_by_name import (
     asked_role,
     axis_number,
@@ -23,8 +24,8 @@ from service.ingest.roles_by_name import (
     role_with,
     words_in,
 )
-from service.ingest.roles_by_values import MOST, AxisRoles, Named, axes_by_values, changes
-from service.ingest.time_of_day import TimeOfDay
+from service.ingest.roles_by_values import MOST, Named, Pair, axes_by_values, changes
+from service.ingest.signal_roles import AxisRoles, SignalRole, Sureness
 
 _MOST_ROWS = 20_000
 _ABSURD = 1e30
@@ -40,48 +41,74 @@ class TableRoles(NamedTuple):
 
     time: str | None
     unit_s: float
-    interval_s: float | None
     axes: tuple[AxisRoles, ...]
     unused: tuple[str, ...]
-    units: Mapping[str, str] = MappingProxyType({})
-    """Of the columns, by name, where the table has them below its names"""
 
 
-def roles(columns: Mapping[str, Floats], units: Mapping[str, str] = MappingProxyType({})) -> TableRoles:
+def roles(
+    columns: Mapping[str, Floats],
+    units: Mapping[str, str] = MappingProxyType({}),
+    interval_s: float | None = None,
+) -> TableRoles:
     """The roles of columns (N,) by name; what is not finite, and rows with an absurd value, are passed over.
 
-    ``units``: of columns, by name, where the table has them below its names.
+    ``units``: of columns, by name, where the table has them below its names; ``interval_s``: between its rows, if it
+    says that, and no column does.
     """
     unit_names = {name: unit_of(name, units.get(name, "")) for name in columns}
     values = _sound({name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2})
     time, unit_s = _time(values, unit_names)
-    interval_s = (
-        _interval_of_rows(values) if time is None else float(np.nanmedian(np.diff(values[time]))) * unit_s
-    )
+    if time is not None:
+        interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s
+    else:
+        interval_s = _interval_of_rows(values) or interval_s
     moving = {name: v for name, v in values.items() if name != time and changes(v)}
     t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
-    axes = _axes(moving, t, kinds, places)
-    if not axes:  # many drives export no other torque than the one that they are asked for
+    pairs = _pairs(moving, t, kinds, places)
+    if not pairs:  # many drives export no other torque than the one that they are asked for
         asked = {name: asked_role(name) for name, kind in kinds.items() if kind == "wanted"}
         kinds |= {name: role for name, role in asked.items() if role in ("torque", "current")}
-        axes = _axes(moving, t, kinds, places)
-    used = {time, *(axis.torque for axis in axes), *(axis.motion for axis in axes)}
+        pairs = _pairs(moving, t, kinds, places)
+    used = {time, *(pair.torque for pair in pairs), *(pair.motion for pair in pairs)}
     unused = tuple(name for name in columns if name not in used)
-    return TableRoles(time, unit_s, interval_s, axes, unused, units)
+    axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
+    return TableRoles(time, unit_s, tuple(axes), unused)
 
 
-def _axes(
+def _axis(pair: Pair, kinds: Mapping[str, str], units: Mapping[str, str]) -> AxisRoles:
+    torque = _role(pair.torque, "torque", kinds[pair.torque], units[pair.torque])
+    motion = _role(pair.motion, pair.output, kinds[pair.motion], units[pair.motion])
+    return AxisRoles(
+        pair.name,
+        torque._replace(turned=pair.turned),
+        motion._replace(wrap_period=pair.wrap_period),
+        explained=pair.explained,
+        rivals=pair.rivals,
+        fastest=pair.fastest,
+    )
+
+
+def _role(column: str, quantity: Quantity, kind: str, unit: str) -> SignalRole:
+    """A column as a quantity; ``kind``: what it is by its name and its unit."""
+    current = kind == "current"
+    known = None if current else unit_in(unit, quantity) or unit_in(column, quantity)
+    factor = current_in(unit) if current else known and known.factor
+    sureness: Sureness = "guess" if not kind else "sure" if known or (current and unit) else "likely"
+    return SignalRole("", column, quantity, unit, factor, current, sureness, None)
+
+
+def _pairs(
     moving: Mapping[str, Floats], t: Floats | None, kinds: Mapping[str, str], places: Mapping[str, int]
-) -> tuple[AxisRoles, ...]:
+) -> list[Pair]:
     of_axis = owners(
         {name: axis_number(name) for name in moving},
         {name: own_word(name) for name in moving},
         {name: "torque" if kind == "current" else kind for name, kind in kinds.items()},
     )
     named = {name: Named(kinds[name], of_axis[name], places[name]) for name in moving}
-    return tuple(axes_by_values(moving, t, named))
+    return axes_by_values(moving, t, named)
 
 
 def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -17,8 +17,7 @@ import pyarrow as pa
 import pyarrow.csv as pc
 
 from monitor_core.arrays import Floats
-from service.can.left_out import too_many
-from service.can.user_errors import RecordError
+from service.can.user_errors import RecordError, too_many
 from service.ingest.roles_by_name import role_of
 from service.ingest.table_head import is_number, plain, read_head, seconds_of
 

@@ -19,9 +19,9 @@ from service.can.inferred_layout import counts_frames
 from service.can.messages import DescriptionError, Message, MessageSet, Signal
 from service.config.unit_names import Quantity
 from service.ingest.roles_by_name import role_of
-from service.ingest.roles_by_values import AxisRoles, Named, axes_by_values, changes
+from service.ingest.roles_by_values import Named, Pair, axes_by_values, changes
 from service.ingest.signal_roles import (
-    BusAxis,
+    AxisRoles,
     SignalRole,
     axes_in,
     counts,
@@ -79,7 +79,7 @@ class Series(NamedTuple):
 class BusRoles(NamedTuple):
     """What was found on a bus."""
 
-    axes: tuple[BusAxis, ...]
+    axes: tuple[AxisRoles, ...]
     came: tuple[str, ...]
     """Described messages that came"""
     missing: tuple[str, ...]
@@ -128,7 +128,9 @@ def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
 # --- The axes: by values where they move, else by names ---------------------------------------------------------------
 
 
-def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, Series]) -> Iterator[BusAxis]:
+def _axes(
+    known: MessageSet, messages: Iterable[Message], series: Mapping[str, Series]
+) -> Iterator[AxisRoles]:
     signals = {f"{m.name}.{s.name}": (m, s) for m in messages for s in m.signals}
     by_name = {name: role for name, (m, s) in signals.items() if (role := role_in(m, s)) is not None}
     owners = owners_of(by_name.values())
@@ -147,7 +149,7 @@ def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, S
         motion = by_name.get(pair.motion) or _guess(*signals[pair.motion], pair.output)
         motion = _looked(motion, group[pair.motion])
         torque = torque._replace(turned=pair.turned)
-        axis = BusAxis(pair.name, torque, motion, None, None, explained=pair.explained)
+        axis = AxisRoles(pair.name, torque, motion, explained=pair.explained, fastest=pair.fastest)
         yield _timed(axis, signals[pair.torque][0], series)
     for axis in axes_in(known.messages):
         own = {f"{role.message}.{role.signal}" for role in (axis.torque, axis.motion)}
@@ -187,7 +189,7 @@ def _nearest(series: Series, t: Floats) -> Floats:
 
 def _pairs(
     group: Mapping[str, Series], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]
-) -> list[AxisRoles]:
+) -> list[Pair]:
     values = {}
     for name, series in group.items():
         role, period = by_name.get(name), None
@@ -214,7 +216,7 @@ def _guess(message: Message, signal: Signal, quantity: Quantity) -> SignalRole:
     return SignalRole(message.name, signal.name, quantity, signal.unit or "", None, False, "guess", None)
 
 
-def _timed(axis: BusAxis, message: Message, series: Mapping[str, Series]) -> BusAxis:
+def _timed(axis: AxisRoles, message: Message, series: Mapping[str, Series]) -> AxisRoles:
     """With the interval as measured, and the sample counter beside the torque, if it counts."""
     own = [series[f"{role.message}.{role.signal}"] for role in (axis.torque, axis.motion)]
     measured_s, counter = max(s.interval_s for s in own), None

@@ -37,16 +37,15 @@ SURE, LIKELY = 0.6, 0.2
 """Part of the torque that a rigid mass explains, from which on a pair of torque and motion is sure, or likely."""
 
 
-class AxisRoles(NamedTuple):
-    """The columns of one axis; ``explained``: part of the torque that the motion explains as a rigid mass."""
+class Pair(NamedTuple):
+    """Torque and motion of one axis; ``explained``: part of the torque that the motion explains as a rigid mass."""
 
     name: str
+    """Of the axis"""
     torque: str
     motion: str
     output: Literal["angle", "speed"]
     explained: float
-    current: bool
-    """The torque is a current: its factor is the torque constant"""
     turned: bool
     """The torque has the wrong sign"""
     wrap_period: float | None = None
@@ -55,13 +54,6 @@ class AxisRoles(NamedTuple):
     """Other columns without a name that may be the torque as well"""
     fastest: float | None = None
     """Speed that it hardly ever exceeds, in units of the motion, for an angle per second; None: not known"""
-
-    @property
-    def sureness(self) -> str:
-        """How sure the roles are, in words."""
-        if self.rivals:
-            return f"likely; or torque {', '.join(self.rivals)}"
-        return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
 
 
 def changes(v: Floats) -> bool:
@@ -81,9 +73,7 @@ class Named(NamedTuple):
     """Of the column in its table"""
 
 
-def axes_by_values(
-    values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]
-) -> list[AxisRoles]:
+def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> list[Pair]:
     """Which columns are torque and motion of which axis.
 
     ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: what names say.
@@ -123,7 +113,7 @@ def axes_by_values(
         if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
     )
     pairs = sorted(found_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
-    taken, found = set[str](), list[AxisRoles]()
+    taken, found = set[str](), list[Pair]()
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
             continue
@@ -142,7 +132,7 @@ def _outputs(role: str, beside_speeds: bool) -> Sequence[Literal["angle", "speed
     return ("speed",) if role == "speed" else ("angle",) if role or beside_speeds else ("angle", "speed")
 
 
-def _weight(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
+def _weight(pair: Pair, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
     """Pairs with the same number come first, then those that explain each other; of equals the first in the table."""
     alike = named[pair.torque].number == named[pair.motion].number
     beside = _IN_STEP * _in_step(pair, named, step)
@@ -158,19 +148,19 @@ def _step(speeds: Mapping[str, str], named: Mapping[str, Named]) -> int | None:
     return step if step > 1 else None
 
 
-def _in_step(pair: AxisRoles, named: Mapping[str, Named], step: int | None) -> bool:
+def _in_step(pair: Pair, named: Mapping[str, Named], step: int | None) -> bool:
     """Whether the torque is whole steps behind its angle."""
     torque, motion = named[pair.torque].place, named[pair.motion].place
     return bool(step and torque is not None and motion is not None and (torque - motion) % step == 0)
 
 
 def _measured(
-    pair: AxisRoles,
-    pairs: Sequence[AxisRoles],
+    pair: Pair,
+    pairs: Sequence[Pair],
     values: Mapping[str, Floats],
     named: Mapping[str, Named],
     step: int | None,
-) -> AxisRoles:
+) -> Pair:
     """Of the torques in step with a motion that fit it about as well, the roughest: what is wanted is smooth."""
     if not _in_step(pair, named, step):
         return pair
@@ -254,7 +244,7 @@ def _pair(
     output: Literal["angle", "speed"],
     named: Mapping[str, Named],
     t: Floats | None,
-) -> AxisRoles:
+) -> Pair:
     u, y = values[torque], values[motion]
     good = np.isfinite(u) & np.isfinite(y)
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
@@ -271,17 +261,7 @@ def _pair(
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
         fastest = None if t is None else _fastest(record)
     number = named[torque].number or named[motion].number
-    return AxisRoles(
-        axis_name(number),
-        torque,
-        motion,
-        output,
-        explained,
-        named[torque].role == "current",
-        turned,
-        period,
-        fastest=fastest,
-    )
+    return Pair(axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest)
 
 
 def _fastest(record: Record) -> float | None:

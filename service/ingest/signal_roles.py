@@ -1,4 +1,4 @@
-"""Which signals of a bus are torque and motion of which axis: by their units, and by the words in their names.
+"""Which signals are torque and motion of which axis; those of a bus by their units and the words in their names.
 
 Nothing is received yet, so there are no values to compare: a unit says what a signal is, a name says it less surely.
 """
@@ -31,10 +31,12 @@ _NEARLY = 1e-3
 
 
 class SignalRole(NamedTuple):
-    """A signal and what it is taken for."""
+    """A signal of a bus, or a column of a table, and what it is taken for."""
 
     message: str
+    """Empty: it is a column"""
     signal: str
+    """Name of the signal, or of the column"""
     quantity: Quantity
     unit: str
     factor: float | None
@@ -46,16 +48,21 @@ class SignalRole(NamedTuple):
     turned: bool = False
     """It has the wrong sign, by its values"""
 
+    @property
+    def name(self) -> str:
+        """With that of its message."""
+        return f"{self.message}.{self.signal}" if self.message else self.signal
 
-class BusAxis(NamedTuple):
+
+class AxisRoles(NamedTuple):
     """The signals of an axis."""
 
     name: str
     torque: SignalRole
     motion: SignalRole
-    counter: tuple[str, str] | None
+    counter: tuple[str, str] | None = None
     """Message and signal of a sample counter beside the torque"""
-    interval_s: float | None
+    interval_s: float | None = None
     """Interval of the samples: cycle of the message with the torque, or as measured; None: not known"""
     measured: bool = False
     """The interval is measured"""
@@ -65,17 +72,25 @@ class BusAxis(NamedTuple):
     """Its torque and its motion come at different rates"""
     explained: float | None = None
     """Part of the torque that the motion explains as a rigid mass; None: no values were compared"""
+    rivals: tuple[str, ...] = ()
+    """Other columns without a name that may be the torque as well"""
+    fastest: float | None = None
+    """Speed that it hardly ever exceeds, in units of the motion, for an angle per second; None: not known"""
 
     @property
-    def sureness(self) -> Sureness:
-        """By the values, where there are any; else that of the less sure signal by its name."""
+    def sureness(self) -> str:
+        """How sure the roles are: by the values, where there are any; else as the less sure signal by its name."""
+        if self.rivals:
+            return f"likely; or torque {', '.join(self.rivals)}"
         if self.explained is not None:
-            return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "guess"
+            return (
+                "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
+            )
         grades: tuple[Sureness, ...] = ("guess", "likely", "sure")
         return min((self.torque.sureness, self.motion.sureness), key=grades.index)
 
 
-def axes_in(messages: Sequence[Message]) -> list[BusAxis]:
+def axes_in(messages: Sequence[Message]) -> list[AxisRoles]:
     """The axes that these messages carry, in the order of their numbers, those without one as they come."""
     found = ((m, s, role_in(m, s)) for m in messages for s in m.signals)
     roles = [role for _, _, role in found if role is not None]
@@ -167,7 +182,7 @@ def number_in(message: str, signal: str) -> str:
     return ""
 
 
-def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]) -> BusAxis | None:
+def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]) -> AxisRoles | None:
     torque = _best([role for role in roles if role.quantity == "torque"])
     motion = _best([r for r in roles if r.quantity == "angle"]) or _best(
         [r for r in roles if r.quantity == "speed"]
@@ -177,7 +192,7 @@ def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]
     message = messages[torque.message]
     counters = [s.name for s in message.signals if counts(s)]
     cycle = message.cycle_time
-    return BusAxis(
+    return AxisRoles(
         axis_name(number),
         torque,
         motion,
@@ -201,11 +216,12 @@ def _best(roles: Sequence[SignalRole]) -> SignalRole | None:
     return max(roles, key=grade, default=None)
 
 
-def summary(axes: Sequence[BusAxis]) -> Iterator[str]:
+def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
     """What was found, a line for each axis."""
     for axis in axes:
         torque, motion = (
-            f"{r.message}.{r.signal}" + (f" [{r.unit}]" if r.unit else "") for r in (axis.torque, axis.motion)
+            role.name if role.unit in role.name else f"{role.name} [{role.unit}]"
+            for role in (axis.torque, axis.motion)
         )
         words = f"{axis.name}: torque {torque}, {axis.motion.quantity} {motion}: {axis.sureness}"
         if axis.explained is not None:

@@ -12,7 +12,7 @@ from service.can.frames import FrameBlock, FrameKey
 from service.can.inferred_layout import FEWEST_FRAMES, Field, find_multiplexer, infer_layout
 from service.can.messages import Bits, Kind, MessageSet, message_of
 from service.ingest.live_roles import roles_on_bus
-from service.ingest.signal_roles import BusAxis
+from service.ingest.signal_roles import AxisRoles
 
 _FEWEST_VALUES, _CHANGES = 16, 0.2
 """Fewest different numbers of an axis that moves, and the least share of the frames with another one than before"""
@@ -47,7 +47,7 @@ class Discovered(NamedTuple):
     """What was found on a bus that nothing describes."""
 
     messages: tuple[UnknownMessage, ...]
-    axes: tuple[BusAxis, ...]
+    axes: tuple[AxisRoles, ...]
 
 
 def discover_axes(frames: FrameBlock) -> Discovered:

@@ -51,17 +51,17 @@ class RefusedError(Exception):
     """The receiver does not want this, now or later."""
 
 
-def answers(place: str, answer: str) -> Sentence:
-    """What a receiver answers that does not take the message."""
-    return sentence("link answers", "{place} answers {answer}", place=place, answer=answer)
-
-
 class NotYetError(Exception):
     """It is not time to send this; in ``wait_s`` it may be."""
 
     def __init__(self, wait_s: float) -> None:
         self.wait_s = wait_s
         super().__init__(f"in {wait_s:g} s")
+
+
+def answers(place: str, answer: str) -> Sentence:
+    """What a receiver answers that does not take the message."""
+    return sentence("link answers", "{place} answers {answer}", place=place, answer=answer)
 
 
 class Message(NamedTuple):
@@ -163,6 +163,12 @@ class Delivery:
         self._is_saved = True
         self.snapshot = LinkSnapshot(link.name, link.kind, connected=True)
         """The newest state; others read it in one assignment"""
+
+    def begin(self) -> None:
+        """The link needs a connection, which it does not have yet."""
+        self.snapshot = replace(
+            self.snapshot, connected=False, problem=sentence("link begins", "not connected yet")
+        )
 
     async def step(self) -> float:
         """Deliver what waits, at most once; the time until there is something to do [s]; infinite: nothing waits."""

@@ -8,12 +8,10 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from time import monotonic
 
 import aiomqtt
 
-from monitor_core.wording import sentence
 from service.config.schema_links import MqttConfig
 from service.links.delivery import LOOK_S, Delivery, Message
 from service.links.link_secrets import secret, tls
@@ -121,9 +119,7 @@ class MqttLink:
         self._config, self._broker, self._delivery, self._states_of = config, broker, delivery, snapshot
         self._password = secret(config.password_file, config.password_env)
         self._context = tls(config.ca_file) if config.tls else None
-        delivery.snapshot = replace(
-            delivery.snapshot, connected=False, problem=sentence("link begins", "not connected yet")
-        )
+        delivery.begin()
 
     @property
     def snapshot(self) -> LinkSnapshot:

@@ -7,7 +7,6 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import UTC, datetime
 from time import monotonic
 
@@ -15,7 +14,6 @@ from asyncua import Server, ua
 from asyncua.common.connection import TransportLimits
 from asyncua.crypto.security_policies import SecurityPolicyFactory, SecurityPolicyNone
 
-from monitor_core.wording import sentence
 from service.config.schema_links import OpcUaConfig
 from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery
 from service.links.opcua_access import GuardedServer, Nobody, Users, identity
@@ -62,9 +60,7 @@ class OpcUaLink:
         self._config, self._conditions, self._delivery = config, conditions, delivery
         self._snapshot_of, self._users = snapshot, Users(tokens, config.anonymous)
         self._identity = identity(config)
-        delivery.snapshot = replace(
-            delivery.snapshot, connected=False, problem=sentence("link begins", "not connected yet")
-        )
+        delivery.begin()
         # What it logs are mistakes of clients, with tracebacks; the daemon logs itself who is refused and who writes.
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
 

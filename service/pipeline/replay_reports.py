@@ -31,8 +31,8 @@ _CHILD = """
 import os, pickle, sys, threading
 order = pickle.load(sys.stdin.buffer)
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()  # its end: the parent has ended
-from service.commands.replay_task import make
-make(order)
+from service.commands.replay import write_report
+write_report(order)
 """
 
 log = structlog.get_logger(__name__)

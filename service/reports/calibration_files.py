@@ -13,7 +13,7 @@ from service.config.found_file import FORMAT
 from service.config.thresholds_file import ThresholdsFile, made_with
 from service.reports import calibration_report as content
 from service.reports.calibration_report import DETECTORS, Calibration, promises
-from service.reports.formats import Table, fields_of, json_text, render, safe, toml_table
+from service.reports.formats import Fact, Table, fields_of, json_text, render, safe, toml_table
 from service.reports.plot_style import LIMIT, PANEL, QUIET, TEXT, Look, as_svg, figure
 
 if TYPE_CHECKING:
@@ -46,13 +46,14 @@ def _tables(calibration: Calibration) -> Iterator[str]:
         "# size_error: what healthy estimates are off by for good, in sizes; for the deviations of reported sizes\n"
     )
     yield rules + "".join(thresholds)
-    rate = {"budget_s": result.budget_s, **_rate(result.tests), "within_s": result.within_s}
-    yield toml_table("[false_alarms]", rate, remarks=_REMARKS)
+    budget = {"budget_s": Fact(result.budget_s, "at most one in this time")}
+    within = {"within_s": Fact(result.within_s, "faults are to be found within this time")}
+    yield toml_table("[false_alarms]", budget | _rate(result.tests) | within)
     if result.bank is not None and result.by_bank is not None:
         about = "g, the sum of log-likelihood ratios less the allowance, exceeds h."
         hypotheses = [toml_table("[[hypothesis]]", _hypothesis(own)) for own in result.bank.limits.own]
         yield f"# Of the multi-model detector: alarm when {about}\n" + "".join(hypotheses)
-        yield toml_table("[bank_false_alarms]", _rate(result.by_bank), remarks=_REMARKS)
+        yield toml_table("[bank_false_alarms]", _rate(result.by_bank))
     if calibration.ranges:
         about = "# Conditions of the records (rms speed, signals): the promise holds within them.\n"
         yield about + "".join(toml_table("[[range]]", r._asdict()) for r in calibration.ranges)
@@ -67,14 +68,6 @@ def _tables(calibration: Calibration) -> Iterator[str]:
     yield toml_table("[provenance]", made) + "".join(records)
 
 
-_REMARKS = {
-    "budget_s": "at most one in this time",
-    "one_in_s": "most likely",
-    "interval_s": "90 %",
-    "within_s": "faults are to be found within this time",
-}
-
-
 def _threshold(own: Threshold) -> Json:
     return {
         "alpha_1": own.alpha1,
@@ -86,7 +79,7 @@ def _threshold(own: Threshold) -> Json:
 
 def _rate(result: DetectorResult) -> Json:
     most, low, high = result.between_s
-    return {"one_in_s": most, "interval_s": [low, high]}
+    return {"one_in_s": Fact(most, "most likely"), "interval_s": Fact([low, high], "90 %")}
 
 
 def _hypothesis(own: Limit) -> Json:

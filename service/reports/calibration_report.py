@@ -16,7 +16,7 @@ from monitor_core.monitoring import RMS_SPEED, Range
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
-from service.ingest.calibration_records import SamplesOrigin
+from service.ingest.loaded_records import SamplesOrigin
 from service.reports.formats import Provenance, Table, for_terminal, plain
 
 

@@ -48,6 +48,15 @@ def plain(value: float, digits: int) -> str:
     return f"{rounded:.0f}" if 10 ** (digits - 1) <= abs(rounded) < _FULL else f"{value:.{digits}g}"
 
 
+class Fact(NamedTuple):
+    """A value of a result as files have it: JSON the value, TOML also what it means."""
+
+    value: Any
+    meaning: str = ""
+    rough: bool = False
+    """It is known to five digits only"""
+
+
 # --- Tables -----------------------------------------------------------------------------------------------------------
 
 
@@ -89,6 +98,8 @@ def fields_of(record: Any) -> dict[str, Any]:
 
 
 def _simple(value: Any) -> Any:
+    if isinstance(value, Fact):
+        value = value.value
     if is_dataclass(value) or hasattr(value, "_fields"):
         value = fields_of(value)
     if isinstance(value, np.ndarray | np.generic):
@@ -103,19 +114,14 @@ def _simple(value: Any) -> Any:
 # --- TOML -------------------------------------------------------------------------------------------------------------
 
 
-def toml_table(
-    header: str,
-    entries: Mapping[str, Any],
-    about: str = "",
-    remarks: Mapping[str, str] = {},
-    rough: Collection[str] = (),
-) -> str:
-    """A table with a comment above it and remarks on entries; ``rough``: those that are known to five digits only."""
+def toml_table(header: str, entries: Mapping[str, Any], about: str = "") -> str:
+    """A table of values or facts, with a comment above it."""
     lines = [f"# {about}"] * bool(about) + [header] * bool(header)
-    for key, value in entries.items():
-        text = toml_value(value, _FEW if key in rough else _DIGITS)
-        remark = f"  # {one_line(remarks[key])}" if key in remarks else ""
-        lines.append(f"{toml_key(key)} = {text}{remark}")
+    for key, entry in entries.items():
+        fact = entry if isinstance(entry, Fact) else Fact(entry)
+        text = toml_value(fact.value, _FEW if fact.rough else _DIGITS)
+        meaning = f"  # {one_line(fact.meaning)}" if fact.meaning else ""
+        lines.append(f"{toml_key(key)} = {text}{meaning}")
     return "\n".join([*lines, ""])
 
 

@@ -18,8 +18,8 @@ from monitor_core.identification import (
 from monitor_core.wording import percent
 from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
-from service.ingest.identification_records import RecordOrigin
-from service.reports.formats import fields_of, json_text, one_line, toml_table
+from service.ingest.loaded_records import RecordOrigin
+from service.reports.formats import Fact, fields_of, json_text, one_line, toml_table
 from service.reports.identification_report import IdentificationReport, residual_words, verdict_line
 
 Json = dict[str, Any]
@@ -36,38 +36,42 @@ def _tables(report: IdentificationReport) -> Iterator[str]:
     yield toml_table("", {"format": FORMAT, "axis": report.axis_id, "date": p.date})
     yield _drive_table(report)
     yield _predictor_table(report)
-    units = {
-        "torque": "N m, white",
-        "output": "of the output, white",
-        "slow": "N m, of d",
-        "time_constant": "s, of d",
-    }
-    about = "Standard deviations of the noise that K follows from, per sample."
-    yield toml_table("[noise]", e.noise or {"output": e.lam0**0.5}, about, units)
+    noise = {name: Fact(sd, _NOISES[name]) for name, sd in (e.noise or {"output": e.lam0**0.5}).items()}
+    yield toml_table("[noise]", noise, "Standard deviations of the noise that K follows from, per sample.")
     rows = {split_name(row.name)[0]: row for row in report.result.rows() if row.name != DELAY}
-    yield toml_table("[values]", e.values, remarks={name: _about(name, rows, report) for name in e.values})
+    yield toml_table("[values]", {name: Fact(v, _about(name, rows, report)) for name, v in e.values.items()})
     for slope in report.result.slopes():
         yield _schedule_table(slope)
     if report.result.warm_up is not None:
         yield _thermal_table(report.result.warm_up)
-    deviations = dict(zip(e.names, e.sd.tolist(), strict=True))
+    deviations = {name: _rough(sd) for name, sd in zip(e.names, e.sd.tolist(), strict=True)}
     about = "Standard deviations of what was estimated, in the same units."
-    yield toml_table("[standard_deviations]", deviations, about, rough=deviations)
-    matrix = {"names": list(e.names), "matrix": e.correlation}
+    yield toml_table("[standard_deviations]", deviations, about)
     about = "Of the estimates: covariance = correlation times the two standard deviations."
-    yield toml_table("[correlation]", matrix, about, rough=matrix)
+    yield toml_table("[correlation]", {"names": list(e.names), "matrix": _rough(e.correlation)}, about)
     about = "How much of the motion a simulation explains, per cent, and on what records that is based."
-    verdict = _verdict(report.result.verdict)
-    yield toml_table("[verdict]", verdict, about, rough=("explained", "explained_validation"))
-    tests = {"whiteness_p": e.whiteness.p_value, "independence_p": e.independence.p_value}
+    yield toml_table("[verdict]", _verdict(report.result.verdict), about)
+    tests = {"whiteness_p": _rough(e.whiteness.p_value), "independence_p": _rough(e.independence.p_value)}
     about = "Do the prediction errors look like noise, and do they know nothing of the torque? Small p: no."
-    yield toml_table("[residuals]", tests, about, rough=tests)
+    yield toml_table("[residuals]", tests, about)
     made = {"axiswatch": p.version, "command": p.command, "evaluations": e.iterations}
     yield toml_table("[provenance]", made)
     for trace in report.traces():
         record = _record(*trace)
         record["dropped"] = {reason: count for reason, count in record["dropped"].items() if count}
-        yield toml_table("[[record]]", record, remarks=_OF_RECORDS, rough=("fit", "fit_simulation"))
+        yield toml_table("[[record]]", record)
+
+
+_NOISES = {
+    "torque": "N m, white",
+    "output": "of the output, white",
+    "slow": "N m, of d",
+    "time_constant": "s, of d",
+}
+
+
+def _rough(value: Any) -> Fact:
+    return Fact(value, rough=True)
 
 
 def _introduction(report: IdentificationReport) -> Iterator[str]:
@@ -90,41 +94,39 @@ def _drive_table(report: IdentificationReport) -> str:
         "name": drive.name,
         **dict(zip(("file", "sha256"), report.provenance.drawing or (), strict=False)),
         "structure": structure_of(drive),
-        "output": drive.output,
-        "torque_disturbance": len(e.drive.states) > len(drive.states),
-        "friction_speed_scale": e.problem.speed_scale,
-    }
-    remarks = {
-        "output": "measured quantity besides the torque",
-        "torque_disturbance": "whether a torque disturbance d' = -d / Td + w is a state, too",
-        "friction_speed_scale": "rad/s: Coulomb friction is fc tanh(speed / this)",
+        "output": Fact(drive.output, "measured quantity besides the torque"),
+        "torque_disturbance": Fact(
+            len(e.drive.states) > len(drive.states),
+            "whether a torque disturbance d' = -d / Td + w is a state, too",
+        ),
+        "friction_speed_scale": Fact(
+            e.problem.speed_scale, "rad/s: Coulomb friction is fc tanh(speed / this)"
+        ),
     }
     about = "What these are parameters of; the structure is a digest of A, B, C and the states."
-    return toml_table("[drive]", entries, about, remarks)
+    return toml_table("[drive]", entries, about)
 
 
 def _predictor_table(report: IdentificationReport) -> str:
     e = report.result.estimate
     unit = "rad" if e.drive.output == "angle" else "rad/s"
+    correlated = "neighbouring errors are correlated: the daemon multiplies lambda_0 by this"
+    slower = "rad/s at the sensor: the fit leaves slower motion out; so does the daemon"
     entries = {
         "kind": e.problem.predictor,
         "interval_s": e.interval_s,
-        "torque_delay_s": report.result.delay_s,
-        "innovation_variance": e.lam0,
-        "colour": report.result.colour,
+        "torque_delay_s": Fact(report.result.delay_s, "delay of the torque after its sample"),
+        "innovation_variance": Fact(e.lam0, f"lambda_0, ({unit})^2: of eps"),
+        "colour": Fact(report.result.colour, correlated, rough=True),
         "states": [f"{s.name} [{s.unit}]" for s in e.drive.states],
-        "gain": e.K if e.problem.predictor == "innovations" else [],
-        "min_speed": e.problem.min_speed,
-    }
-    remarks = {
-        "torque_delay_s": "delay of the torque after its sample",
-        "innovation_variance": f"lambda_0, ({unit})^2: of eps",
-        "colour": "neighbouring errors are correlated: the daemon multiplies lambda_0 by this",
-        "gain": f"filter gain K, state for state, per {unit}",
-        "min_speed": "rad/s at the sensor: the fit leaves slower motion out; so does the daemon",
+        "gain": Fact(
+            e.K if e.problem.predictor == "innovations" else [],
+            f"filter gain K, state for state, per {unit}",
+        ),
+        "min_speed": Fact(e.problem.min_speed, slower),
     }
     about = "x+ = x + K eps, eps = y - yhat; then the drive moves on with the torque held over the interval."
-    return toml_table("[predictor]", entries, about, remarks, rough=("colour",))
+    return toml_table("[predictor]", entries, about)
 
 
 def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationReport) -> str:
@@ -137,74 +139,69 @@ def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationRe
     return f"{p.unit}, {sure}; {p.meaning}"
 
 
+# --- What both have, with what it means ------------------------------------------------------------------------------
+
+
 def _schedule_table(s: Slope) -> str:
     f = s.scheduled
-    remarks = {
-        "signal": "of [thermal] below" if f.term == HEAT else "of [[robot.axis.signal]] in the configuration",
-        "range": "of the signal in the records",
-    }
     about = f"{one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
-    return toml_table("[[schedule]]", _slope(s), about, remarks, rough=("standard_deviation", "range"))
-
-
-def _thermal_table(found: FoundWarmUp) -> str:
-    remarks = {
-        "time_constant_s": "tau",
-        "viscous_friction": "fm of the power [N m s/rad]",
-        "coulomb_friction": "fc of the power [N m]",
-        "largest_w": "heat in the records, at the most",
-        "first_w": "heat at the beginning of the first record",
-        "model_error": "sd of what friction is off by beside the heat, in its unit",
-    }
-    about = "heat' = (P - heat) / tau, P = fm w^2 + fc |w| of the motor speed w: the signal heat [W], 0 when cold."
-    return toml_table("[thermal]", _thermal(found), about, remarks)
-
-
-_OF_RECORDS = {
-    "range_s": "after the first sample of the file",
-    "fit": "per cent, one step ahead: 100 (1 - |y - yhat| / |y - mean y|)",
-    "fit_simulation": "the same, without looking at the output again",
-}
-
-
-# --- What both say alike ----------------------------------------------------------------------------------------------
+    return toml_table("[[schedule]]", _slope(s), about)
 
 
 def _slope(s: Slope) -> Json:
     f = s.scheduled
+    origin = "of [thermal] below" if f.term == HEAT else "of [[robot.axis.signal]] in the configuration"
     return {
         "parameter": f.parameter,
-        "signal": f.term,
+        "signal": Fact(f.term, origin),
         "slope": s.slope,
-        "standard_deviation": s.sd,
+        "standard_deviation": _rough(s.sd),
         "reference": f.reference,
-        "range": [f.low, f.high],
+        "range": Fact([f.low, f.high], "of the signal in the records", rough=True),
     }
+
+
+def _thermal_table(found: FoundWarmUp) -> str:
+    about = "heat' = (P - heat) / tau, P = fm w^2 + fc |w| of the motor speed w: the signal heat [W], 0 when cold."
+    return toml_table("[thermal]", _thermal(found), about)
 
 
 def _thermal(found: FoundWarmUp) -> Json:
     m = found.model
     return {
-        "time_constant_s": m.tau_s,
-        "viscous_friction": m.fm,
-        "coulomb_friction": m.fc,
-        "largest_w": m.largest,
-        "first_w": found.starts[0],
-        "model_error": found.errors,
+        "time_constant_s": Fact(m.tau_s, "tau"),
+        "viscous_friction": Fact(m.fm, "fm of the power [N m s/rad]"),
+        "coulomb_friction": Fact(m.fc, "fc of the power [N m]"),
+        "largest_w": Fact(m.largest, "heat in the records, at the most"),
+        "first_w": Fact(found.starts[0], "heat at the beginning of the first record"),
+        "model_error": Fact(found.errors, "sd of what friction is off by beside the heat, in its unit"),
+    }
+
+
+def _verdict(verdict: Verdict) -> Json:
+    return {
+        "quality": verdict.quality.value,
+        "explained": _rough(verdict.own),
+        "explained_validation": _rough(verdict.validation),
+        "validation": verdict.basis.value,
+        "compared": verdict.measure.value,
+        "missing": [effect.value for effect in verdict.missing],
     }
 
 
 def _record(purpose: str, s: RecordOrigin, trace: Trace) -> Json:
+    one_step = "per cent, one step ahead: 100 (1 - |y - yhat| / |y - mean y|)"
+    simulated = "the same, without looking at the output again"
     return {
         "purpose": purpose,
         "file": str(s.path),
         "sha256": s.sha256,
         "samples": s.samples,
         "used": s.used,
-        "range_s": [s.start_s, s.end_s],
+        "range_s": Fact([s.start_s, s.end_s], "after the first sample of the file"),
         "dropped": s.dropped,
-        "fit": trace.fit,
-        "fit_simulation": trace.fit_simulation,
+        "fit": Fact(trace.fit, one_step, rough=True),
+        "fit_simulation": Fact(trace.fit_simulation, simulated, rough=True),
     }
 
 
@@ -250,17 +247,6 @@ def as_json(report: IdentificationReport) -> str:
             },
         }
     )  # fmt: skip
-
-
-def _verdict(verdict: Verdict) -> Json:
-    return {
-        "quality": verdict.quality.value,
-        "explained": verdict.own,
-        "explained_validation": verdict.validation,
-        "validation": verdict.basis.value,
-        "compared": verdict.measure.value,
-        "missing": [effect.value for effect in verdict.missing],
-    }
 
 
 def _parameter(row: ParameterRow) -> Json:

@@ -13,7 +13,7 @@ from rich.text import Text
 from monitor_core.identification import LEVEL, Growth, IdentificationResult, ParameterRow, Rejection, Trace
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration, listed, percent
-from service.ingest.identification_records import RecordOrigin
+from service.ingest.loaded_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 

@@ -11,11 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
-from service.pipeline.baselines import (
-    BaselineConflictError,
-    BaselineError,
-    BaselineUnavailableError,
-)
+from service.pipeline.baselines import BaselineConflictError, BaselineError, BaselineUnavailableError
 from service.pipeline.giving_way import giving_way
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError

@@ -5,8 +5,7 @@ from pydantic import Field
 
 from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
-from service.store.axis_services import ServiceEvent, ServiceStep
-from service.texts.instants import iso
+from service.store.axis_services import ServiceEvent
 from service.web import views
 from service.web.alarm_routes import Caller
 from service.web.app_state import AppState
@@ -48,7 +47,7 @@ def router(state: AppState) -> APIRouter:
         removed = steps[-1].note if steps and steps[-1].event is AlarmEvent.REMOVE else None
         if removed is None and configured is not None and not configured.at_us:
             removed = configured
-        shown = [_step(step) for step in steps]
+        shown = [views.body(AxisServiceStep, step.note, event=step.event) for step in steps]
         return AxisService(axis=axis, out_of_service=views.out_of_service(removed), steps=shown)
 
     def change(axis: str, event: ServiceEvent, body: AlarmNote, who: str) -> AxisService:
@@ -68,9 +67,3 @@ def router(state: AppState) -> APIRouter:
         return change(axis, AlarmEvent.RETURN, body, who)
 
     return api
-
-
-def _step(step: ServiceStep) -> AxisServiceStep:
-    note = step.note
-    texts = {"who": note.who, "comment": note.comment, "work_order": note.work_order}
-    return AxisServiceStep(at=iso(note.at_us), event=step.event, **texts)

@@ -11,7 +11,7 @@ from service.store.alarm_transitions import Note
 from service.store.epochs import Epoch as RecordedEpoch
 from service.store.epochs import EpochEvent as RecordedEvent
 from service.store.epochs import EpochEventName, EpochSource, EpochState
-from service.texts.instants import iso
+from service.web import views
 from service.web.access import Scope, needs
 from service.web.app_state import AppState
 from service.web.models import (
@@ -198,21 +198,15 @@ def _answer(state: AppState, axis: str, epoch: RecordedEpoch) -> Epoch:
 
 
 def _epoch(epoch: RecordedEpoch, events: list[RecordedEvent], axis: AxisSnapshot | None) -> Epoch:
-    own = {name: value for name, value in epoch._asdict().items() if name in Epoch.model_fields}
     shown = None if axis is None else axis.epoch
     length_s = {"learning": epoch.learn_s, "verifying": epoch.verify_s}.get(epoch.state)
     done_s = shown.done_s if shown is not None and shown.state == epoch.state else None
-    return Epoch(
-        **own,
-        began=iso(epoch.began_us),
-        in_force=None if epoch.in_force_us is None else iso(epoch.in_force_us),
-        ended=None if epoch.ended_us is None else iso(epoch.ended_us),
+    return views.body(
+        Epoch,
+        epoch,
         done_s=None if length_s is None else (done_s or 0.0),
         length_s=length_s,
         sentences=sentence_bodies(map(reason_of, (epoch.reason, *(v.kept for v in epoch.nominal)))),
-        values=[NominalValue(**v._asdict()) for v in epoch.nominal],
-        events=[
-            EpochEvent(at=iso(e.at_us), event=e.event, who=e.who, comment=e.comment, work_order=e.work_order)
-            for e in events
-        ],
+        values=epoch.nominal,
+        events=[views.body(EpochEvent, e) for e in events],
     )

@@ -165,7 +165,7 @@ def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) 
     Raises:
         HTTPException: there is no room for it.
     """
-    from service.ingest.table_export import write_csv, write_parquet  # 40 MB that few daemons need
+    from service.ingest.table_files import write_csv, write_parquet  # 40 MB that few daemons need
 
     write = write_csv if kind == "csv" else write_parquet
     with ExitStack() as stack:

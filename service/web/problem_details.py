@@ -8,7 +8,7 @@ from fastapi import FastAPI
 from fastapi.responses import JSONResponse
 
 from monitor_core.wording import Sentence, joined
-from service.texts.mistake_words import at_place
+from service.config.problems import at_place
 from service.web.models import Problem, sentence_bodies
 
 MEDIA_TYPE = "application/problem+json"

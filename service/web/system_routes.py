@@ -15,9 +15,10 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 
 from service.config.public_text import public_text
-from service.store.audit import AuditEntry, Place, Subject
+from service.store.audit import Place, Subject
 from service.store.database import SQLITE_VERSION
 from service.texts.instants import iso
+from service.web import views
 from service.web.access import Scope, needs
 from service.web.app_state import AppState
 from service.web.models import Body, TextOrNull, Time
@@ -127,7 +128,7 @@ def router(state: AppState) -> APIRouter:
         found = state.journal.audit(limit + 1, None if cursor is None else _place(cursor))
         page = found[:limit]
         following = f"{page[-1].at_us}.{page[-1].subject}.{page[-1].id}" if len(found) > limit else None
-        return Audit(next=following, changes=[_change(entry) for entry in page])
+        return Audit(next=following, changes=[views.body(AuditedChange, entry) for entry in page])
 
     return api
 
@@ -136,11 +137,6 @@ def _setup(state: AppState) -> RobotSetup:
     if state.setup is None:
         raise HTTPException(503, "the configuration of this daemon is not known")
     return state.setup
-
-
-def _change(entry: AuditEntry) -> AuditedChange:
-    own = {name: getattr(entry, name) for name in AuditedChange.model_fields if name != "at"}
-    return AuditedChange.model_validate({"at": entry.at_us, **own})
 
 
 def _place(cursor: str) -> Place:

@@ -28,7 +28,7 @@ _B = TypeVar("_B", bound=models.Body)
 _A = TypeVar("_A", bound=models.Alarm)
 
 
-def _body(kind: type[_B], *sources: object, **own: object) -> _B:
+def body(kind: type[_B], *sources: object, **own: object) -> _B:
     """A body with these fields of its own; all others are attributes of the sources.
 
     They have the names of the fields, or, as times such as ``onset``, are called ``onset_us``.
@@ -127,7 +127,7 @@ def _parameter(p: ParameterStatus) -> dict[str, object]:
 
 def out_of_service(note: Note | None) -> models.OutOfService | None:
     """Since when an axis is out of service, who and why."""
-    return None if note is None else _body(models.OutOfService, note, since=note.at_us or None)
+    return None if note is None else body(models.OutOfService, note, since=note.at_us or None)
 
 
 def trend(a: AxisSnapshot, parameter: str | None = None, points: int = 1200) -> models.Trend:
@@ -142,7 +142,7 @@ def trend(a: AxisSnapshot, parameter: str | None = None, points: int = 1200) -> 
 
 def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
     entries, now_us = thinned(p.entries, points), p.entries[-1].end_us if p.entries else 0
-    return _body(
+    return body(
         models.LongTermHistory,
         p,
         words=trend_words(p.name, p.unit, p.trend),
@@ -158,12 +158,12 @@ def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
 def _drift(t: Trend) -> models.Drift:
     per_day = {"slope_per_day": t.slope * 86400, "slope_per_day_sd": t.slope_sd * 86400}
     since = {"changed": t.change_us, "change": t.change}
-    return _body(models.Drift, t, **t.probability, **per_day, **since)
+    return body(models.Drift, t, **t.probability, **per_day, **since)
 
 
 def reach(r: Reach, now_us: int) -> models.Reach:
     """When a limit is reached, in words from this time on."""
-    return _body(models.Reach, r, words=reach_words(r, now_us))
+    return body(models.Reach, r, words=reach_words(r, now_us))
 
 
 def alarm(a: RecordedAlarm, now_us: int = 0, recording: str | None = None) -> models.Alarm:
@@ -188,12 +188,12 @@ def alarm_record(
 
 def alarm_transition(t: RecordedTransition) -> models.AlarmTransition:
     """What has happened to an alarm."""
-    return _body(models.AlarmTransition, t)
+    return body(models.AlarmTransition, t)
 
 
 def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
     life = a.life.at(now_us)
-    return _body(
+    return body(
         kind,
         a,
         id=a.id or None,
@@ -202,7 +202,7 @@ def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
         shelved_until=life.until_us,
         reaches=[reach(r, a.updated_us) for r in a.reaches],
         words=episode_words(a, a.nominal, a.unit, a.same_payload),
-        past=[_body(models.PastName, name) for name in a.past],
+        past=[body(models.PastName, name) for name in a.past],
         **own,
     )
 
@@ -211,12 +211,12 @@ def alarm_message(
     message_id: str, transition: RecordedTransition, a: RecordedAlarm, recording: str | None, now_us: int
 ) -> models.AlarmMessage:
     """A transition of an alarm for plant links; the name of the recording of the alarm."""
-    return _body(models.AlarmMessage, transition, id=message_id, alarm=alarm(a, now_us, recording))
+    return body(models.AlarmMessage, transition, id=message_id, alarm=alarm(a, now_us, recording))
 
 
 def alarm_statistics(found: AlarmStatistics) -> models.AlarmStatistics:
     """How much the alarms ask of an operator."""
-    return _body(models.AlarmStatistics, found)
+    return body(models.AlarmStatistics, found)
 
 
 def service(
@@ -243,4 +243,4 @@ def service(
         "report": report,
         "insecure": insecure,
     }
-    return _body(models.Service, snapshot, **own)
+    return body(models.Service, snapshot, **own)

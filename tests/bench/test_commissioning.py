@@ -15,7 +15,7 @@ import pytest
 
 from service.config import load
 from service.config.drive_sources import shipped
-from service.simulation.robot_table import table_lines
+from service.simulation.robot import table_lines
 from tests.bench.measure import Say
 from tests.end_to_end.processes import PROGRAM, ROOT, run_program
 

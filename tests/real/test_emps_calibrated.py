@@ -33,7 +33,7 @@ from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
 from service.commands.identification_task import Request, prepare
 from service.config import Config, load
-from service.ingest.calibration_records import read
+from service.ingest.loaded_records import load_samples
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
@@ -158,7 +158,7 @@ def calibrated(config: Config, half: str, budget_s: float) -> Calibration:
 
 def samples(config: Config, found: Calibration, text: str) -> SampleBlock:
     """The record, or a part of it, through the pipeline of the daemon."""
-    (block,), _ = read([text], config, config.axes[0], found.result.model)
+    (block,), _ = load_samples([text], config, config.axes[0], found.result.model)
     return block
 
 

@@ -12,11 +12,10 @@ import can
 import numpy as np
 import pytest
 
-from service.commands.play import TOO_SLOW
+from service.commands.play import TOO_SLOW, play_record
 from service.config import load
 from service.ingest.records import read_record
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.playback import play_record
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import Daemon, daemon, run_program, wait_for
 from tests.real.irb import AXIS, CONFIG

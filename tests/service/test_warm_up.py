@@ -18,7 +18,7 @@ from monitor_core.monitoring.lane_status import Deviations
 from monitor_core.settings import Threshold
 from service.commands.exit_codes import NOT_TESTED
 from service.config import conditions_of, load
-from service.ingest.calibration_records import begins_cold
+from service.ingest.loaded_records import begins_cold
 from service.texts.alarm_words import episode_words
 from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from service.pipeline.kernel_cache import VARIABLE
-from service.pipeline.warming import CacheFiller, Shape
+from service.pipeline.warming import VARIABLE, CacheFiller, Shape
 from tests.bench.measure import memory_mb
 from tests.end_to_end.processes import daemon, demo_config, wait_for
 from tests.end_to_end.test_daemon import killed, played_robot

@@ -23,7 +23,7 @@ from monitor_core.settings import Settings
 from service.commands.calibrate import calibrate_axis
 from service.commands.identification_task import Request, prepare
 from service.config import Config, load
-from service.ingest.calibration_records import read
+from service.ingest.loaded_records import load_samples
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
 from tests.core.naming import alarm_versions
@@ -123,7 +123,7 @@ def commissioned(case: Case, own: str, other: str, folder: Path) -> Watched:
     config = configured(case, folder, 'nominal_file = "nominal.toml"')
     options = CalibrationOptions(case.budget_s, None, (0.2,), 5, copies=4_000_000, bank_copies=50_000)
     found = calibrate_axis(config, config.axes[0], [own], options, PROVENANCE).result
-    (block,), _ = read([other], config, config.axes[0], found.model)
+    (block,), _ = load_samples([other], config, config.axes[0], found.model)
     return Watched(found.model, found.settings, block, report.result.verdict.per_cent)
 
 

@@ -26,6 +26,7 @@ from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.commissioning.commissioning_remedies import (
+    Motion,
     Retry,
     memories_of,
     memory_change,
@@ -36,10 +37,10 @@ from service.commands.commissioning.commissioning_remedies import (
 )
 from service.commands.commissioning.link_load import link_load
 from service.commands.commissioning.signal_proposals import Review, configured
+from service.commands.excite import planned, torque_columns
 from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.output_files import replace_text
-from service.commands.planned_motion import MotionRequest, planned, torque_columns
-from service.config import AxisConfig, ConfigErrors
+from service.config import AxisConfig, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of
 from service.ingest.axis_records import sha256_of, wanted
@@ -142,8 +143,20 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     except _MISTAKES as error:
         return replace(outcome, refusal=f"not identified: {error}")
     taken = "" if again is None else f"; --yes takes {again.words}"
+    outcome = _with_values(order.folder, axis, report, outcome, taken)
+    motion = motion_for(report, [item.record for item in task.estimation])
+    if motion is None:
+        return outcome
+    progress("identify", "planning a motion", 0.0)
+    return _with_motion(order, text, outcome, motion)
+
+
+def _with_values(
+    folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, taken: str
+) -> Outcome:
+    """With what was identified, written into the folder; ``taken``: what --yes would do about what is missing."""
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
-    replace_text(order.folder / page, identification_html.as_html(report))
+    replace_text(folder / page, identification_html.as_html(report))
     outcome = replace(
         outcome,
         verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
@@ -153,25 +166,15 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     )
     if report.rejection:
         return replace(outcome, refusal=not_identified(report, taken))
-    replace_text(order.folder / values, as_toml(report))
-    refusal = "" if watched_in(report) else f"{outcome.outlook.removesuffix('.')}{taken}"
-    outcome = replace(
+    replace_text(folder / values, as_toml(report))
+    watched = watched_in(report)
+    return replace(
         outcome,
         nominal_file=values,
-        watched=watched_in(report),
-        refusal=refusal,
+        watched=watched,
+        refusal="" if watched else f"{outcome.outlook.removesuffix('.')}{taken}",
         corrections=(*outcome.corrections, *memory_change(report, axis.config)),
     )
-    motion = motion_for(report, [item.record for item in task.estimation])
-    if motion is None:
-        return outcome
-    progress("identify", "planning a motion", 0.0)
-    changed = corrected(text, order.axis_id, outcome.corrections)
-    own = commissioned(changed, {axis.id: outcome.found or Found(values, None, motion.lost)})
-    if outcome.found is None:  # no part of what is commissioned, but a motion is planned with its values
-        replace_text(order.folder / own_config(axis.id), own)
-    outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
-    return _with_motion(order, own, outcome, motion.request)
 
 
 def unmonitored_words(axis: AxisConfig, watched: Sequence[str]) -> Iterator[str]:
@@ -194,14 +197,23 @@ def not_identified(report: IdentificationReport, taken: str) -> str:
     return f"not identified: {report.rejection}{taken}" + (f". {lacks.removesuffix('.')}" if lacks else "")
 
 
-def _with_motion(order: Order, own: str, outcome: Outcome, request: MotionRequest) -> Outcome:
-    """With a motion of the axis in a file; ``own``: text of its configuration, with its nominal values."""
-    file = motion_file(order.axis_id)
+def _with_motion(order: Order, text: str, outcome: Outcome, motion: Motion) -> Outcome:
+    """With a motion of the axis in a file that shows what its records do not.
+
+    ``text``: of the configuration that its nominal values were found with.
+    """
+    name, file = order.axis_id, motion_file(order.axis_id)
+    assert outcome.nominal_file is not None
+    changed = corrected(text, name, outcome.corrections)
+    own = commissioned(changed, {name: outcome.found or Found(outcome.nominal_file, None, motion.lost)})
+    if outcome.found is None:  # no part of what is commissioned, but a motion is planned with its values
+        replace_text(order.folder / own_config(name), own)
+    outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
     path = order.folder / file
     path.parent.mkdir(exist_ok=True)
     try:
-        _, axis = configured(own, order.axis_id, order.folder)
-        experiment = planned(axis, request, np.random.default_rng(_PHASES))
+        _, axis = configured(own, name, order.folder)
+        experiment = planned(axis, motion.request, np.random.default_rng(_PHASES))
     except _MISTAKES as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))
     replace_text(path, as_csv(experiment, torque_columns(axis)))

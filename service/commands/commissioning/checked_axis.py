@@ -24,7 +24,7 @@ from service.config import Config, NamedAxis
 from service.config.bus_messages import messages_of
 from service.config.drive_sources import model_of_axis
 from service.config.schema import SignalConfig
-from service.ingest.identification_records import Loaded
+from service.ingest.loaded_records import Loaded
 from service.ingest.table_files import open_table
 
 Signal = Literal["torque", "motion"]

@@ -14,7 +14,7 @@ from monitor_core.drive import COSINE, SINE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Record, TurningWeight
 from service.commands.commissioning.checked_axis import fastest
 from service.commands.commissioning.link_load import LinkLoad
-from service.commands.planned_motion import MotionRequest
+from service.commands.excite import MotionRequest
 from service.config import AxisConfig, NamedAxis
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.commissioning_report import Outcome

@@ -16,7 +16,7 @@ from monitor_core.identification import Record, gear_ratios, link_weights
 from service.commands.commissioning.signal_proposals import configured
 from service.config import Config, NamedAxis, given_values
 from service.config.commissioned import SIGNAL, Correction, corrected
-from service.ingest.identification_records import load
+from service.ingest.loaded_records import load
 
 _MOST_TURN = 4 * np.pi
 """Range of the angle of an arm's axis [rad]; one that moves farther is that of a motor before its gearbox."""

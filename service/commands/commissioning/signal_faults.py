@@ -10,9 +10,9 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import UNITS, Record, Span, held_for, stuck_spans
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
-from service.can.left_out import left_out_words
+from service.can.user_errors import left_out_words
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest, values_of
-from service.ingest.identification_records import RecordOrigin
+from service.ingest.loaded_records import RecordOrigin
 
 _LITTLE = 0.01
 """Of a record: so much of it may be stuck; identification leaves that to its warnings."""

@@ -29,8 +29,8 @@ from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
 if TYPE_CHECKING:
-    from service.ingest.axis_input import AxisInput
-    from service.ingest.identification_records import Loaded
+    from service.ingest.bus_samples import AxisInput
+    from service.ingest.loaded_records import Loaded
 
 LOOK_S = 10.0
 _WAIT_S = 10.0
@@ -132,7 +132,7 @@ def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock
 
 def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> tuple[Loaded | None, str]:
     """The samples of the axis; or why there are none."""
-    from service.ingest.identification_records import load
+    from service.ingest.loaded_records import load
 
     try:
         with FrameRecorder(path) as recorder:

@@ -23,8 +23,8 @@ from service.config import Config, NamedAxis, load
 from service.config.commissioned import Correction, corrected
 from service.ingest.axis_records import wanted
 from service.ingest.bus_samples import Ingest
-from service.ingest.identification_records import Loaded, RecordOrigin
-from service.ingest.identification_records import load as load_record
+from service.ingest.loaded_records import Loaded, RecordOrigin
+from service.ingest.loaded_records import load as load_record
 from service.ingest.records import LogRecord, is_table
 
 _BUNCHED = 0.05

@@ -14,14 +14,7 @@ from service.web.models.alarm_bodies import (
     PastName,
     ReplayReport,
 )
-from service.web.models.axis_bodies import (
-    Axes,
-    Axis,
-    AxisState,
-    OutOfService,
-    Parameter,
-    ParameterState,
-)
+from service.web.models.axis_bodies import Axes, Axis, AxisState, OutOfService, Parameter, ParameterState
 from service.web.models.bodies import (
     SENTENCES,
     Body,
@@ -45,10 +38,4 @@ from service.web.models.daemon_bodies import (
     Recordings,
     Service,
 )
-from service.web.models.history_bodies import (
-    Drift,
-    History,
-    LongTermHistory,
-    Reach,
-    Trend,
-)
+from service.web.models.history_bodies import Drift, History, LongTermHistory, Reach, Trend

@@ -2,10 +2,7 @@
 
 from typing import Literal, Self
 
-from pydantic import (
-    Field,
-    model_validator,
-)
+from pydantic import Field, model_validator
 
 from monitor_core.detection import Doubt, Kind, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, Priority

@@ -2,9 +2,7 @@
 
 from typing import Literal
 
-from pydantic import (
-    Field,
-)
+from pydantic import Field
 
 from monitor_core.detection import DetectorName
 from monitor_core.monitoring import NotTested, Observation, Status

@@ -3,9 +3,7 @@
 from enum import StrEnum
 from typing import Literal
 
-from pydantic import (
-    Field,
-)
+from pydantic import Field
 
 from service.web.models.bodies import SENTENCES, Body, Number, Sentence, TextOrNull, Time
 

@@ -2,9 +2,7 @@
 
 from typing import Literal
 
-from pydantic import (
-    Field,
-)
+from pydantic import Field
 
 from service.store.history_store import Resolution
 from service.web.models.bodies import Body, Number, Time

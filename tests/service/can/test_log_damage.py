@@ -10,8 +10,8 @@ from pathlib import Path
 import can
 import pytest
 
+from service.can.log_bytes import LogLines
 from service.can.log_files import LOG_SUFFIXES, CanLog
-from service.can.log_lines import LogLines
 from service.can.user_errors import RecordError
 from tests.service.can.log_damage import damaged, log_bytes, read_all
 

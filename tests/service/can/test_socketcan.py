@@ -21,8 +21,8 @@ from service.can.frames import Frame, FrameFilter, FrameKey
 from service.can.receivers import Receiver
 from service.can.socket_receivers import SocketReceiver, receiver_of
 from service.can.user_errors import BusError
+from service.commands.play import PlayFrame, play_frames
 from service.config.schema import BusConfig
-from service.simulation.playback import PlayFrame, play_frames
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.can.test_can_source import EXTENDED, STANDARD, reading, take, wait_for
 from tests.service.ingest.plant import axis1, make_config

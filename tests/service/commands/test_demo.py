@@ -22,8 +22,7 @@ from service.config.commissioned import Correction
 from service.config.drive_sources import shipped
 from service.pipeline.axis_monitors import FramePipeline
 from service.reports.commissioning_report import Outcome
-from service.simulation.robot import Fault
-from service.simulation.robot_table import columns_of, table_lines
+from service.simulation.robot import Fault, columns_of, table_lines
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live

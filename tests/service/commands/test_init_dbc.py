@@ -58,7 +58,7 @@ def test_units_and_names(folder: Path) -> None:
     assert drive.sample_interval_s == 0.01
     assert drive.time.counter_signal == "M_Alive"
     written = Path("axis.toml").read_text(encoding="utf-8")
-    assert "# sure: in permille; factor is rated torque / 1000 [N m]" in written
+    assert "# sure: in per mille of the rated torque; factor is rated torque / 1000 [N m]" in written
 
 
 @pytest.mark.parametrize(("name", "count"), [("demo.dbc", 6), ("robot.dbc", 6), ("irb.dbc", 1)])

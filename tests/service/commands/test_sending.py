@@ -12,7 +12,7 @@ import typer
 
 from service.can.bus import reaches_hardware
 from service.commands.exit_codes import MISTAKE, NO_BUS
-from service.commands.sending import confirm_sending
+from service.commands.options import confirm_sending
 from tests.end_to_end.processes import demo_config
 from tests.service.command_line import axiswatch
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from service.config import ConfigErrors, load
-from service.config.former_keys import RENAMED_KEYS
+from service.config.base_table import RENAMED_KEYS
 from service.config.found_file import FoundFileError, read_found
 from service.config.nominal_file import NominalFile
 from tests import golden

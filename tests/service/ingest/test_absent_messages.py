@@ -8,7 +8,7 @@ import pytest
 
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
-from service.ingest.absent_messages import absence_words, why_none
+from service.ingest.axis_records import absence_words, why_none
 from tests.service.ingest.plant import axis1, make_config, write_table
 
 TORQUE, ANGLE = (0x100, False), (0x18FF0100, True)

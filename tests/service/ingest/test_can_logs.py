@@ -16,7 +16,7 @@ from service.can.log_files import LOG_SUFFIXES, CanLog
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
-from service.ingest.identification_records import load
+from service.ingest.loaded_records import load
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, fed, make_config
 from tests.service.ingest.test_pipeline import angle1, both2, torque1

@@ -15,7 +15,7 @@ from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.config.remarks import remarks
-from service.ingest.identification_records import load as load_record
+from service.ingest.loaded_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import RecordError
+from service.commands.play import encode_table
 from service.config import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder, Values
 from service.ingest.quantities import HeldColumns
 from service.ingest.records import read_record
-from service.simulation.playback import encode_table
 from tests.service.ingest import plant
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1

@@ -16,8 +16,7 @@ from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.axis_records import Wanted, wanted
-from service.ingest.calibration_records import read
-from service.ingest.identification_records import Loaded, load
+from service.ingest.loaded_records import Loaded, load, load_samples
 from service.ingest.records import read_record, samples_of
 from tests.service.ingest.plant import axis1, axis2, make_config, write_table
 from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
@@ -138,7 +137,7 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     assert np.array_equal(found.record.u, np.delete(columns["torque_one"], [20, 21, 40]))
     assert "3 missing, 3 ahead" in found.source.words
     config = timed(tmp_path)
-    (block,), _ = read([str(tmp_path / "a.csv")], config, config.axes[0], reference_model("angle"))
+    (block,), _ = load_samples([str(tmp_path / "a.csv")], config, config.axes[0], reference_model("angle"))
     assert np.array_equal(block.u, found.record.u), "calibration has the same samples"
 
 

@@ -16,11 +16,11 @@ from service.can.bus import open_bus
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock, FrameKey
 from service.can.user_errors import BusError, RecordError
+from service.commands.play import PlayFrame, play_frames, play_record
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder
 from service.ingest.records import read_record
-from service.simulation.playback import PlayFrame, play_frames, play_record
 from tests.service.ingest.plant import Sample, axis1, axis2, axis3, axis4, fed, make_config
 
 

@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from service.pipeline import kernel_cache
-from service.pipeline.kernel_cache import VARIABLE, choose, fingerprint
-from service.pipeline.warming import CacheFiller, Shape, compile_kernel
+from service.pipeline import warming
+from service.pipeline.warming import VARIABLE, CacheFiller, Shape, choose, compile_kernel, fingerprint
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 
 
@@ -28,7 +27,7 @@ def test_it_lies_below_the_folder_that_is_set_or_the_users_cache(tmp_path: Path)
 
 
 def test_other_sources_have_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernel_cache, "COMPILED", (tmp_path,))
+    monkeypatch.setattr(warming, "COMPILED", (tmp_path,))
     (tmp_path / "a.py").write_text("x = 1\n")
     before = fingerprint()
     (tmp_path / "a.py").write_text("x = 2\n")
@@ -43,7 +42,7 @@ def test_the_same_sources_in_another_place_have_another_folder(
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "a.py").write_text("x = 1\n")
-        monkeypatch.setattr(kernel_cache, "COMPILED", (tmp_path / name,))
+        monkeypatch.setattr(warming, "COMPILED", (tmp_path / name,))
         found.add(fingerprint())
     assert len(found) == 2
 
@@ -83,7 +82,7 @@ def test_a_shipped_kernel_that_cannot_be_written_to_is_used_from_there(
     (folder / "block_0a" / "other.nbi").write_bytes(b"compiled, too")
     assert [file.name for file in shipped.rglob("*.nbi")] == ["run.nbi"]
     assert capsys.readouterr().err == ""
-    assert kernel_cache._base(environ) / shipped.name == folder, "as a process that this one starts finds it"
+    assert warming._base(environ) / shipped.name == folder, "as a process that this one starts finds it"
 
 
 FAILED = "the kernel could not be compiled in a process of its own"

@@ -1,4 +1,4 @@
-"""Records for identification, with their origin."""
+"""Records of an axis as identification and calibration take them, with their origin."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.drive import AxisModel
 from monitor_core.identification import Record, between
+from monitor_core.monitoring import conditioned_records
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
-from service.config.schema import Config, FurtherSignalConfig, NamedAxis
-from service.ingest.absent_messages import why_none
-from service.ingest.axis_records import Wanted, axis_record, sha256_of, wanted
+from service.config import Config, NamedAxis, conditions_of
+from service.config.axis_settings import axis_settings
+from service.config.conditions import needed
+from service.config.schema import FurtherSignalConfig
+from service.ingest.axis_records import AxisRecord, Progress, Wanted, axis_record, sha256_of, wanted, why_none
 from service.ingest.records import is_table
 
 _NAMED = 3
@@ -69,10 +73,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     """
     want, axis = wanted(text), _axis_named(config, axis_id)
     signals = _signals_in(want.path, axis)
-    block, dropped, left_out = axis_record(want.path, config, axis, signals)
-    if block.size < 2:
-        why = why_none(want.path, config, axis, dropped)
-        raise RecordError(f"{want.path}: {block.size} samples of axis {axis.id} in it; {why}")
+    block, dropped, left_out = _samples(want, config, axis, signals)
     full = _record(block, [signal.name for signal in signals], axis, want.path.name)
     record = _in_range(full, want)
     start_s, end_s = (float(t - full.t[0]) for t in record.t[[0, -1]])
@@ -81,6 +82,21 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
         want.path, sha256_of(want.path), len(full), len(record), start_s, end_s, dropped, begins_s, left_out
     )
     return Loaded(record, source)
+
+
+def _samples(
+    want: Wanted,
+    config: Config,
+    axis: NamedAxis,
+    signals: Sequence[FurtherSignalConfig],
+    progress: Progress = lambda _: None,
+) -> AxisRecord:
+    """All samples of the axis in the file, two at least."""
+    found = axis_record(want.path, config, axis, signals, progress)
+    if found.block.size < 2:
+        why = why_none(want.path, config, axis, found.dropped)
+        raise RecordError(f"{want.path}: {found.block.size} samples of axis {axis.id} in it; {why}")
+    return found
 
 
 def _axis_named(config: Config, axis_id: str) -> NamedAxis:
@@ -114,3 +130,70 @@ def _in_range(record: Record, want: Wanted) -> Record:
         return between(record, want.start_s or 0.0, end_s)
     except ValueError as error:
         raise RecordError(f"{want.path}: {error}") from None
+
+
+# --- For calibration: blocks of samples, with operating conditions ----------------------------------------------------
+
+
+class SamplesOrigin(NamedTuple):
+    """Origin of the samples."""
+
+    text: str
+    """As on the command line: a file, and seconds in it"""
+    sha256: str
+    samples: int
+    seconds: float
+
+
+_SAME_S = 1e-3
+"""Times in a file of nominal values are rounded."""
+
+
+def begins_cold(axis: NamedAxis, texts: Sequence[str]) -> bool:
+    """Whether the axis was cold at the beginning of these records, as its identification took the same ones to be.
+
+    Raises:
+        RecordError: the first of them cannot be read.
+    """
+    found = axis.config.model.nominal_file
+    if found is None or found.thermal is None or found.thermal.first_w != 0 or not found.record:
+        return False
+    want, first = wanted(texts[0]), found.record[0]
+    return abs((want.start_s or 0.0) - first.range_s[0]) < _SAME_S and sha256_of(want.path) == first.sha256
+
+
+def load_samples(
+    texts: Sequence[str],
+    config: Config,
+    axis: NamedAxis,
+    model: AxisModel,
+    progress: Progress = lambda _: None,
+) -> tuple[list[SampleBlock], list[SamplesOrigin]]:
+    """All records of an axis.
+
+    Raises:
+        RecordError: a file cannot be read, or has no samples of the axis.
+        DescriptionError, IngestError: the configuration cannot be used.
+    """
+    samples, sources = [], []
+    for number, text in enumerate(texts):
+        want = wanted(text)
+
+        def part(done: float, before: int = number) -> None:
+            progress((before + done) / len(texts))
+
+        block = _samples(want, config, axis, needed(axis), part).block._replace(name=want.path.name)
+        since = (block.t_us - block.t_us[0]) * 1e-6
+        start, end = np.searchsorted(
+            since, [want.start_s or 0.0, np.inf if want.end_s is None else want.end_s]
+        )
+        block = block.select(slice(int(start), int(end)))
+        if block.size < 2:
+            raise RecordError(f"{text}: {block.size} samples of axis {axis.id} in that range")
+        samples.append(block)
+        seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
+        sources.append(SamplesOrigin(text, sha256_of(want.path), block.size, seconds))
+    conditions = conditions_of(axis)
+    if conditions:
+        samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)
+    return samples, sources
