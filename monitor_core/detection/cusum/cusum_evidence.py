@@ -161,7 +161,3 @@ class EvidenceBuilder:
         down = abs(theta - lower) <= HELD * abs(nominal - lower)
         up = abs(theta - upper) <= HELD * abs(nominal - upper)
         return 1 * (up & ~down) - down
-
-
-def _numbers(values: Floats) -> tuple[float, ...]:
-    return tuple(map(float, values))
