@@ -57,7 +57,8 @@ def model(
             found = axis_of(config, axis).config
             space, values = model_of_axis(found, output).space, given_values(found)
         else:
-            space, values = model_called(drive or "", name, output).space, {}
+            called = model_called(drive or "", name, output)
+            space, values = called.space, called.values
         facts = facts_of(space, values)
         if json is not None:
             write(json, as_json(facts))

@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of
-from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
-from monitor_core.identification.predictor.middle_speed import MiddleSpeed, middle_speed
+from monitor_core.identification.predictor.held_drive import (
+    Linear,
+    MiddleSpeed,
+    Structure,
+    hold,
+    hold_late,
+    hold_mean,
+    middle_speed,
+)
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
 from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
 from monitor_core.identification.predictor.prepared_record import Series, series
