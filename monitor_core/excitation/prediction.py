@@ -152,18 +152,18 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
     """The best powers of the lines.
 
     Args:
-        M: information of each line (L, p, p); together they must tell all parameters.
+        M: information of each line (L, p, p); together they must determine all parameters.
         costs: share of each limit that a power of 1 in each line takes (J, L).
         wanted: weights W of the variances of the parameters (p,).
 
     Raises:
-        numpy.linalg.LinAlgError: the lines together do not tell all parameters.
+        numpy.linalg.LinAlgError: the lines together do not determine all parameters.
     """
     p = 1 / (len(M) * costs.max(axis=0))
     together = np.tensordot(p, M, axes=1)
     scale = np.sqrt(np.diag(together))
     if not (scale > 0).all() or np.linalg.eigvalsh(together / np.outer(scale, scale))[0] < _SINGULAR:
-        raise np.linalg.LinAlgError("the lines do not tell all parameters")
+        raise np.linalg.LinAlgError("the lines do not determine all parameters")
     weights = np.ones(len(costs)) / len(costs)
     best, least, powers = np.inf, 0.0, p
     for _ in range(_STEPS):

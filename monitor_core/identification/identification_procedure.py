@@ -48,7 +48,7 @@ MOST_ITERATIONS = 100
 MOST_MASSES, USUAL_MASSES = 9, 5
 """A motor hardly feels more masses."""
 _LOAD_MEMORIES = 2
-"""Times the longest memory: to tell the load from the torque constant it must hold several motions either way."""
+"""Times the longest memory: to distinguish load and torque constant it must hold several motions in each direction."""
 
 Progress = Callable[[str, int, int], None]
 """Called with the present phase, the steps done and the most steps of it."""

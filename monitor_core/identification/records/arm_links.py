@@ -38,7 +38,7 @@ _MOST_SAMPLES = 30_000
 _OF_PERIOD, _FEWEST = 0.1, 24
 """Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
 _LEAST_WINDOWS = 20
-"""In all records: fewer do not tell this many terms from one another."""
+"""In all records: fewer do not distinguish this many terms."""
 _MOST_OTHERS = 2
 """Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
 _MOST_SUMS = 4

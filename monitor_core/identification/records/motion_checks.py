@@ -1,4 +1,4 @@
-"""All that is suspicious about a record; last, whether torque and motion go together: signs, and units."""
+"""All that is suspicious about a record; last, whether torque and motion fit: signs, and units."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
 def has_wrong_sign(record: Record) -> bool:
     """Whether torque or motion has the wrong sign, whatever their units.
 
-    Inertia and friction of one mass tell, where they agree, and else the work: a weight gives back what it took.
+    Inertia and friction of one mass decide, where they agree, otherwise the work: a weight gives back what it took.
     """
     mass = shown_inertia(record)
     if mass is not None and mass.inertia * mass.torques["coulomb"] > 0:

@@ -1,6 +1,6 @@
 """How far the weight of an arm turns with the motion: it hangs on the true angle, in radians.
 
-Nothing else in the torque tells the unit of an angle: inertia, friction and stiffness only become others.  A weight's
+Nothing else in the torque shows the unit of an angle: inertia, friction and stiffness only become others.  A weight's
 torque is a cosine of the arm's angle, so its period shows how much of the measured motion is a turn of the arm.
 """
 

@@ -59,7 +59,7 @@ def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequen
     return FlatParameter(name, unit, meaning, value, positive, nonnegative, place)
 
 
-# --- Units that the user's own equations tell: of variables and parameters declared without one -----------------------
+# --- Units that follow from the user's equations, of variables and parameters declared without one --------------------
 
 
 _DER = "der"
