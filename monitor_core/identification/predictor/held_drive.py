@@ -74,6 +74,12 @@ class Linear(NamedTuple):
     drest: Floats  # (n, p)
     dratio: Floats  # (m, p)
 
+    def with_inputs(self, which: NDArray[np.bool_]) -> Linear:
+        """The same drive with these inputs (m,) only."""
+        return self._replace(
+            B=self.B[:, which], dB=self.dB[:, which], ratio=self.ratio[which], dratio=self.dratio[which]
+        )
+
 
 class Structure:
     """The Laurent terms of a drive as arrays:  term_j = c_j prod_i v_i^E_ji,  v the parameters' values.

@@ -13,8 +13,9 @@ from scipy.linalg import eigvals
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
 from monitor_core.identification.records.measured_record import Finding, Known, Record
-from monitor_core.identification.records.rigid_body import POSE, USUAL, Rigid, rigid_fits, speed_scales
+from monitor_core.identification.records.rigid_body import Rigid, rigid_fits, speed_scales
 from monitor_core.identification.records.sample_checks import signals, strange, times
+from monitor_core.identification.records.torque_windows import POSE, USUAL
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
