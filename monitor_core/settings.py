@@ -13,7 +13,7 @@ NAMING_MEMORIES = 3
 """Memory lengths after which what a change did to all estimates is known."""
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
-"""Of nominal values: the correlation from which two estimates go together; the standard deviation, beside the value,
+"""Of nominal values: the correlation above which two are not distinguished; the standard deviation, beside the value,
 from which one of them is doubtful, as the change that the paper looks for is then within one.  ``identify`` holds one
 of such a pair; with both of them free the daemon would test nothing."""
 

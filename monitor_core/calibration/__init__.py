@@ -4,13 +4,13 @@
 
 * ``monitored_axis``: what is calibrated.  ``healthy_records``: the recursion over the records.  ``scatter``: of the
   estimates in them.  ``record_doubts``: whether they can be used.
-* ``surrogate_records``: bootstrap copies of the records, with innovations from ``matched_blocks`` or
-  ``sieve_bootstrap``.  ``copy_excursions``: excursions of the CUSUM sums in these.  ``own_error``: what copies are off
-  by.  ``shrinkage``: records and copies combined.  ``healthy_statistics``: all of this, and the allowance.
+* ``surrogate_records``: bootstrap copies of the records, with innovations from
+  ``innovation_bootstrap``.  ``copy_excursions``: excursions of the CUSUM sums in these, and what copies are off by.
+  ``healthy_statistics``: records and copies combined, and the allowance.
 * ``false_alarm_tail``, ``budget``: thresholds and their false-alarm rate.
 * ``injection``, ``simulated_copies``, ``fault_trials``: faults injected anywhere in a record.
 * For the multi-model detector: ``multimodel_healthy`` (the detector over the records and their copies),
-  ``excursion_peaks`` and ``multimodel_tails`` (tails of g), ``spectra`` (uncertainty from the length of the record),
+  ``multimodel_tails`` (tails of g), ``spectra`` (uncertainty from the length of the record),
   ``multimodel_thresholds``.
 * ``result``: thresholds, their false-alarm rate, and the detected faults.
 """

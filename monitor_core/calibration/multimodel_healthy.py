@@ -1,7 +1,7 @@
 """The multi-model detector over healthy records, and over as many bootstrap copies of them as its tails need.
 
 The copies have the motion of the records, because model errors depend on the motion, and synthetic innovations
-(sieve_bootstrap.py).
+(innovation_bootstrap.py).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.excursion_peaks import ExcursionPeaks
+from monitor_core.calibration.innovation_bootstrap import SieveBootstrap
 from monitor_core.calibration.monitored_axis import MonitoredAxis
-from monitor_core.calibration.sieve_bootstrap import SieveBootstrap
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate_records import LANES, block_length, bootstrap_copies, copy_source
 from monitor_core.detection.multimodel.candidates import default_hypotheses

@@ -1,17 +1,6 @@
-"""Tail of g of each hypothesis, extrapolated from its highest excursions.
+"""The tail of g of each hypothesis of a bank: its highest excursions on copies of records, and what lies beyond.
 
-Exceedances of a high level have a generalised Pareto distribution (Pickands 1975) of shape xi: 0 (exponential) for an
-exact model; above 0 where small excursions come from noise and high ones from model errors, so that the tail becomes
-flatter.  The shape of one hypothesis alone is uncertain: it is shrunk towards the mean of all as far as they do not
-differ by more than chance (empirical Bayes, Efron and Morris 1975).  The tail does not become flatter for ever: g rises
-against a drift and falls exponentially far out.  So the shape is used for as far again as it was seen, and from there
-on the slope stays.
-
-Excursions at the same place of the motion, or from the same few large innovations of the record, are not independent.
-So the uncertainty of a tail is that of other places and other innovations: drawn with random weights (Bayesian
-bootstrap, Rubin 1981), the same for all hypotheses, as their excursions are correlated.  The product of both weights
-counts the variance of each single excursion three times (Owen 2007); that is computed from its influence and
-subtracted.
+The excursions are found piece by piece along g, over all copies of the records; only a limited number is kept.
 """
 
 from __future__ import annotations
@@ -21,8 +10,85 @@ from functools import cached_property
 
 import numpy as np
 
-from monitor_core.arrays import Bools, Floats
-from monitor_core.calibration.excursion_peaks import TOP, ExcursionPeaks
+from monitor_core.arrays import Bools, Floats, Ints
+from monitor_core.kernel.excursions import ORIGIN, PEAK, PLACE, START, excursion_peaks
+
+TOP = 500
+"""Number of highest excursions that are used: lower ones have another distribution than the tail."""
+LEAST_HEIGHT = 2.0
+"""Lower excursions are left out: they say nothing about the tail."""
+
+
+class ExcursionPeaks:
+    """Peaks of the excursions of g of all hypotheses, collected piece by piece over copies of records."""
+
+    def __init__(self, many: int) -> None:
+        self._least = np.full(many, LEAST_HEIGHT)
+        self._largest: list[Floats] = [np.empty(0) for _ in range(many)]
+        self._times: list[Ints] = [np.empty((4, 0), np.int64) for _ in range(many)]
+        self._top, self._now = np.zeros(many), np.zeros((4, many), np.int64)
+        self.largest = np.zeros(many)
+        self.samples = 0
+        """Tested ones."""
+
+    def course(self) -> tuple[Floats, Ints]:
+        """State of a new course of g, to be given to ``take`` with each of its pieces."""
+        return np.zeros_like(self._top), np.zeros_like(self._now)
+
+    def take(self, g: Floats, clock: int, place: Ints, origin: Ints, going_on: tuple[Floats, Ints]) -> None:
+        """Add g (N, H) from time ``clock`` [samples] on, with the blocks of its motion and innovations (N,)."""
+        N, many = g.shape
+        self.largest = np.maximum(self.largest, g.max(axis=0, initial=0.0))
+        largest, times = np.empty((many, N // 2 + 1)), np.empty((4, many, N // 2 + 1), np.int64)
+        found = np.zeros(many, np.int64)
+        g = np.ascontiguousarray(g)
+        excursion_peaks(g, clock, place, origin, self._least, *going_on, largest, times, found)
+        for i in np.flatnonzero(found):
+            self._keep(int(i), largest[i, : found[i]], times[:, i, : found[i]])
+
+    def _keep(self, i: int, largest: Floats, times: Ints) -> None:
+        self._largest[i] = np.append(self._largest[i], largest)
+        self._times[i] = np.concatenate([self._times[i], times], axis=1)
+        if len(self._largest[i]) > 2 * TOP:
+            order = np.argsort(self._largest[i])[: -TOP - 2 : -1]
+            self._largest[i], self._times[i] = self._largest[i][order], self._times[i][:, order]
+            self._least[i] = self._largest[i][-1]
+
+    def highest(self, i: int) -> tuple[float, Floats, Ints]:
+        """The highest excursions of hypothesis i.
+
+        Returns the level that they exceed, by how much (n,), falling, and place and origin of the peaks (2, n).
+        """
+        order = np.argsort(self._largest[i])[::-1]
+        base = float(self._largest[i][order[TOP]]) if len(order) > TOP else LEAST_HEIGHT
+        return base, self._largest[i][order[:TOP]] - base, self._times[i][[PLACE, ORIGIN]][:, order[:TOP]]
+
+    def events(self, i: int, many: int) -> Floats:
+        """First sample, and the sample at which they reach the lowest of them (2, n), of the highest excursions.
+
+        The latter is interpolated from the peak, as if g rose linearly.
+        """
+        order = np.argsort(self._largest[i])[::-1][:many]
+        heights, times = self._largest[i][order], self._times[i][:, order]
+        share = heights[-1:] / heights
+        return np.stack([times[START], times[START] + share * (times[PEAK] - times[START])])
+
+
+# --- The tail of g above them, extrapolated ---------------------------------------------------------------------------
+
+
+# Exceedances of a high level have a generalised Pareto distribution (Pickands 1975) of shape xi: 0 (exponential) for an
+# exact model; above 0 where small excursions come from noise and high ones from model errors, so that the tail becomes
+# flatter.  The shape of one hypothesis alone is uncertain: it is shrunk towards the mean of all as far as they do not
+# differ by more than chance (empirical Bayes, Efron and Morris 1975).  The tail does not become flatter for ever: g
+# rises against a drift and falls exponentially far out.  So the shape is used for as far again as it was seen, and from
+# there on the slope stays.
+#
+# Excursions at the same place of the motion, or from the same few large innovations of the record, are not independent.
+# So the uncertainty of a tail is that of other places and other innovations: drawn with random weights (Bayesian
+# bootstrap, Rubin 1981), the same for all hypotheses, as their excursions are correlated.  The product of both weights
+# counts the variance of each single excursion three times (Owen 2007); that is computed from its influence and
+# subtracted.
 
 ALIKE = 10
 """Where there are fewer than TOP excursions, this number is added, distributed as for an exact model."""

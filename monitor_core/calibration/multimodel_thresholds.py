@@ -17,10 +17,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import LOWER, UPPER, bisected, root
-from monitor_core.calibration.excursion_peaks import LEAST_HEIGHT, TOP, ExcursionPeaks
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import COPIES, MultiModelStatistics, multimodel_statistics
-from monitor_core.calibration.multimodel_tails import bank_tails
+from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.samples import SampleBlock
 

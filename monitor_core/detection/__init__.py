@@ -11,6 +11,18 @@ what it has found into alarms raised, changed or ended, and ``adopt`` takes over
 
 from monitor_core.detection.alarm import (
     DIRECTIONS,
+    INERTIA,
+    OUTPUT_NOISE,
+    OUTPUT_OFFSET,
+    OUTPUT_SCALE,
+    OUTPUT_SIGN,
+    OUTPUT_STUCK,
+    PAYLOAD_WITHIN_S,
+    TORQUE_LOST,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
+    TORQUE_SIGN,
+    TORQUE_STUCK,
     Alarm,
     AlarmKey,
     Cause,
@@ -20,21 +32,10 @@ from monitor_core.detection.alarm import (
     Name,
     Reach,
     Stage,
+    payload_change,
+    same_payload,
 )
 from monitor_core.detection.cusum.cusum_evidence import Crossing
-from monitor_core.detection.multimodel.candidates import (
-    INERTIA,
-    OUTPUT_NOISE,
-    OUTPUT_OFFSET,
-    OUTPUT_SCALE,
-    OUTPUT_SIGN,
-    OUTPUT_STUCK,
-    TORQUE_LOST,
-    TORQUE_OFFSET,
-    TORQUE_SCALE,
-    TORQUE_SIGN,
-    TORQUE_STUCK,
-)
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import (
     Limit,
@@ -42,4 +43,3 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     reason_unavailable,
 )
-from monitor_core.detection.payload import PAYLOAD_WITHIN_S, payload_change, same_payload

@@ -13,6 +13,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.drive import DELAY, LOAD
+
 DetectorName = Literal["cusum", "multimodel"]
 """cusum: the paper's two tests of each parameter; multimodel: parallel hypotheses, one predictor for each."""
 
@@ -41,6 +43,26 @@ MODEL_ERROR = 0.05
 
 MIN_PROBABILITY = 0.01
 """Causes below this probability are not reported."""
+
+
+# --- Causes: the monitored parameters, another payload, and faults of sensors -----------------------------------------
+
+
+TORQUE_CONSTANT = "kT"
+
+TORQUE_SCALE, OUTPUT_SCALE = "torque scale", "output scale"
+TORQUE_SIGN, OUTPUT_SIGN = "torque sign", "output sign"
+TORQUE_OFFSET, OUTPUT_OFFSET = "torque offset", "output offset"
+TORQUE_STUCK, TORQUE_LOST = "torque stuck", "torque lost"
+OUTPUT_STUCK, OUTPUT_NOISE = "output stuck", "output noise"
+INERTIA = "inertia"
+"""The inertia on the side of the arm, over the nominal one, where no inertia is monitored: with another payload an axis
+that bears no weight differs in nothing else, and without this cause that would be called a fault of another one.
+An axis that bears a weight has LOAD for that, where the weight is not monitored."""
+SENSOR_FAULTS = (
+    *(TORQUE_SCALE, OUTPUT_SCALE, TORQUE_SIGN, OUTPUT_SIGN, TORQUE_OFFSET, OUTPUT_OFFSET),
+    *(TORQUE_STUCK, TORQUE_LOST, OUTPUT_STUCK, OUTPUT_NOISE, DELAY),
+)
 
 
 class Cause(NamedTuple):
@@ -229,3 +251,39 @@ def _alarm(fields: dict[str, Any]) -> Alarm:
     past = tuple(Name(*name) for name in fields.pop("past"))
     reaches = tuple(Reach(*reach) for reach in fields.pop("reaches", ()))
     return Alarm(**fields, causes=causes, past=past, reaches=reaches)
+
+
+# --- Another payload, not a fault of one drive: the axes of a robot that carry it show it at the same time ------
+
+
+PAYLOAD_WITHIN_S = 600.0
+"""Within this time the axes that carry another payload detect it: it took them up to 214 s (docs/validation.md)."""
+
+
+def payload_change(alarm: Alarm) -> Direction | None:
+    """The change of the payload that an alarm may be: up for a heavier one; None: it is none, or has no cause yet."""
+    if alarm.stage != "named" or alarm.doubt or alarm.kind == "forecast":
+        return None
+    if alarm.parameter in (LOAD, INERTIA):
+        return alarm.direction
+    if alarm.parameter not in (TORQUE_CONSTANT, TORQUE_SCALE):
+        return None
+    if not any(LOAD in (cause.parameter, *cause.alike) for cause in alarm.causes):
+        return None
+    # A heavier weight needs more torque, as a weaker motor does.
+    return "down" if alarm.direction == "up" else "up"
+
+
+def same_payload(alarm: Alarm, others: Iterable[tuple[str, Alarm]]) -> tuple[str, ...]:
+    """The axes whose alarms the same change of the payload explains, which is likelier than a fault of each drive.
+
+    Args:
+        alarm: of an axis.
+        others: alarms of the other axes of its robot, each with its axis.
+    """
+    change = payload_change(alarm)
+    if change is None:
+        return ()
+    within_us = PAYLOAD_WITHIN_S * 1e6
+    near = ((axis, other) for axis, other in others if abs(other.raised_us - alarm.raised_us) <= within_us)
+    return tuple(sorted({axis for axis, other in near if payload_change(other) == change}))

@@ -15,7 +15,7 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.state import NEVER
 
 FEWEST = 8
-"""Stretches that are needed to tell anything."""
+"""Least number of stretches."""
 
 APART = 4
 """Stretches that are hardly correlated any more."""

@@ -3,7 +3,7 @@
 * ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
 * ``operating_conditions``: nominal values that follow signals, gates.  ``thermal_state``: warm-up without a
   thermometer.  ``friction_roles``: which parameters are friction.  ``measured_speed``.
-* ``assembly``, ``discretization``: what the kernel takes.  ``kalman``: the predictor.
+* ``assembly``, ``discretization``: what the kernel takes.  ``kalman``: the predictor, and where it is stable.
 """
 
 from monitor_core.drive.axis_model import AxisModel, NominalValueError

@@ -13,13 +13,13 @@ from monitor_core.drive.structure import Output
 
 
 class Steps(NamedTuple):
-    """The way to each sample (N,) from the one before whose output was measured."""
+    """The step to each sample (N,) from the one before whose output was measured."""
 
     interval_us: NDArray[np.int64]
     """0: there is none, or this one was not measured; negative: the clock went back"""
     speed: Floats
     """Magnitude [rad/s], from an angle the mean over the interval; NaN: unknown"""
-    way: Floats
+    distance: Floats
     """Magnitude of the change of an angle [rad]; 0 where a speed is measured, or nothing is known"""
 
 
@@ -34,19 +34,19 @@ class MeasuredSpeed:
     def take(self, t_us: NDArray[np.int64], y: Floats) -> Steps:
         """The steps to samples (N,) at these times, with this output (NaN: not measured)."""
         N, measured = len(t_us), np.flatnonzero(np.isfinite(y))
-        interval, speed, way = np.zeros(N, np.int64), np.full(N, math.nan), np.zeros(N)
+        interval, speed, distance = np.zeros(N, np.int64), np.full(N, math.nan), np.zeros(N)
         if not self._angle:
             speed = np.abs(y)
         if not measured.size:
-            return Steps(interval, speed, way)
+            return Steps(interval, speed, distance)
         t, q = t_us[measured], y[measured]
         first = (int(t[0]), float(q[0])) if self.before is None else self.before
         h = np.diff(t, prepend=np.int64(first[0]))
         interval[measured] = h
         if self._angle:
             moved = np.abs(np.diff(q, prepend=first[1]))
-            way[measured] = moved
+            distance[measured] = moved
             with np.errstate(divide="ignore", invalid="ignore"):
                 speed[measured] = np.where(h > 0, moved / h * 1e6, math.nan)
         self.before = int(t[-1]), float(q[-1])
-        return Steps(interval, speed, way)
+        return Steps(interval, speed, distance)

@@ -129,7 +129,7 @@ class ThermalState:
             self.since_us = int(t_us[0])
         h, gap = steps.interval_us, GAP_S * 1e6
         paused = h > gap
-        lost = (h < -gap) | (paused & (steps.way > MOVED))
+        lost = (h < -gap) | (paused & (steps.distance > MOVED))
         distinct, which = np.unique(np.maximum(h, 0), return_inverse=True)
         # One by one: a vectorised exponential may depend on the place in the array in its last bit.
         a = np.array([self.model.kept(us * 1e-6) for us in distinct.tolist()])[which]

@@ -2,7 +2,7 @@
 
 * ``multisine_signals``: signals.  ``design``: an experiment within the limits of a drive, which ``planned_drive`` and
   ``motions`` move.
-* ``accuracy``: the Cramer-Rao bound of a record.  ``sensitivity``, ``prediction``: before it is measured.
+* ``accuracy``: the Cramer-Rao bound of a record.  ``prediction``: before it is measured.
 * ``reference_experiment``: the experiment of the paper.
 """
 

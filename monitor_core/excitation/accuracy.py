@@ -16,7 +16,7 @@ from monitor_core.wording import listed, percent
 LIMIT = 0.95
 """From this magnitude of a correlation on, two parameters are not distinguished."""
 POOR = 1.0
-"""A standard deviation of 100 % tells nothing."""
+"""With a standard deviation of 100 % a parameter is not determined at all."""
 FAIR = 0.1
 """A parameter with a smaller relative standard deviation is determined, whatever its correlations are."""
 

@@ -106,7 +106,7 @@ class Multisine:
         )
 
 
-# --- Crest factors: a multisine whose peaks are low for its power tells more within the same limits -------------------
+# --- Crest factors: a multisine with low peaks for its power determines more within the same limits -------------------
 
 
 # P. Guillaume, J. Schoukens, R. Pintelon, I. Kollar, "Crest-factor minimization using nonlinear Chebyshev approximation

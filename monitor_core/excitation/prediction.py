@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import Drive, split_name
+from monitor_core.drive.discretization import balance_of, zero_order_hold, zero_order_hold_slopes
+from monitor_core.drive.structure import Drive, Matrix, split_name
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.motions import ExcitationError
 from monitor_core.excitation.multisine_signals import Complex
-from monitor_core.excitation.sensitivity import Sensitivities
+from monitor_core.kernel.fixed_predictor import simulate_known
 from monitor_core.wording import listed
 
 _UNSEEN = 1e-9
@@ -151,18 +152,18 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
     """The best powers of the lines.
 
     Args:
-        M: information of each line (L, p, p); together they must tell all parameters.
+        M: information of each line (L, p, p); together they must determine all parameters.
         costs: share of each limit that a power of 1 in each line takes (J, L).
         wanted: weights W of the variances of the parameters (p,).
 
     Raises:
-        numpy.linalg.LinAlgError: the lines together do not tell all parameters.
+        numpy.linalg.LinAlgError: the lines together do not determine all parameters.
     """
     p = 1 / (len(M) * costs.max(axis=0))
     together = np.tensordot(p, M, axes=1)
     scale = np.sqrt(np.diag(together))
     if not (scale > 0).all() or np.linalg.eigvalsh(together / np.outer(scale, scale))[0] < _SINGULAR:
-        raise np.linalg.LinAlgError("the lines do not tell all parameters")
+        raise np.linalg.LinAlgError("the lines do not determine all parameters")
     weights = np.ones(len(costs)) / len(costs)
     best, least, powers = np.inf, 0.0, p
     for _ in range(_STEPS):
@@ -187,3 +188,99 @@ def _gains(M: Floats, p: Floats, wanted: Floats) -> tuple[Floats, float]:
     """How much the criterion falls for each power (L,), and the criterion."""
     C = np.linalg.inv(np.tensordot(p, M, axes=1))
     return np.einsum("ij,lij->l", (C * wanted) @ C, M), float(wanted @ np.diag(C))
+
+
+# --- Sensitivities of the output --------------------------------------------------------------------------------------
+
+
+# Coulomb friction and gravity are inputs that depend on the motion.  As in the monitor they are treated as known
+# signals: those of the motion at the given values.
+
+_STEP = 1e-30
+"""Relative size of the complex step: so far below rounding that the derivative is exact."""
+
+
+class Sensitivities:
+    """size_i * dy/dtheta_i of a drive from rest, all its inputs held over each interval.
+
+    By the exact zero-order hold of  (z_i, x)' = [A A_i; 0 A] (z_i, x) + (B_i, B) u,  z_i = dx/dtheta_i,  in states
+    x_j / d_j: springs on the arm side and inertias on the motor side would cost digits.
+
+    Args:
+        drive: of any output.
+        values: of its parameters.
+        names: (p,) parameters of the drive, drawn ones, or reciprocals ("1/Ja").
+        interval_s: between samples.
+        scales: sizes, which a parameter needs that is zero; default |theta_i|.
+
+    Raises:
+        KeyError: a name that the drive does not have, or a value that is missing.
+        ValueError: a value that makes no sense; a parameter that is zero and has no scale.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        values: Mapping[str, float],
+        names: Sequence[str],
+        interval_s: float,
+        scales: Mapping[str, float] | None = None,
+    ) -> None:
+        stepped = [_stepped(drive, values, name, scales or {}) for name in names]
+        at = drive.complete(values)
+        A = drive.matrix("A", at)
+        d = balance_of(A)
+        (n, m), p = (len(A), len(drive.inputs)), len(names)
+        units: dict[Matrix, Floats] = {
+            "A": d / d[:, np.newaxis],
+            "B": np.tile(1 / d[:, np.newaxis], m),
+            "C": d[np.newaxis],
+        }
+        A, B, C = (drive.matrix(which, at) * unit for which, unit in units.items())
+        dA, dB, dC = (
+            np.array([np.imag(drive.matrix(which, by)) * unit / _STEP for by in stepped]).reshape(
+                p, *unit.shape
+            )
+            for which, unit in units.items()
+        )
+        X, dX = zero_order_hold_slopes(A, B, dA, dB, np.array([interval_s]))
+        self._X, self._dX = X[0], dX[0]  # [Ad Bd] (n, n + m), and its derivatives (p, n, n + m)
+        self._C, self._dC = np.ascontiguousarray(C[0]), np.ascontiguousarray(dC.reshape(p, n).T)
+        self._interval_s, self._torque = interval_s, drive.of_torque.astype(float)
+
+    def along(self, u: Floats) -> Floats:
+        """Sensitivities (N, p) with inputs u (N, m)."""
+        n, p = self._dC.shape
+        by_input = np.ascontiguousarray(self._dX.transpose(2, 1, 0)).reshape(-1, n * p)
+        S = np.empty((len(u), p))
+        known = np.ascontiguousarray(u, dtype=float)
+        simulate_known(known, self._X, by_input, self._C, self._dC, S)
+        return S
+
+    def responses(self, frequency_hz: Floats) -> NDArray[np.complex128]:
+        """Frequency responses (L, p) from the torque, held over each interval, to the sensitivities."""
+        n = len(self._C)
+        Ad, Bd = self._X[:, :n], self._X[:, n:]
+        z = np.exp(2j * np.pi * np.asarray(frequency_hz) * self._interval_s)
+        resolvent = np.linalg.inv(z[:, np.newaxis, np.newaxis] * np.eye(n) - Ad)
+        x = resolvent @ (Bd @ self._torque)
+        forced = np.einsum("pij,lj->lpi", self._dX[:, :, :n], x) + self._dX[:, :, n:] @ self._torque
+        return np.asarray(np.einsum("li,lpi->lp", self._C @ resolvent, forced) + x @ self._dC)
+
+
+def _stepped(
+    drive: Drive, values: Mapping[str, float], name: str, scales: Mapping[str, float]
+) -> dict[str, Any]:
+    """All parameters, with this one changed by a complex step; parameters merged from it change with it."""
+    base, inverse = split_name(name)
+    drive.given_as(base)
+    known = {**drive.complete(values), **values}
+    if base not in known:
+        raise KeyError(f"no nominal value for {base}")
+    if known[base] == 0 and (inverse or name not in scales):
+        raise ValueError(f"{name} has the nominal value 0: give its scale")
+    theta = 1 / known[base] if inverse else known[base]
+    moved = theta + 1j * _STEP * scales.get(name, abs(theta))
+    merged = drive.merged_from(base)
+    given = {other: v for other, v in known.items() if other not in merged}
+    return drive.complete({**given, base: 1 / moved if inverse else moved})  # type: ignore[dict-item]

@@ -3,7 +3,7 @@
 * ``identification_procedure``: the whole way, ``identify``; ``identification_result``: what it returns; ``problem``,
   ``parameter_selection``: what is estimated; ``holding``: what the records do not determine; ``verdict`` on the fit;
   ``outlook``: what can be watched with it; ``bode``: the drive beside black boxes and the record; ``warm_up``: friction
-  that follows a heat which nobody measures.
+  that follows a heat which is not measured.
 * ``records``: records, and whether they can be used.
 * ``predictor``: prediction errors of a drive; ``greybox``: its fit.
 * ``starting``: values to start from, and the number of masses.

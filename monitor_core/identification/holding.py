@@ -1,10 +1,10 @@
 """Parameters that the records do not determine are held, so that the others mean something and can be monitored.
 
-Of two parameters whose estimates go together, such as viscous and Coulomb friction at nearly one speed, one is held:
-the prediction is as good as before, the other one has a standard deviation that a monitor can work with, and an alarm
-of it stands for both.  It keeps the configured value where that agrees with the records, else its estimate.  A prior
-around the configured value would do the same to the prediction, but leave both with standard deviations that depend
-on the width of the prior, which nobody knows.
+Of two parameters whose estimates are strongly correlated, such as viscous and Coulomb friction at nearly one speed,
+one is held: the prediction is as good as before, the other one has a standard deviation that a monitor can work with,
+and an alarm of it stands for both.  The held one keeps the configured value where that agrees with the records, else
+its estimate.  A prior around the configured value would do the same to the prediction, but leave both with standard
+deviations that depend on the width of the prior, which is not known.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def hold_undetermined(
     Args:
         found: the fit with all of them free.
         configured: values that the user gave, by parameter.
-        monitored: parameters that will be monitored: of two that go together, the other one is held.
+        monitored: parameters that will be monitored: of two whose estimates are correlated, the other one is held.
         refit: the fit of a problem.
 
     Returns:
@@ -73,7 +73,7 @@ def _without(problem: Problem, hold: HeldParameter) -> Problem:
 def _next(
     found: Estimate, configured: Mapping[str, float], monitored: Collection[str]
 ) -> HeldParameter | None:
-    """What to hold first: what is zero, then what the records do not show, then one of two that go together."""
+    """What to hold first: what is zero, then what the records do not show, then one of two that are correlated."""
     table = _Table(found, monitored)
     for name in table.names:
         if found.drive.parameter(name).nonnegative and table.theta[name] == 0:
@@ -132,7 +132,7 @@ class _Table:
         return split_name(name)[0] in self._monitored, -self.relative(name)
 
     def partners(self, name: str) -> list[str]:
-        """Those whose estimates go together with this one, the closest first."""
+        """Those whose estimates are correlated with this one, the most first."""
         row = self._found.correlation[self._place[name]]
         r = {other: abs(float(row[self._place[other]])) for other in self.names if other != name}
         return sorted((other for other in r if r[other] > TOGETHER), key=lambda other: -r[other])

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import LOAD, split_name
-from monitor_core.drive.thermal_state import HEAT
 from monitor_core.identification.bode import bode_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
@@ -20,7 +20,7 @@ from monitor_core.identification.identification_result import (
     IdentificationResult,
     Start,
 )
-from monitor_core.identification.outlook import outlook, shortest_memory, with_load
+from monitor_core.identification.outlook import Watched, outlook, shortest_memory, with_load
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records.measured_record import Record, lively_parts
@@ -48,7 +48,7 @@ MOST_ITERATIONS = 100
 MOST_MASSES, USUAL_MASSES = 9, 5
 """A motor hardly feels more masses."""
 _LOAD_MEMORIES = 2
-"""Times the longest memory: to tell the load from the torque constant it must hold several motions either way."""
+"""Times the longest memory: to distinguish load and torque constant it must hold several motions in each direction."""
 
 Progress = Callable[[str, int, int], None]
 """Called with the present phase, the steps done and the most steps of it."""
@@ -110,15 +110,11 @@ def _identify(
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()
             estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
-        warm_up, seen, searched = None, options.scheduled, tuple[str, ...]()
-        if options.thermal is not None and moving_s(records) >= LEAST_MOTION_S:
-            searched = _followers(estimate, options.monitored)
-        if searched:
-            warm_up, estimate, records, seen = _warming(estimate, records, searched, options, report)
-            if warm_up is not None:
-                following_heat = [term for term in seen if term.term == HEAT]
-                validation = heated_as(estimate, warm_up, following_heat, validation)
-                options = replace(options, scheduled=seen)
+        warm_up, searched = None, _may_follow_heat(estimate, records, options)
+        if searched and (warmed := _warmed(estimate, records, searched, options, report)):
+            warm_up, estimate, records, heat_terms = warmed
+            validation = heated_as(estimate, warm_up, heat_terms, validation)
+            options = replace(options, scheduled=(*options.scheduled, *heat_terms))
         configured = {name: v for name, v in problem.nominal.items() if name not in options.unknown}
         estimate, held = hold_undetermined(
             estimate, configured, options.monitored, lambda fewer: _fit(fewer, records, _silent)
@@ -132,32 +128,20 @@ def _identify(
             "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
         )
         raise IdentificationError(f"no fit: {error}{hint if options.start == 'records' else ''}") from None
-    memory_s = options.memory_s
-    if options.memories_s:
-        memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
-    watched = outlook(estimate, options.monitored, records, memory_s, options.sizes)
-    weight = _turning_weight(estimate, options)
-    if weight:
-        longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
-        if found := with_load(estimate, options.monitored, records, longer_s, options.sizes, weight):
-            memory_s, watched = longer_s, found
-        elif options.load:
-            names = (*options.monitored, LOAD)
-            watched = outlook(estimate, names, records, memory_s, options.sizes, weight)
-    carried = weight if any(w.name == LOAD for w in watched) else {}
+    watch = _watch(estimate, records, options)
     return IdentificationResult(
         start=problem,
         estimate=estimate,
         estimation=own,
         validation=validated,
         bode=bode_of(estimate, None if options.unknown else problem, records),
-        colour=colour_of(estimate, options.monitored or estimate.problem.free, records, carried),
+        colour=colour_of(estimate, options.monitored or estimate.problem.free, records, watch.carried),
         growth=growth,
         options=options,
         verdict=verdict,
         held=held,
-        watched=watched,
-        memory_s=memory_s,
+        watched=watch.watched,
+        memory_s=watch.memory_s,
         warm_up=warm_up,
         not_following=tuple(name for name in searched if warm_up is None or name not in warm_up.slopes),
         standstill=standstill,
@@ -176,39 +160,72 @@ def _first(
     return replace(_fit(found.problem, records, report), started_from=found.started_from)
 
 
-def _followers(found: Estimate, monitored: Collection[str]) -> tuple[str, ...]:
-    """Free friction that is monitored and follows no signal: it may follow a heat."""
-    watched = {split_name(name)[0] for name in monitored}
+def _may_follow_heat(
+    found: Estimate, records: Sequence[Record], options: IdentificationOptions
+) -> tuple[str, ...]:
+    """Free friction that is monitored and follows no signal; none where no warm-up is looked for."""
+    if options.thermal is None or moving_s(records) < LEAST_MOTION_S:
+        return ()
+    watched = {split_name(name)[0] for name in options.monitored}
     free = set(found.problem.free) - set(found.problem.varying)
     friction = friction_of(found.drive)
     return tuple(name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched)
 
 
-def _warming(
+class _Warmed(NamedTuple):
+    """The warm-up that records show, the fit with it, the records with their heat, and what follows that."""
+
+    warm_up: FoundWarmUp
+    estimate: Estimate
+    records: Sequence[Record]
+    heat_terms: tuple[ScheduledTerm, ...]
+
+
+def _warmed(
     found: Estimate,
     records: Sequence[Record],
     followers: Sequence[str],
     options: IdentificationOptions,
     report: Progress,
-) -> tuple[FoundWarmUp | None, Estimate, Sequence[Record], tuple[ScheduledTerm, ...]]:
-    """The warm-up that the records show, the fit with it, the records with their heat, and what follows it."""
+) -> _Warmed | None:
+    """The fit with friction that follows a heat; None: the records show no warm-up."""
     assert options.thermal is not None
     report("warm-up", 0, 1)
     try:
         warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)
         if warm_up is None:
-            return None, found, records, options.scheduled
-        again, heated, scheduled = following(
+            return None
+        again, heated, terms = following(
             found, warm_up, records, lambda problem, own: _fit(problem, own, report)
         )
-    except (
-        ValueError,
-        np.linalg.LinAlgError,
-    ):  # a fit that explains nothing, or all, has no errors to learn from
-        return None, found, records, options.scheduled
-    if not (again.converged and again.cost < found.cost):
-        return None, found, records, options.scheduled
-    return warm_up, again, heated, (*options.scheduled, *scheduled)
+    except (ValueError, np.linalg.LinAlgError):
+        return None  # a fit that explains nothing, or all, has no errors to learn from
+    better = again.converged and again.cost < found.cost
+    return _Warmed(warm_up, again, heated, terms) if better else None
+
+
+class _Watch(NamedTuple):
+    """What can be watched, with which memory [s], and the weight that the load scales, if that can be watched."""
+
+    watched: tuple[Watched, ...]
+    memory_s: float
+    carried: Mapping[str, float]
+
+
+def _watch(estimate: Estimate, records: Sequence[Record], options: IdentificationOptions) -> _Watch:
+    memory_s = options.memory_s
+    if options.memories_s:
+        memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
+    watched = outlook(estimate, options.monitored, records, memory_s, options.sizes)
+    weight = _turning_weight(estimate, options)
+    if weight:
+        longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
+        if found := with_load(estimate, options.monitored, records, longer_s, options.sizes, weight):
+            memory_s, watched = longer_s, found
+        elif options.load:
+            names = (*options.monitored, LOAD)
+            watched = outlook(estimate, names, records, memory_s, options.sizes, weight)
+    return _Watch(watched, memory_s, weight if any(w.name == LOAD for w in watched) else {})
 
 
 def _turning_weight(estimate: Estimate, options: IdentificationOptions) -> dict[str, float]:

@@ -34,7 +34,7 @@ class IdentificationOptions:
     Args:
         start: where the fit starts.
         monitored: parameters that will be monitored; the colour of the prediction errors is computed for them.
-        load: the load will be, whatever the records tell of it; else where they tell it.
+        load: the load will be monitored in any case; otherwise only where the records determine it.
         interval_mean: the drive reports the mean speed of each interval, not the speed at the sample.
         max_masses: also compare chains of one, two, .. so many masses; None: do not.
         held: why each held parameter is held, for reports.
@@ -44,8 +44,8 @@ class IdentificationOptions:
         memories_s: instead, some to choose from, in ascending order: the shortest that shows small changes is taken.
         sizes: of monitored parameters as given; needed where the nominal value is zero.
         speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem; then the best one is refined.
-        thermal: how the axis begins the first record, where friction may follow a heat that nobody measures; None: it
-            is not asked whether it does.
+        thermal: how the axis begins the first record, where friction may follow a heat that is not measured; None: no
+            warm-up is looked for.
         begins_s: clock times of the first samples of the records [s]; None, or none at all: unknown.
     """
 
@@ -125,7 +125,7 @@ class IdentificationResult:
         held: why parameters are held that the records do not determine.
         watched: which of the monitored parameters can be watched; empty: none were named.
         memory_s: the memory that this is for [s].
-        warm_up: how the axis warms up, where friction follows a heat that nobody measures; None: it does not.
+        warm_up: how the axis warms up, where friction follows a heat that is not measured; None: it does not.
         standstill: where the axis often stands; the torque there is left out; None: it seldom does.
     """
 

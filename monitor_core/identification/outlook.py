@@ -24,7 +24,7 @@ _LARGEST = 1.0
 _SMALL = 0.2
 """A change of 20 % is what robots are watched for."""
 _OF_LOAD = 0.3
-"""Of the weight: a change of the payload that is to be told."""
+"""Of the weight: a change of the payload that is to be detected."""
 _HARDLY_LESS = 1.1
 _NEEDED = 33
 """Memories that a record must hold: ten to find P(0), twenty to calibrate, the rest for what cannot be used."""
@@ -38,7 +38,7 @@ class Obstacle(Enum):
     NOT_SHOWN = "not-shown"
     """The motion of the records shows it too little within the memory of the monitor."""
     TOGETHER = "together"
-    """So together with the others; one of them fewer, and they show."""
+    """Only beside all the others: with one parameter fewer, those that are left show."""
 
 
 class Watched(NamedTuple):
@@ -119,9 +119,9 @@ def with_load(
     sizes: Mapping[str, float],
     weight: Mapping[str, float],
 ) -> tuple[Watched, ...] | None:
-    """The outlook with the load at the end; None: the records hardly tell it, or are too short to calibrate it.
+    """The outlook with the load at the end; None: the records hardly determine it, or are too short to calibrate it.
 
-    Another load is told from another torque constant by friction and inertia alone, so both show less together: none of
+    Another load differs from another torque constant in friction and inertia alone, so both show less together: none of
     the others may show much less than without it, unless it still shows small changes.
     """
     if sum(record.duration_s for record in records) < _NEEDED * memory_s:

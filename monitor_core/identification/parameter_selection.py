@@ -46,7 +46,7 @@ def select_parameters(
 
     Raises:
         IdentificationError: an unknown name, a name that is both free and fixed, or parameters that no record can
-            tell apart.
+            distinguish.
     """
     _check_names(drive, (*free, *fix))
     if both := {split_name(name)[0] for name in free} & {split_name(name)[0] for name in fix}:

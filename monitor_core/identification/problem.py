@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import Drive, split_name
+from monitor_core.drive.structure import Drive, slope_name, split_name
 
 Predictor = Literal["output-error", "innovations"]
 Loss = Literal["squares", "huber"]
@@ -136,6 +136,26 @@ class Problem:
         for name, (lower, upper) in self.bounds.items():
             if not lower < upper:
                 raise ValueError(f"bounds of {name} = {lower}, {upper}: the first must be below the second")
+
+    @property
+    def followed_torques(self) -> tuple[tuple[str, str], ...]:
+        """Constant torques that follow signals, each with one signal."""
+        constant = self.drive.constant_torques()
+        return tuple((name, s) for name, signals in self.varying.items() if name in constant for s in signals)
+
+    def with_torque_inputs(self) -> Problem:
+        """The problem with these torques as inputs of the drive: exact, and linear in the slopes."""
+        torques = self.followed_torques
+        if not torques:
+            return self
+        drive, nominal, free = self.drive, dict(self.nominal), list(self.free)
+        for name, signal in torques:
+            drive, slope = drive.with_torque_of(name, signal), slope_name(name, signal)
+            nominal[slope] = self.slopes.get(slope, 0.0)
+            free.append(slope)
+        followed = {name for name, _ in torques}
+        varying = {name: signals for name, signals in self.varying.items() if name not in followed}
+        return replace(self, drive=drive, nominal=nominal, free=tuple(free), varying=varying)
 
 
 # --- The error that an identification raises where a user can mend the cause ------------------------------------------

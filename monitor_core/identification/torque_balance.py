@@ -17,10 +17,11 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import slope_name, split_name
+from monitor_core.drive.structure import slope_name
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import SIGNAL, Balance, TorqueTerm, unexplained
+from monitor_core.identification.records.rigid_body import Balance, unexplained
+from monitor_core.identification.records.torque_windows import SIGNAL, TorqueTerm
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 _MOST = 0.5
@@ -76,7 +77,7 @@ def rubs(problem: Problem, records: Iterable[Record]) -> bool:
 
 def follows_pose(problem: Problem) -> bool:
     """Whether a constant torque follows signals, such as the angles of other axes."""
-    return bool(_offsets(problem))
+    return bool(problem.followed_torques)
 
 
 def with_torque_of_pose(problem: Problem, records: Sequence[Record]) -> list[Record]:
@@ -98,7 +99,8 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
     posed = list[Record]()
     for record in records:
         pose = np.zeros(len(record))
-        for name, slope, signal in _offsets(problem):
+        for name, signal in problem.followed_torques:
+            slope = problem.slopes.get(slope_name(name, signal), 0.0)
             pose = pose + rigid.takes_per(name) * slope * record.signals[signal]
         for k in np.flatnonzero((kinds == COSINE) | (kinds == SINE)).tolist():
             turned = ratio[k] * record.y
@@ -134,13 +136,3 @@ class _Rigid:
         nominal = self._problem.nominal
         more = self.takes({**nominal, name: nominal[name] + 1.0}) - self.takes(nominal)
         return float(more.sum())
-
-
-def _offsets(problem: Problem) -> list[tuple[str, float, str]]:
-    """Constant torques that follow signals: name, slope and signal."""
-    return [
-        (name, problem.slopes.get(slope_name(name, signal), 0.0), signal)
-        for name, signals in problem.varying.items()
-        if not split_name(name)[1] and name in problem.drive.constant_torques()
-        for signal in signals
-    ]

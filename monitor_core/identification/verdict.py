@@ -25,8 +25,9 @@ from monitor_core.identification.greybox import (
 )
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record, between
-from monitor_core.identification.records.rigid_body import TorqueTerm, rigid_fits
+from monitor_core.identification.records.rigid_body import rigid_fits
 from monitor_core.identification.records.standstill import slow_motion
+from monitor_core.identification.records.torque_windows import TorqueTerm
 from monitor_core.identification.torque_balance import (
     explained_torque,
     follows_pose,

@@ -10,19 +10,20 @@ squares problem for each time constant and each heat at the start of a record, w
 
 A first record that begins cold makes the slopes certain: with a motion that is always alike, a record that begins at an
 unknown heat shows how friction falls, but not from which heat.  What friction is off by beside the heat is judged by
-windows that a fit has not seen (``warm_up_error``).  A record that follows another one in time, without a
+windows that a fit has not seen (``model_errors``).  A record that follows another one in time, without a
 motion in between, begins with what the pause has left of its heat; any other one begins with an unknown heat.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
+from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.friction_roles import braking
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import Output
@@ -31,8 +32,17 @@ from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.warm_up_error import model_errors
-from monitor_core.identification.warm_up_search import Search, chosen, heat_course, speeds_of, windows_of
+from monitor_core.identification.warm_up_search import (
+    GROUP,
+    Search,
+    WarmUpFit,
+    Windows,
+    chosen,
+    heat_course,
+    left_of,
+    speeds_of,
+    windows_of,
+)
 
 LEAST_MOTION_S = 60.0
 """Records with less motion are not searched for a warm-up."""
@@ -194,3 +204,114 @@ def _carried(
         stood = pause is not None and pause >= 0 and not (output == "angle" and way > MOVED)
         pauses.append(pause if stood else None)
     return pauses
+
+
+# --- What the warm-up lacks: by how much friction is off beside the heat ----------------------------------------------
+
+
+# One time constant and straight lines are not the law of any gearbox.  What they leave is judged on windows that the
+# fit has not seen:
+#
+# * the beginning, the middle and the end of each record by the fit of the others, as on another day;
+# * the last third of each record by the fit of what was before, as of an axis that becomes warmer than its records.
+#
+# In each group of windows the parameters are estimated again, beside what the fit says.  The mean square of these
+# deviations, less that of chance, is the square of the error; of the parts the worst one counts, with an upper bound,
+# as few groups tell it.  Chance is half the mean square of the difference of neighbouring groups, as what the heat
+# lacks changes slowly.
+
+_PARTS = 3
+"""Of a record: they are judged apart, and by the first ones the last."""
+_LEAST = 3
+"""Groups in a part of a record; with fewer of them its parts are judged as one."""
+_SURE = 1.28
+"""Standard deviations up to the bound that a mean square exceeds in one of ten cases."""
+
+
+def model_errors(
+    windows: Sequence[Windows], index: list[int], carried: Sequence[float | None], start: ThermalStart
+) -> Floats:
+    """Standard deviation of what the parameters (p,) are off by beside the heat, in their units.
+
+    NaN where the records are too short for that.
+
+    Args:
+        windows: of each record, with p parameters.
+        index: parameters that follow the heat.
+        carried: pause before each record that follows the one before it [s].
+        start: how the first record begins.
+    """
+    days = [
+        course
+        for seen in _days(windows, carried, start)
+        for course in _deviations(windows, seen, index, carried, start)
+    ]
+    but_last = [np.arange(w.power.size) < w.power.size * (_PARTS - 1) / _PARTS for w in windows]
+    ends = _deviations(windows, but_last, index, carried, start)
+    parts = [[np.array_split(course, _PARTS)[k] for course in days] for k in range(_PARTS)]
+    few = min((len(course) for part in parts for course in part), default=0) < _LEAST
+    squares = list[Floats]()
+    for judged, courses in (*((part, days) for part in ([days] if few else parts)), (ends, ends)):
+        n = sum(len(course) for course in judged)
+        if n >= 2 * _LEAST:
+            chance = (np.concatenate([np.diff(course, axis=0) for course in courses]) ** 2).mean(axis=0) / 2
+            excess = (np.concatenate(judged) ** 2).mean(axis=0) - chance
+            squares.append(np.maximum(excess, 0.0) + _SURE * math.sqrt(2 / n) * chance)
+    if not squares:
+        return np.full(windows[0].score.shape[1], math.nan)
+    return np.asarray(np.sqrt(np.max(squares, axis=0)), np.float64)
+
+
+def _days(
+    windows: Sequence[Windows], carried: Sequence[float | None], start: ThermalStart
+) -> Iterator[list[Bools]]:
+    """Which windows (W,) of each record the fit sees: all but those of one record.
+
+    The fit needs a record that begins at a known heat, if there is one.
+    """
+    known = [start == "cold"]
+    for pause in carried[1:]:
+        known.append(pause is not None and known[-1])
+    for k in range(len(windows) if len(windows) > 1 else 0):
+        if any(known[:k] + known[k + 1 :]) or not any(known):
+            yield [np.full(w.power.size, j != k) for j, w in enumerate(windows)]
+
+
+def _deviations(
+    windows: Sequence[Windows],
+    seen: Sequence[Bools],
+    index: list[int],
+    carried: Sequence[float | None],
+    start: ThermalStart,
+) -> list[Floats]:
+    """Deviations of the parameters (G, p) in the groups of windows of each record that the fit does not see."""
+    masked = [
+        w._replace(
+            information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis]
+        )
+        for w, by in zip(windows, seen, strict=True)
+    ]
+    search = Search(masked, index, carried, start)
+    fit, found = search.best(index), list[Floats]()
+    for k, (w, by, left) in enumerate(zip(windows, seen, left_of(windows, fit), strict=True)):
+        if by.all():
+            continue
+        if not by.any() and k in search.free:
+            left = _from_best_start(w, fit, left)
+        edges = np.arange(int(np.argmin(by)), w.power.size + 1, GROUP)
+        course = [
+            np.linalg.lstsq(w.information[a:b].sum(axis=0), left[a:b].sum(axis=0), rcond=1e-12)[0]
+            for a, b in pairwise(edges.tolist())
+        ]
+        found.append(np.array(course).reshape(len(course), w.score.shape[1]))
+    return found
+
+
+def _from_best_start(w: Windows, fit: WarmUpFit, left: Floats) -> Floats:
+    """Scores (W, p) that are left when the heat at the start, which the fit has not seen, is the likeliest one."""
+    kept, slopes = np.exp(-w.middle_s / fit.tau_s), np.zeros(left.shape[1])
+    slopes[fit.which] = fit.slopes
+    course = np.einsum("wij,j,w->wi", w.information, slopes, kept)
+    weight = float(kept @ course @ slopes)
+    more = float(kept @ left @ slopes) / weight if weight > 0 else 0.0
+    return np.asarray(left - more * course)

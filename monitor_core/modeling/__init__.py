@@ -17,6 +17,7 @@ from monitor_core.modeling.resonances import Resonances, modes, resonances_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import (
     DRAWINGS,
+    EXAMPLE_VALUES,
     INTERVAL_S,
     REFERENCE_VALUES,
     five_mass,

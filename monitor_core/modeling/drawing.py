@@ -16,35 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
-from monitor_core.modeling.components import KINDS, Kind, fragment, join
+from monitor_core.modeling.components import KINDS, join
 from monitor_core.modeling.components.fragments import End, Fragment, Joint, connect
-from monitor_core.modeling.components.uses import Use, first_use, infer, sign_of
+from monitor_core.modeling.components.uses import Part, Use, first_use, infer, sign_of
 from monitor_core.modeling.flat import FlatComponent, FlatModel, FlatParameter, Origin
 from monitor_core.modeling.laurent import Laurent
-
-
-class Part(NamedTuple):
-    """A component: its kind, its name, the nodes of its flanges, and its parameters by role."""
-
-    kind: Kind
-    name: str
-    nodes: tuple[str, ...]
-    parameters: Mapping[str, Laurent]
-
-    def fragment(self) -> Fragment:
-        """Its equations; a torque is the measured one, as drawings have no signals."""
-        new = fragment(self.kind, self.name, self.parameters, Origin(self.name))
-        for signal in self.kind.signals_in:
-            new = new.measured(f"{self.name}.{signal}")
-        return new
-
-    def uses(self) -> Iterator[Use]:
-        """Where its parameters stand, for their units and signs."""
-        for role, value in self.parameters.items():
-            about = self.kind.role(role)
-            yield Use(value, about.unit, Origin(self.name), about)
 
 
 def part(kind: str, name: str, *nodes: str, **parameters: str | Laurent) -> Part:
@@ -60,7 +37,9 @@ def part(kind: str, name: str, *nodes: str, **parameters: str | Laurent) -> Part
     values = {
         role: Laurent.symbol(value) if isinstance(value, str) else value for role, value in given.items()
     }
-    return Part(known, name, nodes, values)
+    origin = Origin(name)
+    uses = (Use(value, known.role(role).unit, origin, known.role(role)) for role, value in values.items())
+    return Part(known, name, values, origin, tuple(uses), nodes)
 
 
 @dataclass(frozen=True)
@@ -77,7 +56,7 @@ class Drawing:
         Raises:
             ModelError: the uses of a parameter contradict each other in their units.
         """
-        joined = join(each.fragment() for each in self.components)
+        joined = join(map(_measured, self.components))
         flanges = [f"{each.name}.{flange}" for each in self.components for flange in each.kind.flanges]
         return FlatModel(
             name=self.name,
@@ -93,7 +72,7 @@ class Drawing:
         )
 
     def _parameters(self) -> Iterator[FlatParameter]:
-        uses = [use for each in self.components for use in each.uses()]
+        uses = [use for each in self.components for use in each.uses]
         units = infer(uses)
         occurring = (name for use in uses for name in sorted(use.value.names))
         for name in dict.fromkeys([*self.meanings, *occurring]):
@@ -110,3 +89,11 @@ class Drawing:
                 ends.setdefault(node, []).append(End(f"{each.name}.{flange}"))
         for node, at in ends.items():
             yield Joint(node, tuple(at), Origin(f"node {node}"))
+
+
+def _measured(part: Part) -> Fragment:
+    """The equations of a part; a torque is the measured one, as drawings have no signals."""
+    new = part.fragment()
+    for signal in part.kind.signals_in:
+        new = new.measured(f"{part.name}.{signal}")
+    return new

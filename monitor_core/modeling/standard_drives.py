@@ -153,6 +153,28 @@ REFERENCE_VALUES = MappingProxyType(
 Inertias, springs and dampers: values on the motor side from Wernholt and Gunnarsson (SYSID 2006), moved to the arm
 side by 1/r^2; fm read from the thresholds in the paper's Figure 6."""
 
+_MASSES: Mapping[str, Mapping[str, float]] = {
+    "one-mass": {"J": 0.0329},
+    "two-mass": {"Ja": 376.240404, "k": 222784.0, "d": 556.96},
+    "three-mass": REFERENCE_VALUES,
+    "five-mass": {
+        "Jm": 5.9e-3, "J1": 111.392, "J2": 167.088, "J3": 64.0504, "J4": 33.4176,
+        "k1": 389872.0, "k2": 626580.0, "k3": 529112.0, "k4": 167088.0,
+        "d1": 696.2, "d2": 556.96, "d3": 278.48, "d4": 139.24,
+    },
+}  # fmt: skip
+
+
+def _example_values(drawing: Drawing) -> dict[str, float]:
+    known = {**REFERENCE_VALUES, **_MASSES[drawing.name.removesuffix("-weight")], "gc": 0.0, "gs": 0.0}
+    return {name: known[name] for name in drawing.meanings}
+
+
+EXAMPLE_VALUES: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {name: _example_values(drawing) for name, drawing in DRAWINGS.items()}
+)
+"""Values of a robot like that of the reference experiment, by the drive's name: to show what such a drive does."""
+
 MONITORED = ("kT", "1/Ja", "fm")
 INTERVAL_S = 0.005
 """Sample interval of the reference experiment [s]."""

@@ -6,7 +6,7 @@
 * ``not_tested``: parameters that are not tested, why, and what would help.
 * ``calibrated_range``: ranges of the conditions at calibration, and whether an axis is within them.
 * ``alarm_life_cycle``: what operators have done about an alarm: acknowledged, shelved, suppressed.
-* ``alarm_tracker``: the open alarms of an axis, and what became of each.  ``alarm_context``: their circumstances.
+* ``alarm_tracker``: the open alarms of an axis, what became of each, and their circumstances.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
 * ``recommended_settings``: settings for a real axis.

@@ -11,7 +11,7 @@ from monitor_core.detection.alarm import DIRECTIONS
 from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing, EvidenceBuilder
 from monitor_core.drive.assembly import Assembly, fill, rubs, without_friction
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.stable_range import stable_limits
+from monitor_core.drive.kalman import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, compile_parts, run
 from monitor_core.kernel.cusum import Events
 from monitor_core.kernel.evidence import KEPT, EvidenceColumns, Kept, kept_numbers, noted_numbers

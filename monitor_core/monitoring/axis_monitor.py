@@ -21,8 +21,13 @@ from monitor_core.drive.structure import Drive
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import NEVER, SCHEMA, USED
-from monitor_core.monitoring.alarm_context import in_context, last_open_us
-from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange, AlarmTracker
+from monitor_core.monitoring.alarm_tracker import (
+    REOPEN_MEMORIES,
+    AlarmChange,
+    AlarmTracker,
+    in_context,
+    last_open_us,
+)
 from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_status import AxisStatus, DetectorStatus
 from monitor_core.monitoring.lane_status import Deviations, LaneStatus

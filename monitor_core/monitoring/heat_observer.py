@@ -1,4 +1,4 @@
-"""The heat of an axis as its own estimates show it, where nothing else tells it (``drive.thermal_state``).
+"""The heat of an axis as its estimates show it, where nothing else determines it (``drive.thermal_state``).
 
 After a start or a pause of which nothing is known, the heat is uncertain by its whole range.  The parameters that
 follow it are then estimated, but not tested.  From their deviation d, the covariance C of the estimates and the slopes
@@ -7,8 +7,8 @@ s of the nominal values over the heat, the heat is corrected as by a Kalman filt
     heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(allowance^2),
 
 until what is left of its uncertainty moves no nominal value by more than a part of what the tests tolerate.  Only the
-parameters that follow the heat are looked at: a change of another one does not pull it.  A change of friction that is
-there already cannot be told from heat, unless it is larger than heat could be.
+parameters that follow the heat are used: a change of another one does not affect it.  A change of friction that is
+there already cannot be distinguished from heat, unless it is larger than heat could be.
 
 What the thermal model lacks is part of what the tests tolerate (``Settings.model_error``).  Beyond the heat of the
 records they tolerate all that the straight lines change there, too.
@@ -37,7 +37,7 @@ MEMORIES = 4
 SHARE = 0.5
 """Share of what the tests tolerate by which the uncertainty of the heat may move a nominal value."""
 FARTHEST = 3.0
-"""In standard deviations: friction that is farther from what the heat may be has changed, and tells nothing of it."""
+"""In standard deviations: friction that is farther from what any heat explains has changed, and is no sign of heat."""
 LOOKS_ALIKE = "a warmer or colder gearbox"
 """Than its motion makes it: what a change of a parameter that follows the heat may also be, for alarms."""
 _STEP = 1e-3

@@ -22,7 +22,7 @@ MOST_RATE = 2000e-6
 """A fit that finds more than that is none: sample_interval_s is wrong."""
 
 WINDOW_US = 10_000_000
-"""The least delay of receipt within so long tells the drift: single frames may be late."""
+"""The least delay of receipt within so long shows the drift: single frames may be late."""
 
 TOLERANCE_US = 0.5e6
 """A frame further off the line than this, and than ten intervals, does not belong to it."""
@@ -31,7 +31,7 @@ PATIENCE_US = 1e6
 """After so long (or ten intervals) of nothing else the line restarts."""
 
 TELLING = 8
-"""Windows that tell the rate."""
+"""Windows that determine the rate."""
 
 MOST_WINDOWS, MOST_EARLY = 32, 13
 """Most windows of any clock, and most earliest frames that it keeps of one"""

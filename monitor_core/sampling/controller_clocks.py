@@ -32,7 +32,7 @@ GIVEN, REPEATED, OUT_OF_ORDER, UNTIMED = -1, 2, 3, 4
 """Whether there is a time, or why there is none: as places in ``DROP_REASONS``."""
 
 WINDOW = 128
-"""Cycles, of which the early frames tell where the line is: at 1000 ppm it moves an eighth of a cycle meanwhile."""
+"""Cycles, of which the early frames show where the line is: at 1000 ppm it moves an eighth of a cycle meanwhile."""
 
 PART = 0.1
 """Of the frames are earlier than the line: the very earliest may be late ones that were given the next cycle."""
@@ -145,8 +145,8 @@ def cyclic_clock(interval_s: float) -> Clock:
     arrived together belong to successive cycles, back from the last one, and cycles before them are missing.
 
     An adapter that passes frames on in bunches, each 16 ms say, makes the last one of a bunch late by anything up to a
-    cycle.  Then its time of receipt alone does not tell its cycle: the number of frames does, unless the two contradict
-    each other.
+    cycle.  Then its time of receipt alone does not determine its cycle: the number of frames does, unless the two
+    contradict each other.
 
     Frames that are not later than the last cycle are rejected as repeated or out of order; those further back than half
     a second (or ten cycles), and those that waited for longer, as untimed.  After a second of nothing but untimed

@@ -17,7 +17,7 @@ COVERED = 0.9
 """Probability of every interval."""
 
 FARTHEST = 10.0
-"""Times what the history spans: farther nothing is foretold."""
+"""Times the span of the history: no forecast reaches farther."""
 
 _STEPS = 400
 

@@ -25,13 +25,13 @@ from monitor_core.trend.trend_models import (
 )
 
 FEWEST = 24
-"""Entries that are needed to tell anything."""
+"""Least number of entries for a trend."""
 
 SPAN = 120
 """Hours (of time, in lengths of an entry's operation) that they must span: days differ from nights."""
 
 MOST = 160
-"""Entries that are looked at; more are merged."""
+"""Most entries that are used; more are merged."""
 
 COARSE = 12
 """Times of a change that are tried first, with every noise."""

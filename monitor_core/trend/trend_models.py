@@ -34,7 +34,7 @@ class Weighed(NamedTuple):
     log_weight: Floats
     level: Floats  # before the change, given the changes ``mean``
     level_variance: Floats  # given the changes
-    pull: Floats  # (K, 2) by how much the level gives way to a change of one
+    pull: Floats  # (K, 2) by how much the level falls for a change of one
     mean: Floats  # (K, 2) of step and ramp
     covariance: Floats  # (K, 2, 2)
 

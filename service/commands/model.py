@@ -55,10 +55,10 @@ def model(
     with explained():
         if config is not None:
             found = axis_of(config, axis).config
-            space, values = model_of_axis(found, output).space, given_values(found)
+            facts = facts_of(model_of_axis(found, output).space, given_values(found))
         else:
-            space, values = model_called(drive or "", name, output).space, {}
-        facts = facts_of(space, values)
+            called = model_called(drive or "", name, output)
+            facts = facts_of(called.space, called.values)
         if json is not None:
             write(json, as_json(facts))
         if json != STDOUT:

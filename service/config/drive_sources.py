@@ -8,26 +8,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import service
 from monitor_core.drive import Drive, Output
-from monitor_core.modeling import DRAWINGS, FlatComponent, FlatModel, ModelError, Origin, StateSpace
+from monitor_core.modeling import (
+    DRAWINGS,
+    EXAMPLE_VALUES,
+    FlatComponent,
+    FlatModel,
+    ModelError,
+    Origin,
+    StateSpace,
+    drive_of,
+    eliminate,
+)
 from monitor_core.wording import did_you_mean
 from service.config.base_table import SUFFIX
 
 if TYPE_CHECKING:
     from service.config.schema import AxisConfig
 
-LIBRARY: Mapping[str, str] = MappingProxyType(
-    {name: f"drives/{name.replace('-', '_')}.mo" for name in DRAWINGS}
-)
-"""The drives that come with the program: name and file."""
+LIBRARY = tuple(DRAWINGS)
+"""Names of the drives that come with the program."""
 
 
 class Modelled(NamedTuple):
-    """A drive with its state space, the nominal values in its drawing, and the components that were drawn."""
+    """A drive with its state space, nominal values, those of a library drive as an example, and drawn components."""
 
     space: StateSpace
     drive: Drive
@@ -39,8 +46,7 @@ def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
     """The drive of a configured axis, for what is measured there or for the ``output`` given."""
     m, measured = axis.model, output or axis.output
     if m.drive in LIBRARY and m.drive_model is None:
-        # As drawn in Python, without values: a daemon need not load the Modelica parser.
-        return _once(m.drive, measured, DRAWINGS[m.drive].flat, None)
+        return _once(m.drive, measured, DRAWINGS[m.drive].flat)
     return model_called(m.drive, m.drive_model, measured)
 
 
@@ -51,24 +57,21 @@ def model_called(name: str, model: str | None = None, output: Output | None = No
     """
     if name.endswith(SUFFIX):
         path = Path(name)
-        return _model_of_text(str(path), _text(path), model, output, None)
+        return _model_of_text(str(path), _text(path), model, output)
     if name not in LIBRARY:
         hint = did_you_mean(name, LIBRARY)
         raise ModelError(f'no such drive: {hint}; the name of a Modelica file ends with "{SUFFIX}"')
-    path = shipped(LIBRARY[name])
-    return _model_of_text(path.name, _text(path), model, output, name)
+    return _once(name, output, DRAWINGS[name].flat)._replace(values=EXAMPLE_VALUES[name])
 
 
-def _model_of_text(
-    name: str, text: str, model: str | None, output: Output | None, called: str | None
-) -> Modelled:
+def _model_of_text(name: str, text: str, model: str | None, output: Output | None) -> Modelled:
     def read() -> FlatModel:
         from monitor_core.modeling.modelica import Source
         from monitor_core.modeling.modelica import read as read_modelica
 
         return read_modelica([Source(name, text)], model)
 
-    return _once((name, text, model), output, read, called)
+    return _once((name, text, model), output, read)
 
 
 def _text(path: Path) -> str:
@@ -92,11 +95,11 @@ def _text(path: Path) -> str:
 _known: dict[tuple[object, Output | None], Modelled | ModelError] = {}
 
 
-def _once(key: object, output: Output | None, read: Callable[[], FlatModel], called: str | None) -> Modelled:
+def _once(key: object, output: Output | None, read: Callable[[], FlatModel]) -> Modelled:
     """The drive of that key, or its error, computed at the first call."""
     if (key, output) not in _known:
         try:
-            _known[key, output] = _model(read(), output, called)
+            _known[key, output] = _model(read(), output)
         except ModelError as error:
             _known[key, output] = error
     found = _known[key, output]
@@ -105,14 +108,8 @@ def _once(key: object, output: Output | None, read: Callable[[], FlatModel], cal
     return found
 
 
-def _model(flat: FlatModel, output: Output | None, called: str | None) -> Modelled:
-    from dataclasses import replace
-
-    from monitor_core.modeling import drive_of, eliminate
-
+def _model(flat: FlatModel, output: Output | None) -> Modelled:
     space = eliminate(flat, output)
-    if called is not None:
-        space = replace(space, name=called)
     values = {p.name: p.value for p in space.drawn if p.value is not None}
     return Modelled(space, drive_of(space), values, flat.components)
 

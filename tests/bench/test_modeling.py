@@ -21,9 +21,8 @@ from tests.service.modeling.long_drives import chain_text
 
 pytestmark = pytest.mark.bench
 
-SHIPPED = {2: "two_mass.mo", 3: "three_mass.mo", 5: "five_mass.mo"}
 TARGET_S = {3: 1.0, 5: 5.0}
-LONG = (20, 100)
+MASSES = (2, 3, 5, 20, 100)
 PATIENCE_S = 600.0
 ROUNDS = 3
 
@@ -43,8 +42,6 @@ print(perf_counter() - start)
 
 
 def file_of(masses: int, folder: Path) -> Path:
-    if masses in SHIPPED:
-        return ROOT / "config" / "drives" / SHIPPED[masses]
     path = folder / f"chain{masses}.mo"
     path.write_text(chain_text(masses), encoding="utf-8")
     return path
@@ -73,7 +70,7 @@ def fresh(path: Path) -> tuple[float, float]:
 
 def test_from_a_file_to_the_kernels_arrays(tmp_path: Path, say: Say) -> None:
     rows = []
-    for masses in (*SHIPPED, *LONG):
+    for masses in MASSES:
         path = file_of(masses, tmp_path)
         alone = sorted(fresh(path) for _ in range(ROUNDS))[ROUNDS // 2]
         best = min((stages(path) for _ in range(ROUNDS)), key=sum)

@@ -12,8 +12,7 @@ from scipy.linalg import expm
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
-from monitor_core.drive.stable_range import stable_limits
+from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant, stable_limits
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import NOISE, experiment
 from monitor_core.modeling.simulated_axis import simulate_linear

@@ -27,6 +27,7 @@ from monitor_core.detection.alarm import (
     MIN_PROBABILITY,
     MODEL_ERROR,
     NO_PARAMETER,
+    TORQUE_CONSTANT,
     Alarm,
     Cause,
     DetectorName,
@@ -38,7 +39,6 @@ from monitor_core.detection.alarm import (
 )
 from monitor_core.detection.cusum.cusum_evidence import (
     INVALID,
-    TORQUE_CONSTANT,
     Crossing,
     CusumEvent,
     Evidence,
@@ -127,7 +127,7 @@ def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
 
 
 def _is_over(alarm: Alarm, named: Sequence[Alarm], e: Evidence) -> bool:
-    """Whether the parameter is back at its nominal value, or at least as near as the tests can tell.
+    """Whether the parameter is back at its nominal value, or at least as near as the tests can resolve.
 
     The differences between healthy records do not count: they are in both values that are compared.
     """
@@ -135,7 +135,7 @@ def _is_over(alarm: Alarm, named: Sequence[Alarm], e: Evidence) -> bool:
         return False
     now, sd = _sizes(e, alarm.updated_us, named, np.zeros_like(e.allowed))[named.index(alarm)]
     before = np.inf if alarm.size is None else alarm.size
-    # Where the size is not known, it is larger than what the tests can tell.
+    # Where the size is not known, it is larger than what the tests can resolve.
     back = (before - 2 * now) * before / (2 * sd**2) if np.isfinite(before) else SURELY_BACK
     return bool(back > SURELY_BACK or (back > 0 and sd < abs(before) and e.is_forgotten(alarm.updated_us)))
 

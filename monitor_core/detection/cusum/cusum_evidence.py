@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.detection.alarm import Direction
+from monitor_core.detection.alarm import TORQUE_CONSTANT, Direction
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
@@ -23,10 +23,8 @@ from monitor_core.trend.entries import Reading
 INVALID = 100.0
 """Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
 
-TORQUE_CONSTANT = "kT"
-
 HELD = 0.1
-"""Of the way from the nominal value to a bound: an estimate that is held scatters by so much."""
+"""Of the distance from the nominal value to a bound: an estimate that is held there scatters by so much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +159,3 @@ class EvidenceBuilder:
         down = abs(theta - lower) <= HELD * abs(nominal - lower)
         up = abs(theta - upper) <= HELD * abs(nominal - upper)
         return 1 * (up & ~down) - down
-
-
-def _numbers(values: Floats) -> tuple[float, ...]:
-    return tuple(map(float, values))

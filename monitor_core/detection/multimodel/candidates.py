@@ -11,6 +11,20 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import (
+    INERTIA,
+    OUTPUT_NOISE,
+    OUTPUT_OFFSET,
+    OUTPUT_SCALE,
+    OUTPUT_SIGN,
+    OUTPUT_STUCK,
+    SENSOR_FAULTS,
+    TORQUE_LOST,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
+    TORQUE_SIGN,
+    TORQUE_STUCK,
+)
 from monitor_core.detection.multimodel.hypothesis import REFERENCE, Distortion, Hypothesis
 from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
 from monitor_core.drive.axis_model import AxisModel
@@ -36,20 +50,6 @@ is, or that there is nothing but noise."""
 _BISECTIONS = 24
 _OF_LOAD = 0.5
 """A payload adds to the inertia, too, by a smaller part than to the weight: the rotor is as heavy as before."""
-
-TORQUE_SCALE, OUTPUT_SCALE = "torque scale", "output scale"
-TORQUE_SIGN, OUTPUT_SIGN = "torque sign", "output sign"
-TORQUE_OFFSET, OUTPUT_OFFSET = "torque offset", "output offset"
-TORQUE_STUCK, TORQUE_LOST = "torque stuck", "torque lost"
-OUTPUT_STUCK, OUTPUT_NOISE = "output stuck", "output noise"
-INERTIA = "inertia"
-"""The inertia on the side of the arm, over the nominal one, where no inertia is monitored: with another payload an axis
-that bears no weight differs in nothing else, and without this cause that would be called a fault of another one.
-An axis that bears a weight has LOAD for that, where the weight is not monitored."""
-SENSOR_FAULTS = (
-    *(TORQUE_SCALE, OUTPUT_SCALE, TORQUE_SIGN, OUTPUT_SIGN, TORQUE_OFFSET, OUTPUT_OFFSET),
-    *(TORQUE_STUCK, TORQUE_LOST, OUTPUT_STUCK, OUTPUT_NOISE, DELAY),
-)
 
 
 def candidates(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:

@@ -36,9 +36,7 @@ class Arx:
     a: Floats  # (n,) a_1 .. a_n
     b: Floats  # (n,) b_1 .. b_n
     offset: Floats  # (records,) c, in units of y
-    root: (
-        Floats  # (2 n, r) with lam0 root root' the covariance of (a, b), which the records tell r numbers of
-    )
+    root: Floats  # (2 n, r) with lam0 root root' the covariance of (a, b), of rank r
     lam0: float  # variance of e
     rows: int  # equations behind it
 
@@ -67,7 +65,7 @@ def fit_arx(
     Args:
         records: with one interval; where a sample is missing, the rows that need it are left out.
         order: n; None: that of least AIC.
-        largest: order up to which AIC is looked at; default 200 or a tenth of the samples.
+        largest: order up to which AIC is computed; default 200 or a tenth of the samples.
 
     Raises:
         ValueError: an order below 1, irregular samples, or fewer rows than parameters.

@@ -1,4 +1,4 @@
-"""Frequency responses with their uncertainty: one type for all methods and plots, and what spectra of records tell.
+"""Frequency responses with their uncertainty: one type for all methods and plots, and what spectra of records show.
 
 G is the response from the held torque to the samples of the output, G(e^{jwh}) for the interval h: what a discrete
 model has, what spectra of samples estimate, and what a continuous model has after its zero-order hold.  Only these
@@ -88,8 +88,8 @@ def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Compl
     f = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
     # The last bit of a grid that ends at the Nyquist frequency does not matter.
     if not ((f >= 0) & (f <= 0.5 / interval_s * (1 + 1e-9))).all():
-        raise ValueError(f"frequencies from {f.min():g} to {f.max():g} Hz: samples every {1e3 * interval_s:g} ms tell"
-                         f" only of 0 to {0.5 / interval_s:g} Hz")  # fmt: skip
+        raise ValueError(f"frequencies from {f.min():g} to {f.max():g} Hz: samples every {1e3 * interval_s:g} ms show"
+                         f" only 0 to {0.5 / interval_s:g} Hz")  # fmt: skip
     return f, np.exp(2j * np.pi * f * interval_s)
 
 

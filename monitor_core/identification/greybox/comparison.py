@@ -1,9 +1,9 @@
 """How well a drive predicts records one step ahead, and simulates them: NRMSE, 100 (1 - |y - yhat| / |y - mean y|).
 
 One step ahead an angle is predicted by any drive: it hardly moves within an interval.  And in a simulation two
-integrators let the smallest constant error of the torque grow beyond all else.  So a simulated angle is compared by its
-speed, y being the differences over 20 ms, and gravity acts at the measured angle: an arm that stands upright
-would fall in a simulation of its own.
+integrators let the smallest constant error of the torque grow beyond all
+else.  So a simulated angle is compared by its speed, y being the differences over 20 ms, and gravity acts at the
+measured angle: an arm that stands upright would fall in a simulation of its own.
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ def monitored_information(
     records: Sequence[Record],
     weight: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[str], Information]:
-    """Names of the monitored parameters, and what the records tell of them where everything else is held.
+    """Names of the monitored parameters, and how well the records determine them where everything else is held.
 
     As in the daemon: values, K and delay are the estimates, and schedules are followed.  ``weight``: the reference of
     what the constant torque follows as a weight, by the name of the slope; if there is any, LOAD comes last, which

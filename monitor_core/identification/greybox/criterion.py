@@ -223,7 +223,7 @@ def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> fl
 
 def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> End:
     longest, clipped = np.full((2, xi.size), np.inf)
-    # Of an axis that stands at first, with errors that count from min_speed on, nothing tells the initial state.
+    # Of an axis that stands at first, with errors that count from min_speed on, nothing determines the initial state.
     clipped[predictor.layout.shared :] = predictor.farthest_starts()
     for k, entry in enumerate(predictor.layout.entries):
         if entry.name.startswith(LEVEL):
@@ -251,7 +251,7 @@ GROSS = 5.0
 """Standard deviations: of normal errors one in 1.7 million is beyond."""
 
 _CARRIED = 20
-"""Samples that an outlier may disturb: gross errors this close behind one are looked at again without it."""
+"""Samples that an outlier may disturb: gross errors this close behind one are computed again without it."""
 
 _LOOKS = 20
 """At the last of them all that is gross counts: a stretch in which nothing fits is not taken apart any further."""

@@ -40,14 +40,14 @@ class Estimate:
         cost: sum of squared prediction errors, or of their Huber losses.
         whiteness: autocorrelation of the prediction errors.
         independence: their correlation with past torque.
-        accuracy: what the records tell of the parameters, in relative units and words.
+        accuracy: how well the records determine the parameters, in relative units and words.
         coloured: order of the autoregressive model of the errors that the covariance reckons with; 0: they are white.
         fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
         simulate: gives ``fit_simulation``; None: the prediction is a simulation.
         iterations: evaluations of the predictor and its gradient.
         converged: the fit stopped because nothing moved any more.
-        moving: where it has not converged, what would still move by more than a tenth of its standard deviation, by the
-            most first.
+        moving: where it has not converged, what would still move by more than a tenth of its standard deviation, the
+            largest move first.
         outliers: outputs of each record that count as not measured since their errors are gross; empty: none.
         words: doubts about the estimates, in sentences.
         started_from: where the fit started, in a sentence; empty: at the values of the problem.
@@ -82,7 +82,7 @@ class Estimate:
     def fit_simulation(self) -> tuple[float, ...]:
         """As ``fit``, simulated from the initial state that fits best without looking at the output again.
 
-        Only when it is asked for: it takes as long as some steps of the fit, and of most fits nobody asks.
+        Computed when it is first read: it takes as long as some steps of the fit, and of most fits it is not needed.
         """
         return self.fit if self.simulate is None else self.simulate()
 
@@ -166,7 +166,7 @@ def _level(found: Estimate, name: str) -> str:
     """There is hardly any torque noise, or so much that the noise of the output is invisible."""
     output = found.noise["output"]
     if name == "torque" and output**2 < _SMALL * found.lam0:
-        return f"Noise on the output cannot be distinguished from none: {output:.2g}; the torque takes all errors."
+        return f"Noise on the output cannot be distinguished from none: {output:.2g}; torque noise explains all errors."
     what = "white torque noise" if name == "torque" else "slow torque disturbance"
     return f"The {what} cannot be distinguished from none: {found.noise[name]:.2g} N m."
 

@@ -44,8 +44,8 @@ def whiteness(eps: Sequence[Floats]) -> Correlation:
 def independence(u: Sequence[Floats], eps: Sequence[Floats]) -> Correlation:
     """Correlation of eps(t) with u(t - l) for lags -L .. L.
 
-    Negative lags show feedback.  The test takes 1 .. L together; it knows that neighbouring values go together where
-    the input is not white, and that eps need not be white (``scores_covariance``).
+    Negative lags show feedback.  The test takes 1 .. L together; it allows for an input that is not white,
+    whose neighbouring values are correlated, and for errors that are not (``scores_covariance``).
     """
     u = [part - part.mean() for part in u]
     r, lags = _correlation(eps, u), np.arange(-_LAGS, _LAGS + 1.0)

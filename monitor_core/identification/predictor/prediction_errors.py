@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +12,15 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of
-from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
-from monitor_core.identification.predictor.middle_speed import MiddleSpeed, middle_speed
+from monitor_core.identification.predictor.held_drive import (
+    Linear,
+    MiddleSpeed,
+    Structure,
+    hold,
+    hold_late,
+    hold_mean,
+    middle_speed,
+)
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
 from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
 from monitor_core.identification.predictor.prepared_record import Series, series
@@ -57,13 +63,7 @@ class Predictor:
 
     def __init__(self, problem: Problem, records: Sequence[Record], disturbance: Disturbance | None) -> None:
         _check(problem, records)
-        torques = [
-            (name, signal)
-            for name, signals in problem.varying.items()
-            if name in problem.drive.constant_torques()
-            for signal in signals
-        ]
-        inner = _with_inputs_for(problem, torques)
+        torques, inner = problem.followed_torques, problem.with_torque_inputs()
         self.problem, self.disturbance = problem, disturbance
         slow = disturbance is not None and disturbance.slow > 0
         self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
@@ -208,7 +208,7 @@ class Predictor:
         s, point = self.series[i], self.layout.point(xi)
         levels = [self._linear(point, signals) for signals in s.signals]
         acts = self._acts(levels)
-        levels = [_with_inputs(system, acts) for system in levels]
+        levels = [system.with_inputs(acts) for system in levels]
         x0, Z0 = self._start(xi, i, levels[s.level[0]])
         if starts:
             levels = [Linear(*system[:5], *(slopes[..., :0] for slopes in system[5:])) for system in levels]
@@ -310,27 +310,6 @@ class Predictor:
                 dscale[j, friction] = dscale[j, friction] * sensor + scale[j, friction, None] * dsensor
                 scale[j, friction] *= sensor
         return scale, _widened(dscale, q)
-
-
-def _with_inputs_for(problem: Problem, torques: Sequence[tuple[str, str]]) -> Problem:
-    """The problem with constant torques that follow signals as inputs of the drive: exact, and linear in the slopes."""
-    if not torques:
-        return problem
-    drive, nominal = problem.drive, dict(problem.nominal)
-    for name, signal in torques:
-        drive = drive.with_torque_of(name, signal)
-        nominal[slope_name(name, signal)] = problem.slopes.get(slope_name(name, signal), 0.0)
-    followed = {name for name, _ in torques}
-    varying = {name: signals for name, signals in problem.varying.items() if name not in followed}
-    slopes = tuple(slope_name(*torque) for torque in torques)
-    return replace(problem, drive=drive, nominal=nominal, free=(*problem.free, *slopes), varying=varying)
-
-
-def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
-    """The system with these inputs only."""
-    return system._replace(
-        B=system.B[:, which], dB=system.dB[:, which], ratio=system.ratio[which], dratio=system.dratio[which]
-    )
 
 
 def _widened(slopes: Floats, q: int) -> Floats:

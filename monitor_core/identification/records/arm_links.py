@@ -17,19 +17,19 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from monitor_core.drive.signal_terms import Factor
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import (
+from monitor_core.identification.records.rigid_body import speed_scales
+from monitor_core.identification.records.torque_windows import (
     USUAL,
     WINDOWS,
     GridPart,
     balance_equations,
-    integrals,
     least_speed,
     moving_windows,
     of_unit_length,
     rms_speed,
-    speed_scales,
-    window_of,
+    windowed,
     windowed_parts,
 )
 
@@ -38,7 +38,7 @@ _MOST_SAMPLES = 30_000
 _OF_PERIOD, _FEWEST = 0.1, 24
 """Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
 _LEAST_WINDOWS = 20
-"""In all records: fewer do not tell this many terms from one another."""
+"""In all records: fewer do not distinguish this many terms."""
 _MOST_OTHERS = 2
 """Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
 _MOST_SUMS = 4
@@ -118,23 +118,6 @@ def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
     return max(_FEWEST, round(_OF_PERIOD * period_s / parts[0].h))
 
 
-class _Wave(NamedTuple):
-    """A cosine or a sine of a sum of angles."""
-
-    function: str
-    angles: Sum
-
-    def __str__(self) -> str:
-        (_, first), *more = self.angles
-        inner = first + "".join(f" {'-' if sign < 0 else '+'} {name}" for sign, name in more)
-        return f"{self.function}({inner})"
-
-    def of_part(self, part: GridPart) -> Floats:
-        """Its values (N,)."""
-        total = sum((sign * part.signals[name] for sign, name in self.angles), np.zeros(len(part.u)))
-        return np.asarray(np.cos(total) if self.function == "cos" else np.sin(total))
-
-
 def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
     """Sums of angles, one after the other, as long as the next one explains what was not fitted.
 
@@ -173,8 +156,14 @@ def _best(balance: _Balance, own: str, angles: Sequence[str], chosen: Sequence[S
     return best, least
 
 
-def _waves(*sums: Sum) -> list[_Wave]:
-    return [_Wave(function, angles) for angles in sums for function in ("cos", "sin")]
+def _values(wave: Factor, part: GridPart) -> Floats:
+    """A cosine or a sine of a sum of angles (N,)."""
+    total = sum((sign * part.signals[name] for sign, name in wave.addends), np.zeros(len(part.u)))
+    return np.asarray(np.cos(total) if wave.function == "cos" else np.sin(total))
+
+
+def _waves(*sums: Sum) -> list[Factor]:
+    return [Factor(function, angles) for angles in sums for function in ("cos", "sin")]
 
 
 def _sums(own: str, angles: Sequence[str], count: int) -> Iterator[Sum]:
@@ -207,9 +196,7 @@ def windows_of_motion(parts: Sequence[GridPart], window: int) -> Bools:
         kept = np.concatenate([moving_windows(part, window, least) for part in parts])
         if kept.sum() >= _LEAST_WINDOWS * WINDOWS:
             return kept
-    return np.ones(
-        sum(len(integrals(part, window_of(window, part.h)[0], part.u)) for part in parts), np.bool_
-    )
+    return np.ones(len(windowed(parts, window, [part.u for part in parts])), np.bool_)
 
 
 class _Balance:
@@ -221,10 +208,10 @@ class _Balance:
         self._rows, self._torque = (
             array[self._kept] for array in balance_equations(parts, window, scale, USUAL)
         )
-        self._columns: dict[_Wave, Floats] = {}
+        self._columns: dict[Factor, Floats] = {}
         self._half = len(self._torque) // 2
 
-    def left(self, waves: Sequence[_Wave]) -> float:
+    def left(self, waves: Sequence[Factor]) -> float:
         """Sum of squared errors in each half with values of the other one."""
         rows = np.column_stack([self._rows, *(self._column(wave) for wave in waves)])
         rows = of_unit_length(rows)
@@ -235,18 +222,13 @@ class _Balance:
             total += float(missed @ missed)
         return total
 
-    def explained(self, waves: Sequence[_Wave]) -> float:
+    def explained(self, waves: Sequence[Factor]) -> float:
         """Part of the torque about its mean."""
         spread = float(((self._torque - self._torque.mean()) ** 2).sum())
         return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
 
-    def _column(self, wave: _Wave) -> Floats:
+    def _column(self, wave: Factor) -> Floats:
         if wave not in self._columns:
-            shapes = [window_of(self._window, part.h)[0] for part in self._parts]
-            self._columns[wave] = np.concatenate(
-                [
-                    integrals(part, shape, wave.of_part(part))
-                    for part, shape in zip(self._parts, shapes, strict=True)
-                ]
-            )[self._kept]
+            values = (_values(wave, part) for part in self._parts)
+            self._columns[wave] = windowed(self._parts, self._window, values)[self._kept]
         return self._columns[wave]

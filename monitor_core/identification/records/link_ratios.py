@@ -20,13 +20,13 @@ from scipy.optimize import least_squares
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.arm_links import Sum, slow_parts, windows_of_motion
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import (
+from monitor_core.identification.records.rigid_body import speed_scales
+from monitor_core.identification.records.torque_windows import (
     USUAL,
     GridPart,
     balance_equations,
     integrals,
     of_unit_length,
-    speed_scales,
     window_of,
 )
 

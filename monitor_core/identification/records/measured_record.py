@@ -22,9 +22,9 @@ class Record:
 
     The torque is held: ``u[k]`` acts from ``t[k]`` to ``t[k+1]``, and ``y[k]`` was measured at ``t[k]``, before
     ``u[k]`` could act.  The intervals are what they are: a model that is discretised with each interval of its own
-    loses nothing by jitter or lost samples, so nobody needs to resample.
+    loses nothing by jitter or lost samples, so there is no need to resample.
 
-    ``y`` is NaN exactly where it was not measured, so that nobody uses it there by mistake.
+    ``y`` is NaN exactly where it was not measured, so that it is not used there by mistake.
 
     Args:
         t: (N,) times, s, increasing.
@@ -244,7 +244,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known of the axis beside the record; what is not known is not looked at.
+    """What is known of the axis beside the record; what is not known is not checked.
 
     Args:
         parameters: how many are to be found.

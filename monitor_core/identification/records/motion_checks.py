@@ -1,4 +1,4 @@
-"""All that is suspicious about a record; last, whether torque and motion go together: signs, and units."""
+"""All that is suspicious about a record; last, whether torque and motion fit: signs, and units."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from scipy.linalg import eigvals
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
 from monitor_core.identification.records.measured_record import Finding, Known, Record
-from monitor_core.identification.records.rigid_body import POSE, USUAL, Rigid, rigid_fits, speed_scales
+from monitor_core.identification.records.rigid_body import Rigid, rigid_fits, speed_scales
 from monitor_core.identification.records.sample_checks import signals, strange, times
+from monitor_core.identification.records.torque_windows import POSE, USUAL
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
@@ -93,7 +94,7 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
 def has_wrong_sign(record: Record) -> bool:
     """Whether torque or motion has the wrong sign, whatever their units.
 
-    Inertia and friction of one mass tell, where they agree, and else the work: a weight gives back what it took.
+    Inertia and friction of one mass decide, where they agree, otherwise the work: a weight gives back what it took.
     """
     mass = shown_inertia(record)
     if mass is not None and mass.inertia * mass.torques["coulomb"] > 0:

@@ -1,37 +1,30 @@
 """A record explained by one rigid mass with friction, an offset and whatever else is asked for: least squares.
 
-The torque balance is weighted with smooth windows and integrated by parts, so that nothing has to be differentiated:
-
-    integral g u = J integral g w' + f integral g w + fc integral g tanh(w / scale) + ..       (g = 0 at both ends)
-
-It needs no starting values, holds in a closed loop and under a weight, and sees the slow motion only.
+The torque balance in windows (torque_windows.py) needs no starting values, holds in a closed loop and under a weight,
+and sees the slow motion only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from monitor_core.arrays import Bools, Floats
-from monitor_core.drive.structure import Output
-from monitor_core.identification.records.measured_record import Record, segments
-from monitor_core.identification.records.uniform_grid import mean_torque
+from monitor_core.arrays import Floats
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.torque_windows import (
+    USUAL,
+    WINDOWS,
+    GridPart,
+    TorqueTerm,
+    balance_equations,
+    least_speed,
+    rms_speed,
+    term_values,
+    windowed_parts,
+)
 
-TorqueTerm = Literal[
-    "viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"
-]
-"""What takes torque beside the inertia: friction, an offset; powers of the angle, for whatever depends on the pose;
-friction that falls with the speed, and that grows faster than it; a signal of the record, named SIGNAL."""
-SIGNAL = "torque of signals"
-USUAL: tuple[TorqueTerm, ...] = ("viscous", "coulomb", "offset")
-POSE: tuple[TorqueTerm, ...] = (*USUAL, "angle", "angle^2", "angle^3")
-"""With a weight, whatever its dependence on the pose."""
-
-WINDOWS = 4
-"""Equations for each length of the window; closer ones hold nothing new."""
 _FEWEST_WINDOWS = 12
 """Lengths of the window that fit into the record."""
 _FOR_EACH = 2
@@ -39,34 +32,12 @@ _FOR_EACH = 2
 explain all torque."""
 _SHORTEST = 24
 """Samples in a window: sums are integrals then, to 1e-3."""
-_STRIBECK = 0.3
-"""Speed of Stribeck's friction, as part of the root mean square of the speed."""
 _SCALES = (0.02, 0.05, 0.12, 0.3)
 """Speed scales of Coulomb friction, as parts of the root mean square of the speed."""
-AROUND = 4
-"""Samples on either side for the speed from an angle."""
 _AS_GOOD, _WELL = 2.0, 0.1
 """A window explains about as much as the best one if it leaves at most so many times more unexplained, or this part."""
 _AS_SURE = 2.0
 """A window determines the inertia about as well as the best one if its deviation is at most so many times as large."""
-_STANDS = 0.05
-"""Of the root mean square of the speed: an axis that is slower stands."""
-_OFTEN = 0.2
-"""Of the time: an axis that stands less is not looked at without its standstill."""
-_MOSTLY = 0.9
-"""Of a window: in the rest of it the axis may stand."""
-_GAP = 10.0
-"""Typical intervals: what acted in a longer one is not known."""
-
-
-class GridPart(NamedTuple):
-    """A piece of a record on a regular grid: torque around each sample, motion and signals (N,), interval in s."""
-
-    u: Floats
-    y: Floats
-    h: float
-    quantity: Output
-    signals: Mapping[str, Floats]
 
 
 class Rigid(NamedTuple):
@@ -173,26 +144,6 @@ def speed_scales(records: Sequence[Record]) -> tuple[float, ...]:
     return tuple(float(f"{part * speed:.2g}") for part in _SCALES)
 
 
-def rms_speed(records: Sequence[Record]) -> float:
-    """Root mean square of the motor's speed, rad/s, without its noise: from windows of some samples."""
-    means = [
-        _slope(part.y, AROUND, part.h) if part.quantity == "angle" else part.y
-        for part in windowed_parts(records)
-    ]
-    return float(np.sqrt(np.mean(np.concatenate(means) ** 2))) if means else 1.0
-
-
-def windowed_parts(records: Sequence[Record]) -> list[GridPart]:
-    """The pieces of records between gaps, each on a regular grid."""
-    found = [piece for record in records for piece in pieces(record)]
-    return [_part(piece) for piece in found if np.count_nonzero(piece.measured) > 1]
-
-
-def pieces(record: Record) -> list[Record]:
-    """A record between its gaps."""
-    return segments(record, _GAP * record.interval_s)
-
-
 def _ladder(shortest: float, count: int) -> list[int]:
     """Lengths of the window in samples, each one and a half times the one before, for that many samples."""
     lengths, most = [], count // _FEWEST_WINDOWS
@@ -203,54 +154,9 @@ def _ladder(shortest: float, count: int) -> list[int]:
     return lengths
 
 
-def balance_equations(
-    parts: Sequence[GridPart],
-    window: int,
-    speed_scale: float,
-    terms: Sequence[TorqueTerm],
-    least: float | None = None,
-) -> tuple[Floats, Floats]:
-    """Of all parts that are long enough: see ``windowed_equations``; ``least``: only where the speed is above."""
-    rows, torque = [np.zeros((0, 1 + len(terms)))], [np.zeros(0)]
-    for part in parts:
-        if len(part.u) > window:
-            columns, right = windowed_equations(part, window, speed_scale, terms)
-            kept = slice(None) if least is None else moving_windows(part, window, least)
-            rows.append(columns[kept])
-            torque.append(right[kept])
-    return np.concatenate(rows), np.concatenate(torque)
-
-
-def of_unit_length(rows: Floats) -> Floats:
-    """Columns of equations scaled to length one, but for those of zeros."""
-    size = np.sqrt((rows**2).sum(axis=0))
-    return np.asarray(rows / np.where(size > 0, size, 1.0))
-
-
-def least_speed(parts: Sequence[GridPart]) -> float | None:
-    """Speed below which the axis of these parts stands, at the sensor; None: it seldom does."""
-    if not parts:
-        return None
-    speed = abs(np.concatenate([speed_of(part, AROUND) for part in parts]))
-    least = _STANDS * float(np.sqrt(np.mean(speed**2)))
-    return least if np.mean(speed < least) > _OFTEN else None
-
-
 def _least(parts: Sequence[GridPart], min_speed: float) -> float | None:
     """The larger of that speed and ``min_speed``; None: it is zero."""
     return max(least_speed(parts) or 0.0, min_speed) or None
-
-
-def speed_of(part: GridPart, half: int) -> Floats:
-    """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
-    return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
-
-
-def moving_windows(part: GridPart, window: int, least: float) -> Bools:
-    """In which windows (M,) the axis nearly always moves."""
-    g = window_of(window, part.h)[0]
-    moving = (np.abs(speed_of(part, max(window // 8, 1))) > least).astype(float)
-    return np.asarray(integrals(part, g, moving) > _MOSTLY * part.h * float(g.sum()), np.bool_)
 
 
 def _fit(
@@ -280,85 +186,9 @@ def _fit(
     return Rigid(inertia, sd, dict(zip(terms, torques, strict=True)), explained)
 
 
-def _part(segment: Record) -> GridPart:
-    """The record on a regular grid: the mean torque is exact, and the motion is almost straight between samples."""
-    t = np.linspace(segment.t[0], segment.t[-1], len(segment))
-    y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
-    u = mean_torque(segment, t)
-    # Mean of the torques before and after each sample.
-    around = np.convolve(u, (0.5, 0.5))[: len(u)]
-    signals = {name: _on_grid(t, segment.t, values) for name, values in segment.signals.items()}
-    return GridPart(around, y, float(t[1] - t[0]), segment.quantity, signals)
-
-
-def _on_grid(grid: Floats, t: Floats, values: Floats) -> Floats:
-    """Values at other times, straight between those that are known; NaN: none is."""
-    known = np.isfinite(values)
-    return np.interp(grid, t[known], values[known]) if known.any() else np.full(len(grid), np.nan)
-
-
-def windowed_equations(
-    part: GridPart, window: int, speed_scale: float, terms: Sequence[TorqueTerm]
-) -> tuple[Floats, Floats]:
-    """Columns (M, 1 + terms), that of J first; the windowed torque (M,)."""
-    g, g1, g2 = window_of(window, part.h)
-    y = part.y
-
-    def over(weight: Floats, values: Floats) -> Floats:
-        return integrals(part, weight, values)
-
-    if part.quantity == "speed":
-        speed, inertia, viscous, angle = y, -over(g1, y), over(g, y), np.cumsum(y) * part.h
-    else:
-        speed, angle = _slope(y, window // 8, part.h), y - y[0]
-        inertia, viscous = over(g2, angle), -over(g1, angle)
-    columns = [
-        viscous
-        if term == "viscous"
-        else over(g, part.signals[SIGNAL] if term == "signal" else _torque(term, speed, angle, speed_scale))
-        for term in terms
-    ]
-    return np.column_stack([inertia, *columns]), over(g, part.u)
-
-
-def integrals(part: GridPart, weight: Floats, values: Floats) -> Floats:
-    """Integrals (M,) of values (N,) of a part, weighted with a window, one after the other."""
-    # Few enough overlap that to convolve all samples would take longer.
-    windows = sliding_window_view(values, len(weight))[:: (len(weight) - 1) // WINDOWS]
-    return np.asarray(part.h * (windows @ weight))
-
-
-def _torque(term: TorqueTerm, speed: Floats, angle: Floats, speed_scale: float) -> Floats:
-    """What a term is proportional to (N,)."""
-    if term == "coulomb":
-        return np.tanh(speed / speed_scale)
-    if term == "stribeck":
-        slow = _STRIBECK * float(np.sqrt(np.mean(speed**2))) or 1.0
-        return np.tanh(speed / speed_scale) * np.exp(-((speed / slow) ** 2))
-    if term == "drag":
-        return np.abs(speed) * speed
-    powers: Mapping[TorqueTerm, int] = {"offset": 0, "angle": 1, "angle^2": 2, "angle^3": 3}
-    return np.asarray((angle / max(float(np.abs(angle).max()), 1e-300)) ** powers[term])
-
-
 def resting_torque(rigid: Rigid, part: GridPart) -> Floats:
     """What keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
     angle = part.y - part.y[0] if part.quantity == "angle" else np.cumsum(part.y) * part.h
     terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))
     still = np.zeros(len(part.y))
-    return sum((rigid.torques[term] * _torque(term, still, angle, 1.0) for term in terms), start=still)
-
-
-def _slope(angle: Floats, half: int, interval_s: float) -> Floats:
-    """Mean speed (N,) over ``half`` samples on either side; only its sign is wanted."""
-    around = np.pad(angle, half, mode="reflect", reflect_type="odd")
-    slope: Floats = (around[2 * half :] - around[: -2 * half]) / (2 * half * interval_s)
-    return slope
-
-
-def window_of(count: int, interval_s: float) -> tuple[Floats, Floats, Floats]:
-    """g = sin^4 over the window (count + 1,), and its first two derivatives."""
-    x = np.pi * np.arange(count + 1) / count
-    w = np.pi / (count * interval_s)
-    sin, cos = np.sin(x), np.cos(x)
-    return sin**4, 4 * w * sin**3 * cos, 4 * w**2 * (3 * sin**2 * cos**2 - sin**4)
+    return sum((rigid.torques[term] * term_values(term, still, angle, 1.0) for term in terms), start=still)

@@ -100,7 +100,7 @@ def _quantities(record: Record) -> Iterator[tuple[str, str, Floats]]:
 
 _FEWEST = 50
 _PER_PARAMETER = 10
-"""Residuals of fewer samples for each parameter tell the noise no better than within a quarter, so nothing tested
+"""Residuals of fewer samples for each parameter determine the noise no better than within a quarter, so nothing tested
 against it can be trusted."""
 _TAUS_LEAST, _TAUS_ENOUGH = 1.0, 5.0
 """Within one time constant of the slowest motion it looks like a straight line; after five the unknown initial state

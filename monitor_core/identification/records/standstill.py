@@ -15,17 +15,15 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import (
+from monitor_core.identification.records.rigid_body import resting_torque, rigid_fits, speed_scales
+from monitor_core.identification.records.torque_windows import (
     AROUND,
     POSE,
     GridPart,
     least_speed,
     pieces,
-    resting_torque,
-    rigid_fits,
     rms_speed,
     speed_of,
-    speed_scales,
     windowed_parts,
 )
 

@@ -1,6 +1,6 @@
 """How far the weight of an arm turns with the motion: it hangs on the true angle, in radians.
 
-Nothing else in the torque tells the unit of an angle: inertia, friction and stiffness only become others.  A weight's
+Nothing else in the torque shows the unit of an angle: inertia, friction and stiffness only become others.  A weight's
 torque is a cosine of the arm's angle, so its period shows how much of the measured motion is a turn of the arm.
 """
 
@@ -12,17 +12,15 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import (
+from monitor_core.identification.records.rigid_body import rigid_fits, speed_scales
+from monitor_core.identification.records.torque_windows import (
     POSE,
     USUAL,
     WINDOWS,
     GridPart,
     balance_equations,
-    integrals,
     of_unit_length,
-    rigid_fits,
-    speed_scales,
-    window_of,
+    windowed,
     windowed_parts,
 )
 
@@ -98,7 +96,6 @@ class _Balance:
         self._rows, self._torque = balance_equations(parts, _WINDOW, scale, USUAL)
         self.freedom = max(1.0, len(self._torque) / WINDOWS - self._rows.shape[1] - 2)
         """Independent equations beyond the values that are fitted"""
-        self._shapes = [window_of(_WINDOW, part.h)[0] for part in parts]
 
     def left(self, ratio: float) -> float:
         """Sum of squares of the torque that is not explained with a weight of this ratio; 0: without one."""
@@ -111,8 +108,4 @@ class _Balance:
         return float(residual @ residual)
 
     def _over(self, wave: np.ufunc, ratio: float) -> Floats:
-        columns = [
-            integrals(part, shape, wave(ratio * angle))
-            for part, angle, shape in zip(self._parts, self._angles, self._shapes, strict=True)
-        ]
-        return np.concatenate(columns)
+        return windowed(self._parts, _WINDOW, (wave(ratio * angle) for angle in self._angles))

@@ -1,4 +1,4 @@
-"""What the values of a signal tell by themselves: counts, an angle that wraps, values that are held, a stuck signal."""
+"""What the values of a signal show by themselves: counts, an angle that wraps, values that are held, a stuck signal."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _SURE, _EXPLAINS = 4.0, 0.5
 _MOST_CHANGES = 2
 """Under a constant torque a speed may rise and fall once, as with a weight; not rise, fall and rise."""
 _SPEED = 0.5
-"""Of the root mean square of the speed: smaller changes are not looked at."""
+"""Of the root mean square of the speed: smaller changes are ignored."""
 
 
 class Span(NamedTuple):
@@ -149,7 +149,7 @@ def _stuck_motion(record: Record, u: Floats) -> Runs:
 
 
 def _drives(record: Record, beside: Bools) -> bool:
-    """Whether torque and motion go together in these measured samples (M,): the axis moves by its torque there."""
+    """Whether torque and motion fit in these measured samples (M,): the axis moves by its torque there."""
     part = record.select(np.flatnonzero(record.measured)[beside])
     fit = rigid_fit(part, speed_scales([part])[1])
     return fit is not None and abs(fit.inertia) > _SURE * fit.sd and fit.explained > _EXPLAINS

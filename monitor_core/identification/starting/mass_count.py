@@ -95,7 +95,7 @@ def _fitted(
 
 # What decides is Schwarz' criterion,
 # BIC = N ln(V / samples) + p ln N + 2 s,        N = samples / (1 + 2 sum_l r_l^2),
-# with the autocorrelation r of the errors, since samples whose errors hang together tell no more than these fewer
+# with the autocorrelation r of the errors, since samples whose errors are correlated tell no more than these fewer
 # (Bartlett).  The s initial states count as in Akaike's: a longer record tells no more of them.  On records that are
 # kept aside the longer chain must predict better, too.
 
@@ -149,7 +149,7 @@ def doubt_of(chain: Chain, lowest_hz: float) -> str:
         return f"one of them is only {lightest:.1g} of the whole inertia, which is no mass of a drive"
     slowest = float(modes_of_chain(chain)[0][1:].min(initial=np.inf)) / (2 * np.pi)
     if slowest < lowest_hz:
-        return f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, from where on the records tell any"
+        return f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, from where on the records show any"
     return ""
 
 

@@ -12,7 +12,8 @@ from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.motion_checks import rigid_inertia
-from monitor_core.identification.records.rigid_body import POSE, rigid_fits
+from monitor_core.identification.records.rigid_body import rigid_fits
+from monitor_core.identification.records.torque_windows import POSE
 from monitor_core.identification.starting.growing_chains import stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (

@@ -1,14 +1,16 @@
-"""Where parameters are used: their units, signs and meanings follow from the components that they stand in."""
+"""Parts of a drive, and where parameters are used: units, signs and meanings follow from the parts they stand in."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
 from typing import NamedTuple
 
-from monitor_core.modeling.components.component_kinds import Role
+from monitor_core.modeling.components.component_kinds import Kind, Role, fragment
+from monitor_core.modeling.components.fragments import Fragment
 from monitor_core.modeling.components.units import ONE, Dimension, parse
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, Monomial
@@ -38,6 +40,25 @@ class Use(NamedTuple):
         """What a parameter in it means: inertia of the motor."""
         place = f"{self.role.meaning if self.role else ''} of the {component}"
         return place if self.is_name else f"in the {place}: {self.value}"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A component in a drive: its kind, its name, its parameters by role, where it is drawn, and where its flanges are.
+
+    ``uses``: of its parameters, for their units and signs.  ``nodes``: parts at one node are connected there.
+    """
+
+    kind: Kind
+    name: str
+    parameters: Mapping[str, Laurent]
+    origin: Origin
+    uses: tuple[Use, ...]
+    nodes: tuple[str, ...]
+
+    def fragment(self) -> Fragment:
+        """Its variables and equations."""
+        return fragment(self.kind, self.name, self.parameters, self.origin)
 
 
 def first_use(uses: Sequence[Use]) -> Use:

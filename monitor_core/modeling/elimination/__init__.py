@@ -5,7 +5,7 @@
       -> relative angles and speeds as states (minimal.py)
       -> states that no sensor observes are left out (pruning.py)
 
-A sum in a denominator becomes a merged parameter (merging.py), so that every coefficient is a Laurent sum.
+A sum in a denominator becomes a merged parameter (substitution.py), so that every coefficient is a Laurent sum.
 """
 
 from __future__ import annotations

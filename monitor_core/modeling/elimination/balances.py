@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from monitor_core.modeling.elimination.merging import Row
 from monitor_core.modeling.elimination.substitution import (
     ANGLE,
     Line,
+    Row,
     System,
     add_multiple,
     degree,

@@ -8,9 +8,8 @@ from contextlib import suppress
 from monitor_core.arrays import Ints
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.components.units import parse
-from monitor_core.modeling.elimination.merging import needed
 from monitor_core.modeling.elimination.minimal import Angles, Dense, Reduction
-from monitor_core.modeling.elimination.substitution import System
+from monitor_core.modeling.elimination.substitution import System, needed
 from monitor_core.modeling.flat import FlatParameter, ModelError
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modular import krylov_basis, null_space, points_of, residues

@@ -12,15 +12,20 @@ eliminated by the law of its spring (c phi + d s phi), never an angle by a torqu
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.modeling.elimination.merging import Operator, Row, merge
 from monitor_core.modeling.flat import FlatEquation, FlatModel, ModelError, Origin
-from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
 # --- Equations as rows of operators: variable -> polynomial in s ------------------------------------------------------
+
+Operator = dict[int, Laurent]
+"""Power of s -> coefficient, none of them zero."""
+
+Row = dict[str, Operator]
+"""Variable or input -> operator, none of them empty: their sum is zero."""
 
 
 def degree(operator: Operator) -> int:
@@ -104,7 +109,7 @@ class System:
         return [line.row for line in self.lines] + list(self.watched.values())
 
     def merge(self, total: Laurent) -> None:
-        """Make a coefficient a single term: a merged parameter (merging.py)."""
+        """Make a coefficient a single term, a merged parameter."""
         merge(total, self.rows(), self.drawn, self.definitions)
 
     def unknowns(self) -> list[str]:
@@ -254,3 +259,67 @@ def _check(line: Line, system: System) -> None:
                 "(two rigid connections of different ratio in parallel?)",
                 line.origin,
             )
+
+
+# --- Merged parameters ------------------------------------------------------------------------------------------------
+
+
+# Two rigidly joined inertias act only as q = J1 + r^2 J2, two springs in series divide by q = k1 + k2.  Where a part of
+# q occurs elsewhere, too, it is replaced there by its solution: k1 = q - k2.  So q and the parameters that are left are
+# independent of each other, everything stays a Laurent sum, and a sum that is zero is seen to be zero.
+
+
+def merge(total: Laurent, rows: Sequence[Row], drawn: Sequence[str], definitions: dict[str, Laurent]) -> None:
+    """Make ``total`` a single term wherever it occurs in the rows, and add the definition of the new parameter.
+
+    Args:
+        total: a coefficient in the rows.
+        rows: equations, changed in place.
+        drawn: the user's parameters, those to be merged first.
+        definitions: merged parameters so far, in the order of their evaluation.
+
+    Raises:
+        NotLaurentError: none of its parts can be replaced.
+    """
+    for part in _parts(total, rows, drawn):
+        slope = total.derivative(part)
+        merged = total / slope
+        name = merged.sum_text()
+        solution = {part: Laurent.symbol(name) - (merged - Laurent.symbol(part))}
+        try:
+            changed = [(operator, s, c.substitute(solution)) for operator, s, c in _containing(part, rows)]
+        except NotLaurentError:
+            continue  # something is divided by this part
+        for operator, s, c in changed:
+            operator[s] = c
+        definitions[name] = merged
+        return
+    raise NotLaurentError(str(total))
+
+
+def _parts(total: Laurent, rows: Sequence[Row], drawn: Sequence[str]) -> list[str]:
+    """Parameters that the sum can be solved for, those first that occur least elsewhere."""
+    linear = [
+        name
+        for name in (*drawn, *sorted(total.names - set(drawn)))
+        if name in total.names and total.derivative(name).is_unit and name not in total.derivative(name).names
+    ]
+    return sorted(linear, key=lambda name: sum(c != total for _, _, c in _containing(name, rows)))
+
+
+def _containing(name: str, rows: Iterable[Row]) -> Iterator[tuple[Operator, int, Laurent]]:
+    """The coefficients that a parameter occurs in, each with its operator and power of s."""
+    for row in rows:
+        for operator in row.values():
+            for s, c in operator.items():
+                if name in c.names:
+                    yield operator, s, c
+
+
+def needed(definitions: Mapping[str, Laurent], entries: Iterable[Laurent]) -> dict[str, Laurent]:
+    """The definitions that the entries need, directly or indirectly, in order."""
+    wanted = {n for entry in entries for n in entry.names}
+    for name in reversed(list(definitions)):
+        if name in wanted:
+            wanted |= definitions[name].names
+    return {name: value for name, value in definitions.items() if name in wanted}

@@ -18,12 +18,12 @@ from monitor_core.modeling.statespace import StateSpace
 from monitor_core.wording import listed
 
 _HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
-"""Units in the order in which parameters are held: first what a data sheet tells best."""
+"""Units in the order in which parameters are held: first what a data sheet gives best."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """What any record, however exciting, can tell at most of the parameters that are not known already.
+    """What any record, however exciting, can determine at most of the parameters that are not known already.
 
     ``identifiable``: seen by themselves (up to a finite number of values). ``groups``: parameters that cannot be
     distinguished; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts

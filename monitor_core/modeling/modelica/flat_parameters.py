@@ -7,10 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from monitor_core.modeling.components.units import parse
-from monitor_core.modeling.components.uses import Use, first_use, impossible, infer, sign_of
+from monitor_core.modeling.components.uses import Part, Use, first_use, impossible, infer, sign_of
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modelica.leaves import Part
 from monitor_core.modeling.modelica.parsing import is_parameter
 from monitor_core.modeling.modelica.values import Values, plain
 
@@ -59,7 +58,7 @@ def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequen
     return FlatParameter(name, unit, meaning, value, positive, nonnegative, place)
 
 
-# --- Units that the user's own equations tell: of variables and parameters declared without one -----------------------
+# --- Units that follow from the user's equations, of variables and parameters declared without one --------------------
 
 
 _DER = "der"

@@ -15,6 +15,7 @@ from pymoca.tree import InstanceClass, InstanceSymbol, ModelicaError, flatten_in
 
 from monitor_core.kernel.tables import ONE
 from monitor_core.modeling.components.fragments import End, Fragment, Joint, Linear, connect, join
+from monitor_core.modeling.components.uses import Part
 from monitor_core.modeling.flat import (
     CONSTANT,
     FlatComponent,
@@ -26,7 +27,7 @@ from monitor_core.modeling.flat import (
     Origin,
 )
 from monitor_core.modeling.modelica.flat_parameters import flat_parameters, own_units, variable_unit
-from monitor_core.modeling.modelica.leaves import Part, Placed, bearing_joint, parts
+from monitor_core.modeling.modelica.leaves import Placed, bearing_joint, parts
 from monitor_core.modeling.modelica.library import BEARING, LEAVES, Leaf
 from monitor_core.modeling.modelica.parsing import is_parameter, place_of
 from monitor_core.modeling.modelica.signals import Signals
@@ -70,7 +71,7 @@ class _Flattening:
             self.parts += found
             if placed.leaf.kind == BEARING:
                 self.joints.append(bearing_joint(placed, found))
-        kinds = {p.path: p.leaf.kind for p in self.placed} | {p.name: p.kind for p in self.parts}
+        kinds = {p.path: p.leaf.kind for p in self.placed} | {p.name: p.kind.name for p in self.parts}
         self.signals = Signals(_causality(instance), kinds, self.places)
         self.own: list[FlatEquation] = []
         self.equalities: list[FlatEquation] = []
@@ -167,8 +168,8 @@ class _Flattening:
             same = {node.get(name, name) for name in names}
             node.update(dict.fromkeys([*names, *(n for n, to in node.items() if to in same)], min(same)))
         for part in self.parts:
-            nodes = tuple(node.get(flange, flange) for flange in part.at)
-            yield FlatComponent(part.name, part.kind, nodes, part.parameters)
+            nodes = tuple(node.get(flange, flange) for flange in part.nodes)
+            yield FlatComponent(part.name, part.kind.name, nodes, part.parameters)
 
     def _variables(self, library: Fragment, units: Mapping[str, str]) -> Iterator[FlatVariable]:
         """Those of the library, and those that the user declared."""

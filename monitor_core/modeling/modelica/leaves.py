@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from pymoca import ast
 
-from monitor_core.modeling.components import KINDS, fragment
-from monitor_core.modeling.components.fragments import End, Fragment, Joint
-from monitor_core.modeling.components.uses import Use
+from monitor_core.modeling.components import KINDS
+from monitor_core.modeling.components.fragments import End, Joint
+from monitor_core.modeling.components.uses import Part, Use
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modelica.library import BEARING, REFUSED, SIGNAL_SOURCE, Leaf
@@ -27,25 +27,6 @@ class Placed:
     def inside(self, name: str) -> str:
         """The path of a member."""
         return f"{self.path}.{name}"
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """A component of a kind of component_kinds.py, with its parameters by role.
-
-    ``uses``: the same for the check of units.  ``at``: its flanges by the names of those that are drawn.
-    """
-
-    name: str
-    kind: str
-    parameters: Mapping[str, Laurent]
-    origin: Origin
-    uses: tuple[Use, ...]
-    at: tuple[str, ...]
-
-    def fragment(self) -> Fragment:
-        """Its variables and equations."""
-        return fragment(KINDS[self.kind], self.name, self.parameters, self.origin)
 
 
 def parts(placed: Placed, values: Values) -> Iterator[Part]:
@@ -70,7 +51,7 @@ def _part(placed: Placed, values: Values) -> Part:
     )
     fixed = {role: Laurent.number(value) for role, value in leaf.fixed.items()}
     flanges = tuple(placed.inside(name) for name in kind.flanges)
-    return Part(placed.path, kind.name, {**parameters, **fixed}, placed.origin, uses, flanges)
+    return Part(kind, placed.path, {**parameters, **fixed}, placed.origin, uses, flanges)
 
 
 def _written_at(name: str, placed: Placed, values: Values) -> Origin:
@@ -88,7 +69,7 @@ def _bearing(placed: Placed, values: Values) -> Iterator[Part]:
         if found.value:
             about = KINDS[kind].role(role)
             use = Use(found.value, about.unit if found.has_unit else "", origin, about)
-            yield Part(name, kind, {role: found.value}, placed.origin, (use,), at)
+            yield Part(KINDS[kind], name, {role: found.value}, placed.origin, (use,), at)
 
 
 def bearing_joint(placed: Placed, found: list[Part]) -> Joint:

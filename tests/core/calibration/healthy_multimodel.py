@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.excursion_peaks import ExcursionPeaks
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit

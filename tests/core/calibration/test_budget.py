@@ -18,9 +18,8 @@ from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates
 from monitor_core.calibration.copy_excursions import Excursions
 from monitor_core.calibration.false_alarm_tail import Tail, log_mean_time, tails
 from monitor_core.calibration.healthy_records import RecordDeviations
-from monitor_core.calibration.healthy_statistics import allowance
+from monitor_core.calibration.healthy_statistics import allowance, shrink
 from monitor_core.calibration.scatter import OFFSET, Scatter, scatter
-from monitor_core.calibration.shrinkage import shrink
 from monitor_core.settings import Threshold
 from tests.shares import soaked
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.excursion_peaks import LEAST_HEIGHT, TOP, ExcursionPeaks
+from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks
 from tests.core.calibration.healthy_multimodel import excursions_of
 
 PLACES = 500

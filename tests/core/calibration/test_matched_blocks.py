@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.matched_blocks import MatchedBlocks, predicted_sum
+from monitor_core.calibration.innovation_bootstrap import MatchedBlocks, predicted_sum
 
 N, COPIES, LENGTH, MANY = 60_000, 16, 100, 600
 

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.excursion_peaks import LEAST_HEIGHT, TOP, ExcursionPeaks
-from monitor_core.calibration.multimodel_tails import ALIKE, BankTails, bank_tails
+from monitor_core.calibration.multimodel_tails import (
+    ALIKE,
+    LEAST_HEIGHT,
+    TOP,
+    BankTails,
+    ExcursionPeaks,
+    bank_tails,
+)
 from tests.core.calibration.healthy_multimodel import excursions_of
 
 PLACES, MANY = 500, 40

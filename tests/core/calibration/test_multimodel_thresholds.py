@@ -12,11 +12,11 @@ from scipy.stats import poisson
 
 from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
-from monitor_core.calibration.excursion_peaks import ExcursionPeaks
 from monitor_core.calibration.fault_trials import run_trials
 from monitor_core.calibration.injection import Fault
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import PARTS, allowances
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.own_error import excess_covariance, own_error, part_sums
+from monitor_core.calibration.copy_excursions import excess_covariance, own_error, part_sums
 
 P, PARTS, COPIES, SAMPLES = 2, 30, 64, 200
 REPEATED = 5

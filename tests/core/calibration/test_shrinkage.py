@@ -7,8 +7,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.copy_excursions import Excursions
+from monitor_core.calibration.healthy_statistics import EXPECTED, draw_posterior, shrink
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.calibration.shrinkage import EXPECTED, draw_posterior, shrink
 from tests.shares import soaked
 
 P = 3

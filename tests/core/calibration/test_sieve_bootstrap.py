@@ -8,7 +8,7 @@ from scipy.signal import freqz, lfilter
 from scipy.stats import genpareto
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.sieve_bootstrap import Shocks, SieveBootstrap, pareto, whitening_filter
+from monitor_core.calibration.innovation_bootstrap import Shocks, SieveBootstrap, pareto, whitening_filter
 
 N, COPIES = 40_000, 16
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.excursion_peaks import ExcursionPeaks
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import log_share
 from monitor_core.kernel.compile import entry
 from tests.core.calibration.healthy_multimodel import excursions_of

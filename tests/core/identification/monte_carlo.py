@@ -15,8 +15,8 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.excitation import multisine
 from monitor_core.excitation.accuracy import Accuracy
+from monitor_core.excitation.prediction import Sensitivities
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
-from monitor_core.excitation.sensitivity import Sensitivities
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
 from monitor_core.identification.records import Record

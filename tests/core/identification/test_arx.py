@@ -168,5 +168,5 @@ def test_mistakes_are_told(seed: int) -> None:
     slower = Record(record.t * 2, record.u, record.y, "speed", "b.csv")
     with pytest.raises(ValueError, match="one interval, resample"):
         fit_arx([record, slower], 3)
-    with pytest.raises(ValueError, match="tell only of 0 to 100 Hz"):
+    with pytest.raises(ValueError, match="show only 0 to 100 Hz"):
         fit_arx([record], 3).response([150.0])

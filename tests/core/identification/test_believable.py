@@ -29,7 +29,8 @@ from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
 from monitor_core.identification.records import lively_parts, speed_scales
-from monitor_core.identification.records.rigid_body import POSE, rigid_fits
+from monitor_core.identification.records.rigid_body import rigid_fits
+from monitor_core.identification.records.torque_windows import POSE
 from monitor_core.identification.torque_balance import explained_torque
 from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects, verdict_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis

@@ -10,7 +10,8 @@ import pytest
 from monitor_core.identification import shown_inertia
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import TorqueTerm, rigid_fits
+from monitor_core.identification.records.rigid_body import rigid_fits
+from monitor_core.identification.records.torque_windows import TorqueTerm
 from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight, lifts
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import picks

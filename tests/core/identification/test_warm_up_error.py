@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.warm_up_error import model_errors
+from monitor_core.identification.warm_up import model_errors
 from monitor_core.identification.warm_up_search import WINDOW_S, Windows, heat_course
 
 CHANCE = 0.03

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.sensitivity import Sensitivities
+from monitor_core.excitation.prediction import Sensitivities
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.friction_roles import rigid_speeds
-from monitor_core.drive.stable_range import stable_limits
+from monitor_core.drive.kalman import stable_limits
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import GAINS, TORQUE
 from monitor_core.settings import Settings

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from service.config.drive_sources import shipped
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import as_json as json_of
 from tests.service.command_line import refused
@@ -114,9 +113,3 @@ def test_mistakes(
     message = refused("model", *given)
     assert [word for word in words if word not in message] == []
     assert drawing.read_text(encoding="utf-8") == DRAWING
-
-
-def test_the_shipped_drawings_are_the_library() -> None:
-    by_file = as_json(shipped("drives/two_mass.mo"))
-    by_name = as_json("two-mass")
-    assert {**by_file, "name": "two-mass"} == by_name

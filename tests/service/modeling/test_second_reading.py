@@ -69,7 +69,7 @@ equation
 end Crane;
 """
 
-SHIPPED = {"TwoMass": "two_mass.mo", "ThreeMass": "three_mass.mo", "FiveMass": "five_mass.mo"}
+SHIPPED = {"ThreeMass": "three_mass.mo"}
 OUTPUTS: tuple[Output, ...] = ("speed", "angle")
 TOLERANCE = 1e-6
 DRY = {"fc": 0.3, "tau0": 0.2}

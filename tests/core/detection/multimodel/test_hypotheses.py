@@ -10,7 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.multimodel.candidates import TORQUE_SCALE, TORQUE_STUCK, hypothesis_of
+from monitor_core.detection.alarm import TORQUE_SCALE, TORQUE_STUCK
+from monitor_core.detection.multimodel.candidates import hypothesis_of
 from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel

@@ -11,14 +11,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm, Cause, Name
-from monitor_core.detection.alarm import MODEL_ERROR, Onset
-from monitor_core.detection.multimodel.candidates import (
-    OUTPUT_NOISE,
-    TORQUE_OFFSET,
-    TORQUE_SIGN,
-    causes_of,
-    quantity_of,
-)
+from monitor_core.detection.alarm import MODEL_ERROR, OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN, Onset
+from monitor_core.detection.multimodel.candidates import causes_of, quantity_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.multimodel_detector import (
     Limit,

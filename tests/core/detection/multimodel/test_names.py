@@ -10,9 +10,9 @@ from scipy.stats import binom
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.multimodel_healthy import allowances
-from monitor_core.detection.alarm import MODEL_ERROR
-from monitor_core.detection.multimodel.candidates import (
+from monitor_core.detection.alarm import (
     INERTIA,
+    MODEL_ERROR,
     OUTPUT_NOISE,
     OUTPUT_SCALE,
     OUTPUT_SIGN,
@@ -21,9 +21,8 @@ from monitor_core.detection.multimodel.candidates import (
     TORQUE_SCALE,
     TORQUE_SIGN,
     TORQUE_STUCK,
-    default_hypotheses,
-    hypothesis_of,
 )
+from monitor_core.detection.multimodel.candidates import default_hypotheses, hypothesis_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import least_delay
 from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified, ChangeDetected, Event
