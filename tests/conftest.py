@@ -31,7 +31,7 @@ _REPEAT = f"axiswatch seed: {SEED} (AXISWATCH_SEED={SEED} repeats this run)"
 
 # No assertion on time, as machines are shared; the same examples in every run, and other and more in `make soak`.
 SOAK = "AXISWATCH_SOAK" in os.environ
-settings.register_profile("axiswatch", deadline=None, derandomize=not SOAK, max_examples=100 if SOAK else 40)
+settings.register_profile("axiswatch", deadline=None, derandomize=not SOAK, max_examples=100 if SOAK else 25)
 settings.load_profile("axiswatch")
 
 DEBIAN_PACKAGE = {

@@ -160,10 +160,18 @@ def components(package: ast.Class) -> dict[str, dict[str, tuple[list[str], str]]
 
 def test_openmodelica_gets_the_components_that_the_program_knows() -> None:
     file = CONFIG / "modelica" / "AxisWatch.mo"
-    (package,) = parse(Source(file.name, file.read_text(encoding="utf-8"))).classes.values()
+    text = file.read_text(encoding="utf-8")
+    (package,) = parse(Source(file.name, text)).classes.values()
     shipped, known = components(package), components(library().classes["AxisWatch"])
     del shipped["CoulombFriction"]["w"]  # a variable of its own
     assert shipped == known
+    # As tests/core/modeling/test_components.py has them of the program's components.
+    assert re.findall(r"^    ([a-z.]+ = .+;)$", text, re.MULTILINE) == [
+        "w = der(flange.phi);",
+        "flange.tau = fc * tanh(w / speed_scale);",
+        "flange.tau = gc * cos(flange.phi) + gs * sin(flange.phi);",
+        "flange.tau = -tau0;",
+    ]
 
 
 PLACEMENT = re.compile(

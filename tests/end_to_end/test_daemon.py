@@ -267,7 +267,7 @@ def wait_until_silent(d: Daemon) -> list[dict[str, Any]]:
 def test_kill_9_at_any_moment_loses_no_shown_alarm_and_nothing_of_a_checkpoint(
     tmp_path: Path, seed: int
 ) -> None:
-    assert killed(tmp_path, seed, kills=10, while_starting=False)
+    assert killed(tmp_path, seed, kills=4, while_starting=False)
 
 
 def killed(folder: Path, seed: int, *, kills: int, while_starting: bool) -> dict[int, dict[str, Any]]:

@@ -183,7 +183,7 @@ def test_after_a_pause_the_models_wait_longer_than_the_tests_of_the_estimates(ma
         re.sub("detector = .*", 'detector = { alarm_source = "multimodel" }', text), encoding="utf-8"
     )
     watchers, waited = [Watcher(path) for path in (made.config, config)], list[list[int]]()
-    for seconds, pause_s in ((DAY_S, 1.5), (5.0, 100.0), (100.0, 0.0)):
+    for seconds, pause_s in ((DAY_S / 3, 1.5), (5.0, 100.0), (100.0, 0.0)):
         waited.append([0, 0])
         for _ in range(round(seconds)):
             block = plant.take(1.0)

@@ -16,12 +16,13 @@ from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import drive_of
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import H, healthy, picks
+from tests.shares import soaked
 
 NAMES = ("J1", "f", "fc", "tau0")
 TRUE = {"J1": 2e-3, "f": 5e-3, "fc": 0.5}
 
 
-@pytest.mark.parametrize("stiction", [0.0, 0.15])
+@pytest.mark.parametrize("stiction", soaked([0.0, 0.15], 0.15))
 def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> None:
     """With a friction that is larger in the slow motion of each start and stop, too, which the monitor leaves out."""
     record = picks(seed, stiction, moves=16)

@@ -19,15 +19,6 @@ LATEST_US = 1500
 CYCLIC: dict[str, Any] = {"time": {"clock": "cyclic"}}
 
 
-def in_order(frames: list[Frame]) -> list[Frame]:
-    """As one bus carries them: what is late keeps the rest waiting."""
-    before_us, found = 0, list[Frame]()
-    for frame in frames:
-        before_us = max(before_us + 100, frame.t_us)
-        found.append(frame._replace(t_us=before_us))
-    return found
-
-
 def sampled(ingest: Ingest, frames: list[Frame], axis_id: str) -> list[Sample]:
     return fed(ingest, frames).get(axis_id, []) + flushed(ingest).get(axis_id, [])
 
@@ -101,35 +92,6 @@ def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
     ]
     samples = sampled(ingest, frames, "r.three")
     assert samples == [Sample(START_US + CYCLE_US * n + 500, n, n + 1) for n in range(300)]
-
-
-def test_blocks_may_be_cut_anywhere_and_the_last_frames_are_not_lost(tmp_path: Path, seed: int) -> None:
-    rng = random.Random(seed)
-    config = make_config(tmp_path, axis1(**CYCLIC), axis2(**CYCLIC))
-    frames = in_order(
-        [
-            frame._replace(t_us=frame.t_us + round(rng.expovariate(1 / 1500)))
-            for n in range(1500)
-            if rng.random() > 0.1
-            for frame in (
-                torque1(START_US + CYCLE_US * n, n % 16),
-                angle1(START_US + CYCLE_US * n + 400, n / 16),
-                both2(START_US + CYCLE_US * n + 800, 1.0, n / 16),
-            )
-        ]
-    )
-    uncut, cut = Ingest(config, "bus0"), Ingest(config, "bus0")
-    at_once = {axis_id: sampled(Ingest(config, "bus0"), frames, axis_id) for axis_id in uncut.axes}
-    one_by_one: dict[str, list[Sample]] = {axis_id: [] for axis_id in cut.axes}
-    for frame in frames:
-        for axis_id, found in fed(cut, [frame]).items():
-            one_by_one[axis_id] += found
-    for axis_id, found in flushed(cut).items():
-        one_by_one[axis_id] += found
-    assert one_by_one == at_once
-    taken = {axis_id: 2 * len(samples) for axis_id, samples in at_once.items()}
-    lost = {a: sum(cut.axes[a].dropped.values()) - cut.axes[a].dropped["missing"] for a in taken}
-    assert {a: taken[a] + lost[a] for a in taken} == dict.fromkeys(taken, 2 * len(frames) // 3)
 
 
 def test_a_frame_that_is_held_has_the_further_signals_of_the_moment(tmp_path: Path) -> None:

@@ -198,7 +198,7 @@ def reads_the_documentation(page: Page) -> None:
 def test_it_says_for_how_long_nobody_has_answered_and_comes_back(
     page: Page, daemon: Daemon, stage: Stage
 ) -> None:
-    """Its clock is turned; tests/end_to_end/test_stale_page.py has a daemon that keeps its connections."""
+    """Its clock is turned; tests/end_to_end/test_daemon_page.py has a daemon that keeps its connections."""
     page.clock.install()
     page.goto("/")
     expect(page.locator("a.tile")).to_have_count(2)
