@@ -207,8 +207,8 @@ def run_hypotheses(
                 moves[0], learns[0], tracks[0] = 1, mode[0] == TRACK, mode[0] == TRACK
                 lam[0] = S[0] = axis[LAM, 0]
                 e0[0] = eps[0]
-                reject_outliers(lane, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], roles,
-                                believed)
+                reject_outliers(lane, axis[OUTLIER], lam, axis[LAM0], axis[LAM0], e0, S, numbers[CREDIT],
+                                integers[IN_A_ROW], roles, believed)
                 check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
                             mode)
                 first = is_first(t[0], integers[SETTLED, 0], axis[SETTLES, 0], h[0])

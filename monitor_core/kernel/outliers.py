@@ -31,6 +31,7 @@ def reject_outliers(
     lanes: Any,
     outlier: Floats,
     lam: Floats,
+    lam0: Floats,
     lam0_running: Floats,
     eps: Floats,
     S: Floats,
@@ -41,6 +42,8 @@ def reject_outliers(
 ) -> None:
     """Reject an outlier: eps beyond ``outlier`` standard deviations of its prediction; 0: there is no limit.
 
+    Its variance is the running one, and at least ``lam0``, that of the healthy records with its colour: where the axis
+    vibrates as it did then, that is no mistake of the sensor, and what the fit has used the estimates use, too.
     ``believed`` (W,) is the innovation that theta learns from.
     """
     mode, moves, learns, tracks = roles.mode, roles.moves, roles.learns, roles.tracks
@@ -48,7 +51,8 @@ def reject_outliers(
         believed[a] = eps[a]
         if not moves[a] or outlier[a] == 0.0:
             continue
-        limit = outlier[a] * math.sqrt(lam0_running[a] * (1.0 + (S[a] - lam[a]) / (1.0 + lam[a])))
+        variance = max(lam0_running[a], lam0[a]) * (1.0 + (S[a] - lam[a]) / (1.0 + lam[a]))
+        limit = outlier[a] * math.sqrt(variance)
         out = abs(eps[a]) > limit
         in_a_row[a] = min(in_a_row[a] + 1, SURELY) if out else 0
         credit[a] = min(credit[a] + COMES_BACK, CREDIT)

@@ -67,7 +67,8 @@ def update_estimates(lanes: Any, con: Constants, st: State, w: Work, X: Floats, 
     # fmt: off
     check_excitation(lanes, lam, con.lam, con.min_excitation, S, st.excitation, mode, st.unobserved, st.observed)
     form_innovation(lanes, w.y, w.yhat, S, st.t, st.counts, roles, eps, X)
-    reject_outliers(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, roles, w.believed)
+    reject_outliers(lanes, con.outlier, lam, con.lam0, st.lam0_running, eps, S, st.credit, st.in_a_row, roles,
+                    w.believed)
     check_start(lanes, con.settle_us, con.interval, w.t, st.settled, st.in_a_row, st.counts, mode)
     update_theta(lanes, con.lower, con.upper, st.theta, st.observed, w.believed, w.Ppsi, S, roles.tracks, w.hit,
                  w.moved)

@@ -64,8 +64,9 @@ def router(state: AppState) -> APIRouter:
         found = state.axis(axis)
         blocks = _after(state.live.look(found.id), microseconds(since))
         limit = None
-        if found.watched is not None and found.watched.settings.outlier_limit > 0:
-            limit = found.watched.settings.outlier_limit * found.status.innovation_variance**0.5
+        if found.watched is not None and (settings := found.watched.settings).outlier_limit > 0:
+            variance = max(found.status.innovation_variance, settings.lam0)
+            limit = settings.outlier_limit * variance**0.5
         head = {"axis": found.id, "unit": OUTPUT_UNITS[found.output], "outlier_limit": models.finite(limit)}
         return Response("".join(_body(head, blocks)), media_type="application/json")
 

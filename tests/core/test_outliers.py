@@ -98,6 +98,19 @@ def test_noise_alone_holds_no_outliers_and_lambda_0_is_true(settings: Settings, 
     assert batch.state.lam0_running.mean() == pytest.approx(NOISE["speed"] ** 2, rel=0.06)
 
 
+def test_what_healthy_records_show_is_no_outlier(settings: Settings, seed: int) -> None:
+    """An axis that vibrates in parts of its motion: lambda_0 has the colour of that, the running variance has not."""
+    K, lam0 = filter_gain(MODEL, 0.005, 2.0, NOISE["speed"])
+    coloured = replace(settings, lam=0.98, settle_s=1.0, K=tuple(K), lam0=4 * lam0)
+    clean, start = healthy(seed), 1000  # by then the running variance has come down
+    y, hit = strike(clean.y, (7 * np.sqrt(lam0), 8 * np.sqrt(lam0)), np.random.default_rng(seed))
+    batch, _ = side_by_side(
+        MODEL, coloured, clean._replace(y=np.where(np.arange(len(y))[:, None] < start, clean.y, y))
+    )
+    assert batch.state.lam0_running.max() < 2 * lam0
+    assert counted(batch) <= 2 < hit[start:].sum() / 10
+
+
 def test_a_lasting_change_is_no_outlier(settings: Settings, seed: int) -> None:
     """Noise ten times as large after a quarter: hardly passed over, and lambda_0 follows."""
     clean = healthy(seed)

@@ -123,13 +123,15 @@ def test_what_is_no_number_is_null_and_an_angle_keeps_its_digits(worker: Worker,
     assert answer["learned"] == [True, False]
 
 
-def test_the_limit_of_outliers_is_that_of_the_settings(client: TestClient, stage: Stage) -> None:
+@pytest.mark.parametrize("lam0", [1e-12, 1.0])
+def test_the_limit_of_outliers_is_that_of_the_settings(client: TestClient, stage: Stage, lam0: float) -> None:
+    """At least that of the variance of the healthy axis."""
     model = reference_model("angle")
     axis = stage.snapshot.axes[0]
-    watched = MonitoredDrive(model, Settings(0.005, lam=0.995, lam0=1.0, outlier_limit=6.0), ())
+    watched = MonitoredDrive(model, Settings(0.005, lam=0.995, lam0=lam0, outlier_limit=6.0), ())
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, watched=watched),))
     limit = client.get(SIGNALS).json()["outlier_limit"]
-    assert limit == pytest.approx(6 * axis.status.innovation_variance**0.5)
+    assert limit == pytest.approx(6 * max(axis.status.innovation_variance, lam0) ** 0.5)
 
 
 def test_an_unknown_axis_is_refused_and_not_looked_at(worker: Worker, client: TestClient) -> None:
