@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
 from service.commands.options import (
@@ -18,7 +17,7 @@ from service.commands.options import (
     configuration,
     starting_as,
 )
-from service.commands.output_files import STDOUT, check_writable, write, write_all
+from service.commands.output_files import STDOUT, check_writable, table_console, write, write_all
 from service.commands.progress import progress_bar
 from service.config import Config
 
@@ -68,7 +67,7 @@ def replay(
             raise typer.Exit(MISTAKE)
         write_all([(report, as_html(found))])
     if json != STDOUT:
-        print_text(found, Console())
+        print_text(found, table_console())
     if json is not None:
         write(json, as_json(found))
     if any(axis.untested for axis in found.axes):
