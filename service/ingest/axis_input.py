@@ -16,6 +16,7 @@ from service.can.user_errors import IngestError
 from service.config.schema import FurtherSignalConfig, NamedAxis
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
 from service.ingest.timestamp_jitter import Stamps, stamps_of
+from service.ingest.torque_shift import TorqueShift
 
 _HELD = 4.0
 """Intervals that a value waits for its partner, where that may be held until its cycle is known."""
@@ -39,6 +40,7 @@ class AxisInput:
         self.held = [HeldSignal(source, decoder) for source in signals]
         """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
+        self._shift = TorqueShift(config)
         self.keys = {self.torque.key, self.motion.key}
         """The frames that carry values of this axis"""
         interval_s, kind = config.sample_interval_s, sampling.RECEIPT
@@ -125,7 +127,9 @@ class AxisInput:
         if not len(samples):
             return None
         t_us, torque, motion = (samples[name].copy() for name in ("t_us", "torque", "motion"))
-        return SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
+        block = SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
+        paired = self._shift.paired(block)
+        return paired if paired.size else None
 
     def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> sampling.Clock:
         if counter.key not in self.keys:
