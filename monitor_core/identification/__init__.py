@@ -48,6 +48,7 @@ from monitor_core.identification.records import (
     link_weights,
     lively_parts,
     rigid_fit,
+    samples_late,
     shown_inertia,
     speed_scales,
     stuck_spans,

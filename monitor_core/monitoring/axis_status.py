@@ -134,7 +134,7 @@ class AxisStatus:
 
 _LASTING = (
     *(NotTested.NO_SAMPLE, NotTested.UNIDENTIFIABLE, NotTested.UNCERTAIN, NotTested.BLOCKED),
-    NotTested.NO_THRESHOLD,
+    *(NotTested.NO_THRESHOLD, NotTested.WARM_UP),
 )
 """Reasons that do not change from sample to sample."""
 

@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
 from service.commands.exit_codes import explained
 from service.commands.options import AxisName, JsonFile, axis_of
-from service.commands.output_files import STDOUT, write
+from service.commands.output_files import STDOUT, table_console, write
 from service.config import given_values
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import LIBRARY, model_called, model_of_axis
@@ -62,7 +61,7 @@ def model(
         if json is not None:
             write(json, as_json(facts))
         if json != STDOUT:
-            print_text(facts, Console(highlight=False))
+            print_text(facts, table_console())
 
 
 def _check_source(drive: str | None, name: str | None, config: Path | None, axis: str | None) -> None:

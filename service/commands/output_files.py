@@ -18,6 +18,8 @@ from rich.console import Console
 from service.commands.exit_codes import MISTAKE
 
 STDOUT = Path("-")
+_WIDE = 160
+"""Characters of a line where the output is no terminal: in 80 the numbers of a table are broken."""
 
 
 class Files(NamedTuple):
@@ -53,8 +55,13 @@ class Files(NamedTuple):
         if self.json is not None:
             texts.append((self.json, as_json()))
         if self.json != STDOUT:
-            show(Console(highlight=False))
+            show(table_console())
         write_all(texts)
+
+
+def table_console() -> Console:
+    """Where the tables of results are printed."""
+    return Console(highlight=False, width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else _WIDE)
 
 
 def check_new(path: Path, force: bool) -> None:

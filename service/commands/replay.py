@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError, left_out_words
@@ -20,7 +19,14 @@ from service.commands.options import (
     configuration,
     starting_as,
 )
-from service.commands.output_files import STDOUT, check_writable, replace_text, write, write_all
+from service.commands.output_files import (
+    STDOUT,
+    check_writable,
+    replace_text,
+    table_console,
+    write,
+    write_all,
+)
 from service.commands.progress import progress_bar
 from service.config import Config
 from service.config.axis_settings import AxisError
@@ -75,7 +81,7 @@ def replay(
             raise typer.Exit(MISTAKE)
         write_all([(report, as_html(found))])
     if json != STDOUT:
-        print_text(found, Console())
+        print_text(found, table_console())
     if json is not None:
         write(json, as_json(found))
     if any(axis.untested for axis in found.axes):

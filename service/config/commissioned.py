@@ -94,7 +94,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
         for name in tables:
             table = _table(table, name)
         value = correction.value
-        table[key] = value if isinstance(value, str | bool) else float(f"{value:.10g}")
+        table[key] = value if isinstance(value, str | int) else float(f"{value:.10g}")
     return tomlkit.dumps(document)
 
 

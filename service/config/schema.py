@@ -66,6 +66,8 @@ class TorqueConfig(SignalConfig):
 
     kT_Nm_per_A: Real | None = None
     """torque constant, where the signal is the motor current: torque = kT * (factor * signal + offset) [N m/A]"""
+    late_samples: int = Field(0, ge=0, le=10, strict=True)
+    """the signal comes so many samples later than the motion that it has caused"""
 
     @property
     def scale(self) -> tuple[float, float]:

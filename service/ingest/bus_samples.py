@@ -20,6 +20,7 @@ from service.config.conditions import needed
 from service.config.schema import Config, FurtherSignalConfig, NamedAxis
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
 from service.ingest.timestamp_jitter import Stamps, stamps_of
+from service.ingest.torque_shift import TorqueShift
 
 Carried = Mapping[str, Sequence[FurtherSignalConfig]]
 """The auxiliary signals that samples carry, by axis; other axes are not read."""
@@ -141,6 +142,7 @@ class AxisInput:
         self.held = [HeldSignal(source, decoder) for source in signals]
         """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
+        self._shift = TorqueShift(config)
         self.keys = {self.torque.key, self.motion.key}
         """The frames that carry values of this axis"""
         interval_s, kind = config.sample_interval_s, sampling.RECEIPT
@@ -227,7 +229,9 @@ class AxisInput:
         if not len(samples):
             return None
         t_us, torque, motion = (samples[name].copy() for name in ("t_us", "torque", "motion"))
-        return SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
+        block = SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
+        paired = self._shift.paired(block)
+        return paired if paired.size else None
 
     def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> sampling.Clock:
         if counter.key not in self.keys:

@@ -30,6 +30,7 @@ from service.ingest.signal_roles import (
     owners_of,
     role_in,
 )
+from service.ingest.unwrap import continuous
 
 _FEWEST = 50
 """Values of a signal that can be looked at."""
@@ -190,13 +191,13 @@ def _nearest(series: Series, t: Floats) -> Floats:
 def _pairs(
     group: Mapping[str, Series], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]
 ) -> list[Pair]:
-    values = {}
+    values, t = {}, next(iter(group.values())).t
     for name, series in group.items():
         role, period = by_name.get(name), None
         if role is None or role.quantity == "angle":
             period = (role and role.wrap_period) or wrap_of(series.values)
-        values[name] = series.values if period is None else np.unwrap(series.values, period=period)
-    return axes_by_values(values, next(iter(group.values())).t, named)
+        values[name] = continuous(t, series.values, period)
+    return axes_by_values(values, t, named)
 
 
 def _looked(role: SignalRole, series: Series) -> SignalRole:

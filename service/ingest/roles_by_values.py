@@ -13,6 +13,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.identification import Record, has_wrong_sign, rigid_fit, wrap_of
 from service.ingest.roles_by_name import axis_name
+from service.ingest.unwrap import continuous
 
 _SLOPE, _SAME = 0.95, 0.99
 """Correlation of a speed with the slope of its angle, and with another speed of the same axis."""
@@ -253,8 +254,7 @@ def _pair(
     explained, turned, fastest = 0.0, False, None
     period = wrap_of(y[good]) if output == "angle" else None
     if np.count_nonzero(good) > 1:
-        motion_of = y[good] if period is None else np.unwrap(y[good], period=period)
-        record = Record(times[good], u[good], motion_of, output, torque)
+        record = Record(times[good], u[good], continuous(times[good], y[good], period), output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
         # Most pairs of columns without names have nothing to do with each other.

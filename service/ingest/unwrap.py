@@ -19,6 +19,8 @@ AMBIGUOUS = "ambiguous"
 """Reason of samples that are refused: they are half a period away from where they were expected."""
 SURE = 0.4
 """Part of a period: further away than this from where it was expected, an angle could be one of two."""
+_GAP = 10
+"""Intervals of the samples; the default of ``max_gap_s``"""
 
 
 class Motion(NamedTuple):
@@ -69,6 +71,18 @@ class Turns:
             return None
         self._last = Motion(t_us, unwrapped, (unwrapped - last.angle) / (t_us - last.t_us))
         return unwrapped
+
+
+def continuous(t: Floats, angle: Floats, period: float | None) -> Floats:
+    """Continuous angles (N,) at increasing times (N,) [s], in the unit of the signal; NaN: could be one of two."""
+    good = np.isfinite(angle)
+    if period is None or np.count_nonzero(good) < 2:
+        return angle
+    t_us = np.rint(1e6 * (t[good] - t[0])).astype(np.int64)
+    turns = Turns(period, _GAP * max(1, int(np.median(np.diff(t_us)))))
+    found = np.full(angle.shape, np.nan)
+    found[good], _ = turns.take(t_us, angle[good])
+    return found
 
 
 def turns_of(config: AxisConfig) -> Turns | None:

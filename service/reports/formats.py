@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -77,7 +77,9 @@ def for_terminal(
     """
     drawn = RichTable(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(table.titles):
-        drawn.add_column(name, justify="right" if name in right else "left", no_wrap=number < unbroken)
+        side: Literal["right", "left"] = "right" if name in right else "left"
+        # What is too wide is broken, not cut: a number without its last digits is another number.
+        drawn.add_column(name, justify=side, no_wrap=number < unbroken, overflow="fold")
     for number, row in enumerate(table.rows):
         drawn.add_row(*map(escape, row), style=styles.get(number))
     return drawn

@@ -5,6 +5,7 @@ at.  Thresholds are set so that a healthy record gives no finding: each constant
 """
 
 from monitor_core.identification.records.arm_links import link_weights
+from monitor_core.identification.records.late_torque import samples_late
 from monitor_core.identification.records.link_ratios import gear_ratios
 from monitor_core.identification.records.measured_record import UNITS, Known, Record, between, lively_parts
 from monitor_core.identification.records.motion_checks import (

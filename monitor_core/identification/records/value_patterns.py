@@ -22,6 +22,10 @@ _JUMPS = 0.5
 _SAME = 0.02
 """Relative; wraps differ by what the axis moves from one sample to the next."""
 _TURN = (360.0, 2 * np.pi, 1.0)
+_HARDLY = 0.1
+"""Of the period: what an angle that wraps moves in a sample; or, where that is more, by what it changes, .."""
+_MOSTLY = 0.95
+""".. in this part of the samples: beside a missing row an angle moves twice as far."""
 _HELD = 0.9
 """Part of the values that are held for the same number of samples, or for a multiple of it."""
 _HELD_AT_LEAST = 50
@@ -80,8 +84,11 @@ def wrap_of(angle: Floats) -> float | None:
     usual = float(np.quantile(others, 0.99)) if others.size else 0.0
     for period in (*_TURN, 2.0 ** round(float(np.log2(jumps.max())))):
         near = max(_SAME * period, 2 * usual)
-        # An angle that wraps stays within one period, and hardly moves in a sample.
-        if extent <= period * (1 + _SAME) and usual < 0.1 * period and (abs(jumps - period) < near).all():
+        # An angle that wraps stays within one period, and hardly moves in a sample; or fills it, and goes on as before.
+        changes = abs((np.diff(steps) + period / 2) % period - period / 2)
+        goes_on = extent > period * (1 - _SAME) and float(np.quantile(changes, _MOSTLY)) < _HARDLY * period
+        smooth = usual < _HARDLY * period or goes_on
+        if extent <= period * (1 + _SAME) and smooth and (abs(jumps - period) < near).all():
             return float(period)
     return None
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import Record, rigid_fit, speed_scales, suspicions, wrap_of
+from monitor_core.identification import Record, rigid_fit, samples_late, speed_scales, suspicions, wrap_of
 from monitor_core.wording import sentence
 from service.can.messages import find_counter
 from service.commands.commissioning.checked_axis import Checked, moves
@@ -328,6 +328,18 @@ def _wrap(checked: Checked) -> Iterator[Correction]:
 _TURNS = {360.0: "degrees", 1.0: "revolutions"}
 
 
+def _late(checked: Checked) -> Iterator[Correction]:
+    """The torque comes later than the motion that it has caused."""
+    if found := samples_late(checked.records):
+        config = checked.axis.config
+        reason = sentence(
+            "late torque",
+            "the torque comes {seconds} s later than the motion that it has caused, as a filtered current does",
+            seconds=f"{found * config.sample_interval_s:.3g}",
+        )
+        yield Correction(("torque", "late_samples"), config.torque.late_samples + found, reason)
+
+
 def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
     return (correction for check in checks for correction in check(checked))
 
@@ -335,4 +347,4 @@ def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
 _Check = Callable[[Checked], Iterator[Correction]]
 _FIRST_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches, _wrap)
 """Before faults are looked for: an angle that jumps back looks like one that is stuck in between."""
-_SIGNAL_CHECKS: tuple[_Check, ...] = (by_name, _sign, by_ratio, by_weight, by_inertia, by_speed)
+_SIGNAL_CHECKS: tuple[_Check, ...] = (by_name, _sign, _late, by_ratio, by_weight, by_inertia, by_speed)

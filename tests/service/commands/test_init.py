@@ -64,6 +64,25 @@ def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> Non
     assert (axis.config.torque.factor, axis.config.angle.wrap_period) == (-1, 360)
 
 
+def test_a_fast_motor_angle_of_a_slow_recorder(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every 12 ms, at up to 1400 turns a minute, rows missing: it moves a hundred degrees in a sample."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(seed)
+    t = np.arange(5000) * 0.012
+    accelerations = np.repeat(rng.uniform(-300, 300, 250), 20)
+    speed = 150 * np.sin(np.cumsum(accelerations) * 0.012 / 150)
+    torque = 0.004 * np.gradient(speed, t) + 0.002 * speed + 0.1 * np.tanh(speed)
+    rows = np.column_stack([t * 1e3, torque, np.degrees(np.cumsum(speed) * 0.012) % 360])
+    kept = rows[rng.random(len(rows)) > 0.004]
+    np.savetxt("plc.csv", kept, "%.6g", ",", header="TimeMs,Current [A],MotorAngle [deg]", comments="")
+    shown("init", "plc.csv")
+    (axis,) = load(Path("axis.toml")).axes
+    assert axis.config.angle is not None
+    assert (axis.config.torque.factor, axis.config.angle.wrap_period) == (1, 360)
+
+
 def test_values_alone(record: Path) -> None:
     """Without names, times in milliseconds, one torque turned, a speed beside its angle, a wanted angle."""
     rows = np.loadtxt(record, delimiter=",", skiprows=1)

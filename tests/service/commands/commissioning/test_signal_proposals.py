@@ -15,6 +15,7 @@ from service.commands.commissioning.signal_proposals import exchanged, review
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
 from tests.service.commands.commissioning.test_commission import AXIS, FEW, VALUES, H, table
+from tests.service.commands.moving_axes import moves
 
 ROBOT = "[[robot]]\nname = 'cell'\n"
 NOMINAL = ", ".join(f"{name} = {value}" for name, value in VALUES.items())
@@ -72,6 +73,17 @@ def test_each_mistake_is_put_right(
     assert [correction.value for correction in found] == pytest.approx(
         [value for _, value in right], rel=1e-3
     )
+
+
+def test_a_torque_that_comes_late_is_taken_with_its_motion(tmp_path: Path, seed: int) -> None:
+    axis, late = moves("one-mass", seed, 60.0), 2
+    rows = np.column_stack([axis.t[late:], axis.torque[:-late], axis.angle[late:]])
+    np.savetxt(tmp_path / "late.csv", rows, "%.9g", ",", header="t,u,y", comments="")
+    keys = f"sample_interval_s = {H}\ntime = {{ column = 't' }}\nangle = {{ column = 'y' }}\n"
+    model = "model = { drive = 'one-mass', monitor = ['kT', 'fc', 'fm'], nominal = { kT = 1 } }\n"
+    text = f"{ROBOT}[[robot.axis]]\nname = 'a1'\n{keys}torque = {{ column = 'u' }}\n{model}"
+    (found,) = review(text, "cell.a1", [str(tmp_path / "late.csv")], tmp_path).corrections
+    assert (found.change, found.key) == ("torque.late_samples = 2", ("torque", "late_samples"))
 
 
 def test_a_record_in_which_the_axis_stands_is_left_out(
