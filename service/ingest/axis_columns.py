@@ -98,7 +98,9 @@ class AxisColumns:
         # A row without a sample may still hold a signal, such as a temperature in a row of its own.
         held_us = np.where(timed & looked_at, time_us, np.nan)
         signals = self._held.take(held_us, rows.columns)[index] if self._held else None
-        return self._shift.paired(SampleBlock(t_us[later], torque[index], motion[index], signals=signals))
+        block = self._shift.paired(SampleBlock(t_us[later], torque[index], motion[index], signals=signals))
+        self.dropped["unpaired"] = self._shift.unpaired
+        return block
 
     def quantities(self, rows: Rows) -> tuple[Floats, Floats]:
         """Torque and motion in these rows, in SI units."""

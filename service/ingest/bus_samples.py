@@ -178,7 +178,8 @@ class AxisInput:
     @property
     def dropped(self) -> Mapping[str, int]:
         """Values that became no sample, by monitor_core.sampling.DROP_REASONS."""
-        return self._stream.pairing.counts
+        counts = self._stream.pairing.counts
+        return counts | {"unpaired": counts["unpaired"] + self._shift.unpaired}
 
     @property
     def events(self) -> Mapping[str, int]:

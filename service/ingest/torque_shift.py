@@ -14,12 +14,14 @@ _NEAR = 0.5
 class TorqueShift:
     """The samples of an axis with the torque that comes ``late_samples`` later, block by block.
 
-    The last samples wait for their torque.  One whose torque is missing is left out, as if it had not come.
+    The last samples wait for their torque.  One whose torque is missing is left out, and counted.
     """
 
     def __init__(self, config: AxisConfig) -> None:
         self._late, self._interval_us = config.torque.late_samples, 1e6 * config.sample_interval_s
         self._waiting: list[SampleBlock] = []
+        self.unpaired = 0
+        """Samples whose torque is missing"""
 
     def paired(self, block: SampleBlock) -> SampleBlock:
         """The samples whose torque is now known."""
@@ -30,4 +32,6 @@ class TorqueShift:
         self._waiting = [known.select(slice(paired, None))]
         motion, torque = known.select(slice(paired)), known.select(slice(self._late, None))
         apart = (torque.t_us - motion.t_us) / self._interval_us - self._late
-        return motion._replace(u=torque.u).select(np.abs(apart) < _NEAR)
+        pairs = np.abs(apart) < _NEAR
+        self.unpaired += int(np.count_nonzero(~pairs))
+        return motion._replace(u=torque.u).select(pairs)

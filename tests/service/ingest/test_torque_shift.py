@@ -38,4 +38,5 @@ def test_each_motion_has_the_torque_that_came_later(seed: int) -> None:
     np.testing.assert_array_equal(found.signals[:, 0], found.y)
     # Only what is missing, and the samples whose torque is, are left out.
     assert found.size > N - LATE - 3 * 10
+    assert found.size + shift.unpaired == come.size - LATE
     assert TorqueShift(axis(0)).paired(sent) is sent
