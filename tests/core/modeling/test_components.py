@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.modeling.components import KINDS, Fragment, Kind, fragment, join
+from monitor_core.modeling.components import KINDS, Fragment, fragment, join
+from monitor_core.modeling.components.component_kinds import Kind
 from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
