@@ -51,7 +51,7 @@ class AxisSnapshot:
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (monitor_core.sampling.DROP_REASONS)"""
     clock: Mapping[str, int]
-    """How often the time line of the samples restarted, by cause (service.ingest.bus_samples.AxisInput.events)"""
+    """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
     gated_by: str = ""
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
     outside_calibration: tuple[str, ...] = ()
