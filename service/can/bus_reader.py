@@ -69,9 +69,10 @@ class FrameQueue:
 
 
 @dataclass(frozen=True, slots=True)
-class ReaderStats:
-    """State and counters of a bus.  ``state``: "up", "down: ..." with the reason, or "closed"."""
+class BusSnapshot:
+    """One bus: its state in words ("up", "down: ...", "closed"), frames received, frames dropped by reason."""
 
+    name: str
     state: str
     frames: int
     dropped: Mapping[str, int]
@@ -145,9 +146,10 @@ class CanReader:
         """About ``most`` of the waiting frames, oldest first; empty when there are none."""
         return self._queue.take(most)
 
-    def stats(self) -> ReaderStats:
+    def stats(self) -> BusSnapshot:
         """State and counters now."""
-        return ReaderStats(
+        return BusSnapshot(
+            self._config.name,
             self._state,
             self._frames,
             MappingProxyType(self._dropped.copy()),

@@ -11,7 +11,8 @@ from service.can.frames import FrameKey
 from service.can.messages import CodingError, Message, Signal
 from service.can.user_errors import IngestError
 from service.config.schema import Config
-from service.ingest.bus_samples import AxisInput, Ingest
+from service.ingest.axis_input import AxisInput
+from service.ingest.bus_samples import Ingest
 from service.ingest.quantities import Quantity
 
 Raw = dict[str, int | float]

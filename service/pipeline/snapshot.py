@@ -9,6 +9,7 @@ from monitor_core.modeling import FlatComponent
 from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
 from monitor_core.settings import Settings
 from monitor_core.wording import sentence
+from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
@@ -50,7 +51,7 @@ class AxisSnapshot:
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (monitor_core.sampling.DROP_REASONS)"""
     clock: Mapping[str, int]
-    """How often the time line of the samples restarted, by cause (service.ingest.bus_samples.AxisInput.events)"""
+    """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
     gated_by: str = ""
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
     outside_calibration: tuple[str, ...] = ()
@@ -71,23 +72,6 @@ class AxisSnapshot:
     """Since when, by whom and why its alarms are not announced; None: they are"""
     watched: MonitoredDrive | None = None
     """Model and settings of its monitor; None: not known"""
-
-
-@dataclass(frozen=True, slots=True)
-class BusSnapshot:
-    """One bus: its state in words ("up", "down: ..."), frames received, frames dropped by reason."""
-
-    name: str
-    state: str
-    frames: int
-    dropped: Mapping[str, int]
-    reader: str = ""
-    """How its frames are received"""
-
-    @property
-    def up(self) -> bool:
-        """Whether frames can be received."""
-        return self.state == "up"
 
 
 GIVE_UP_REASONS = ("age", "refused")

@@ -10,6 +10,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from time import perf_counter, thread_time
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -17,7 +18,7 @@ import structlog
 
 from monitor_core.monitoring import AlarmRules
 from monitor_core.wording import sentence
-from service.can.bus_reader import ReaderStats
+from service.can.bus_reader import BusSnapshot
 from service.can.frames import FrameBlock
 from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
@@ -28,7 +29,7 @@ from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.giving_way import giving_way
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
-from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, Snapshot, out_of_service
+from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 
@@ -68,7 +69,7 @@ class Reader(Protocol):
     def take(self, most: int = 4096) -> FrameBlock:
         """About that many of the waiting frames, oldest first."""
 
-    def stats(self) -> ReaderStats:
+    def stats(self) -> BusSnapshot:
         """State and counters."""
 
 
@@ -94,8 +95,7 @@ class BusIntake:
             self._state = stats.state
             say = log.info if stats.up or stats.state == "closed" else log.error
             say("bus", bus=self.name, state=stats.state)
-        dropped = {**stats.dropped, **self._ingest.dropped}
-        return BusSnapshot(self.name, stats.state, stats.frames, dropped, stats.reader)
+        return replace(stats, name=self.name, dropped={**stats.dropped, **self._ingest.dropped})
 
 
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)

@@ -23,7 +23,8 @@ from service.config import Config, NamedAxis
 from service.config.bus_messages import messages_of
 from service.config.commissioned import corrected
 from service.config.unit_names import UNITS
-from service.ingest.bus_samples import AxisInput, Ingest
+from service.ingest.axis_input import AxisInput
+from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import Loaded, load
 from service.ingest.timestamp_jitter import remarks
 

@@ -29,7 +29,7 @@ from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
 if TYPE_CHECKING:
-    from service.ingest.bus_samples import AxisInput
+    from service.ingest.axis_input import AxisInput
     from service.ingest.loaded_records import Loaded
 
 LOOK_S = 10.0

@@ -18,7 +18,7 @@ from monitor_core.sampling import (
 from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE, count_time, read_cycle, release_held
 from monitor_core.sampling.pairing import MOTION, NO_TIME, SAMPLE, TORQUE, add_pair, add_value, flush_pairing
 from monitor_core.sampling.stamp_meter import frame_received, sample_timed
-from service.ingest.bus_samples import pairing_of
+from service.ingest.axis_input import pairing_of
 from service.ingest.timestamp_jitter import Clock, Stamps, stamps_of
 
 Kind = Literal["torque", "motion"]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from service.can.bus_reader import ReaderStats
+from service.can.bus_reader import BusSnapshot
 from service.can.frames import Frame, FrameBlock
 from service.commands.exit_codes import OK
 from service.config import AxisConfig, Config, load
@@ -107,5 +107,5 @@ class Waiting:
         taken, self.frames = self.frames[:most], self.frames[most:]
         return FrameBlock.from_frames(taken)
 
-    def stats(self) -> ReaderStats:
-        return ReaderStats("up", self.received, {"queue_full": 0})
+    def stats(self) -> BusSnapshot:
+        return BusSnapshot("can0", "up", self.received, {"queue_full": 0})

@@ -25,6 +25,7 @@ from monitor_core.monitoring import (
 from monitor_core.monitoring.axis_status import DetectorStatus
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
+from service.can.bus_reader import BusSnapshot
 from service.config import load
 from service.config.drive_sources import shipped
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
@@ -35,7 +36,6 @@ from service.pipeline.recording import Extracts
 from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import (
     AxisSnapshot,
-    BusSnapshot,
     Histogram,
     LinkSnapshot,
     Snapshot,

@@ -8,8 +8,9 @@ from playwright.sync_api import Page, expect
 from monitor_core.detection import TORQUE_SIGN, Alarm, Cause
 from monitor_core.monitoring import AlarmEvent
 from monitor_core.wording import sentence
+from service.can.bus_reader import BusSnapshot
 from service.links.delivery import answers
-from service.pipeline.snapshot import BusSnapshot, Snapshot
+from service.pipeline.snapshot import Snapshot
 from service.store.alarm_transitions import Note
 from service.web.models import sentence_bodies
 from tests.end_to_end.processes import PATIENCE_S

@@ -1,0 +1,162 @@
+"""Input of one axis from its bus: decoded messages of a block of frames in, a block of samples out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core import sampling
+from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
+from service.can.decoder import Decoded, Decoder
+from service.can.frames import FrameKey
+from service.can.messages import DescriptionError, find_counter
+from service.can.user_errors import IngestError
+from service.config.schema import FurtherSignalConfig, NamedAxis
+from service.ingest.quantities import HeldSignal, Quantity, quantity_of
+from service.ingest.timestamp_jitter import Stamps, stamps_of
+from service.ingest.torque_shift import TorqueShift
+
+_HELD = 4.0
+"""Intervals that a value waits for its partner, where that may be held until its cycle is known."""
+
+
+class AxisInput:
+    """Samples of one axis from the decoded messages of its bus, with these auxiliary signals.
+
+    The decoder of the bus is asked for the signals of this axis.
+
+    Raises:
+        DescriptionError: the bus has no such message or signal.
+        IngestError: the counter or the tolerance of this axis cannot be used.
+    """
+
+    def __init__(self, axis: NamedAxis, decoder: Decoder, signals: Iterable[FurtherSignalConfig]) -> None:
+        config = axis.config
+        self.id = axis.id
+        self.torque = quantity_of("torque", config.torque, decoder)
+        self.motion = quantity_of(config.output, config.motion, decoder)
+        self.held = [HeldSignal(source, decoder) for source in signals]
+        """Auxiliary signals that its samples carry, in this order."""
+        self.counter: Quantity | None = None
+        self._shift = TorqueShift(config)
+        self.keys = {self.torque.key, self.motion.key}
+        """The frames that carry values of this axis"""
+        interval_s, kind = config.sample_interval_s, sampling.RECEIPT
+        clocks = sampling.counter_clock(interval_s, 1), sampling.counter_clock(interval_s, 1)
+        message, signal = config.time.counter_message, config.time.counter_signal
+        if message and signal:
+            self.counter = Quantity("counter", decoder.want(message, signal), message, signal)
+            kind, clocks = sampling.COUNTER, (self._counting(self.counter, decoder, interval_s), clocks[1])
+        elif config.time.clock == "cyclic":
+            kind, clocks = (
+                sampling.CYCLIC,
+                (sampling.cyclic_clock(interval_s), sampling.cyclic_clock(interval_s)),
+            )
+        patience = _HELD if config.time.clock == "cyclic" else 1.0
+        try:
+            pairing = pairing_of(
+                interval_s, config.pairing_tolerance_s, config.max_gap_s, patience, config.output
+            )
+        except IngestError as error:
+            raise IngestError(f"axis {axis.id}: {error}") from None
+        bits = sampling.HAS_TORQUE, sampling.HAS_MOTION, sampling.HAS_COUNT
+        self._columns = tuple(zip(self.sampled, ("torque", "motion", "counter"), bits, strict=False))
+        """Each quantity with its column and its bit in FRAME"""
+        self._stream = sampling.Stream(
+            kind, clocks, pairing, sampling.new_meter(interval_s), sampling.new_scratch()
+        )
+
+    @property
+    def sampled(self) -> tuple[Quantity, ...]:
+        """Torque, motion, and the counter, where there is one."""
+        return (self.torque, self.motion, *([self.counter] if self.counter else []))
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """Values that became no sample, by monitor_core.sampling.DROP_REASONS."""
+        counts = self._stream.pairing.counts
+        return counts | {"unpaired": counts["unpaired"] + self._shift.unpaired}
+
+    @property
+    def events(self) -> Mapping[str, int]:
+        """Restarts of the time line: clock_reanchored (counter, fitted clock), clock_set_back (receipt)."""
+        reanchored = max(clock.reanchored for clock in self._stream.clocks)
+        return {"clock_reanchored": reanchored, "clock_set_back": self._stream.pairing.set_back}
+
+    @property
+    def stamps(self) -> Stamps:
+        """Scatter of the time stamps."""
+        stream = self._stream
+        if stream.clock == sampling.CYCLIC:
+            return stamps_of(stream.meter, "cyclic", sampling.cyclic_interval_s(stream.clocks[1]))
+        if stream.clock == sampling.COUNTER:
+            return stamps_of(stream.meter, "counter", sampling.counted_interval_s(stream.clocks[0]))
+        return stamps_of(stream.meter, "receipt")
+
+    def take(self, decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
+        """Take the messages in a block of frames; returns the samples that are now complete, if there are any."""
+        parts = [self._values(key, decoded[key]) for key in self.keys if key in decoded]
+        if not parts:
+            return self._block(sampling.room_for_samples(self._stream, 0)[:0], decoded)
+        values = parts[0]
+        if len(parts) > 1:
+            values = np.concatenate(parts)
+            values = values[values["place"].argsort()]
+        samples = sampling.room_for_samples(self._stream, len(values))
+        return self._block(samples[: sampling.take_frames(self._stream, values, samples)], decoded)
+
+    def _values(self, key: FrameKey, found: Decoded) -> NDArray[np.void]:
+        """The values in the frames of a message."""
+        values = np.zeros(len(found.places), sampling.FRAME)
+        values["place"], values["received_us"] = found.places, found.t_us
+        for quantity, name, bit in self._columns:
+            if quantity.key == key:
+                values[name], present = quantity.column(found.signals)
+                values["has"] += np.uint8(bit) * present  # each bit once
+        return values
+
+    def flush(self) -> SampleBlock | None:
+        """End of the frames: the samples of held values; values without a partner are counted."""
+        samples = sampling.room_for_samples(self._stream, 0)
+        return self._block(samples[: sampling.flush_frames(self._stream, samples)], {})
+
+    def _block(self, samples: NDArray[np.void], decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
+        """The samples with the auxiliary signals of the frames that completed them."""
+        held = [held.take(decoded, samples["place"], samples["received_us"]) for held in self.held]
+        if not len(samples):
+            return None
+        t_us, torque, motion = (samples[name].copy() for name in ("t_us", "torque", "motion"))
+        block = SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
+        paired = self._shift.paired(block)
+        return paired if paired.size else None
+
+    def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> sampling.Clock:
+        if counter.key not in self.keys:
+            raise IngestError(
+                f"axis {self.id}: counter_message is {counter.message}, but the counter must be in the "
+                f"message of the torque, {self.torque.message}, or of the {self.motion.name}, "
+                f"{self.motion.message}"
+            )
+        try:
+            _, signal = find_counter(decoder.known, counter.message, counter.signal)
+        except DescriptionError as error:
+            raise IngestError(f"axis {self.id}: {error}") from None
+        return sampling.counter_clock(interval_s, signal.length, signal.offset)
+
+
+def pairing_of(
+    interval_s: float, tolerance_s: float, max_gap_s: float, patience: float = 1.0, motion: str = "angle"
+) -> sampling.Pairing:
+    """The pairing of an axis; see monitor_core.sampling.new_pairing.
+
+    Raises:
+        IngestError: the tolerance is not below half an interval.
+    """
+    if not 0 < tolerance_s < interval_s / 2:
+        raise IngestError(
+            f"pairing_tolerance_s = {tolerance_s:g} must be below half of sample_interval_s = {interval_s:g}"
+        )
+    limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[motion]
+    return sampling.new_pairing(interval_s, tolerance_s, max_gap_s, patience, limits)
