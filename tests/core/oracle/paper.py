@@ -263,7 +263,7 @@ class Paper:
         """Whether it is an outlier, whether it is passed over (three in a row, and one in fifty), what is believed."""
         if self.s.outlier_limit == 0:
             return False, False, eps
-        limit = self.s.outlier_limit * math.sqrt(self.running * known)
+        limit = self.s.outlier_limit * math.sqrt(max(self.running, self.s.lam0) * known)
         out = abs(eps) > limit
         self.in_a_row = self.in_a_row + 1 if out else 0
         self.credit = min(self.credit + 0.02, 3.0)
