@@ -74,7 +74,8 @@ def commission(
     Writes DIR/axiswatch.toml, which `replay` and `run` take as it is, the nominal values and thresholds that it names,
     and DIR/report.html: what is found how soon on each axis, what is not, and the next step. What the records show to
     be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
-    again. The exit code is 5 where an axis could not be commissioned, 2 where none could.
+    again. The exit code is 5 where an axis could not be commissioned, or `replay` tests nothing of it in these
+    records, 2 where none could.
     """
     from service.commands.commissioning.live_recording import record_live, recorded
 
@@ -121,7 +122,7 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
         raise typer.Exit(FAULT)
     if not any(outcome.found for outcome in outcomes):
         raise typer.Exit(MISTAKE)
-    if any(outcome.refusal for outcome in outcomes):
+    if any(outcome.refusal or outcome.is_blind for outcome in outcomes):
         raise typer.Exit(NOT_TESTED)
 
 

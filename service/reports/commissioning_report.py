@@ -33,6 +33,8 @@ class Outcome:
     within_s: float = 0.0
     smallest: tuple[tuple[str, float | None, float | None], ...] = ()
     """By parameter, the smallest changes up and down that are found within that time"""
+    untested: tuple[str, ...] = ()
+    """Parameters that `replay` would not test in these very records"""
     refusal: str = ""
     """Why the axis has no nominal values, or no thresholds; empty: it has both"""
     pages: tuple[str, ...] = ()
@@ -49,8 +51,8 @@ class Outcome:
 
     @property
     def finds(self) -> dict[str, float]:
-        """By parameter, the smallest change that is found in time in either direction."""
-        sizes = {name: (up, down) for name, up, down in self.smallest}
+        """By parameter that is tested, the smallest change that is found in time in either direction."""
+        sizes = {name: (up, down) for name, up, down in self.smallest if name not in self.untested}
         return {
             name: max(abs(up), abs(down))
             for name, (up, down) in sizes.items()
@@ -69,10 +71,17 @@ class Outcome:
         return f"{words}; as far as was tried, not {', '.join(rest)}." if rest else f"{words}."
 
     @property
+    def is_blind(self) -> bool:
+        """Whether nothing would be tested in its own records."""
+        return bool(self.untested) and set(self.watched) <= set(self.untested)
+
+    @property
     def state(self) -> str:
         """Whether it is ready, and else why not."""
         if self.refusal:
             return self.refusal
+        if self.is_blind:
+            return "nothing is tested in its own records"
         none = self.smallest and all(up is None and down is None for _, up, down in self.smallest)
         return f"no change that was tried is found within {self.within_s:.3g} s" if none else READY
 

@@ -44,6 +44,7 @@ from service.config import AxisConfig, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of
 from service.ingest.axis_records import sha256_of, wanted
+from service.ingest.records import read_record
 from service.reports import calibration_files, identification_html
 from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv
@@ -51,6 +52,7 @@ from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
 from service.reports.identification_report import IdentificationReport, verdict_line
 from service.reports.outlook_words import missing_words
+from service.texts.not_tested_words import not_tested_sentences
 
 _MISTAKES = (
     *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError),
@@ -103,6 +105,8 @@ def commission_axis(
     outcome = _identified(order, text, first, progress)
     if outcome.found is not None:
         outcome = _calibrated(order, text, outcome, progress)
+        if outcome.thresholds_file is not None:
+            outcome = _replayed(order, text, outcome, progress)
         _, axis = configured(text, name, order.folder)
         outcome = replace(outcome, notes=(*outcome.notes, *unmonitored_words(axis.config, outcome.watched)))
     replace_text(kept, json.dumps({"digest": digest, "outcome": asdict(outcome)}, indent=1) + "\n")
@@ -268,6 +272,26 @@ _MOST_REMEDIES = 5
 """One refusal may come after the other."""
 
 
+def _replayed(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
+    """With the parameters that the daemon would not test in these records: it does not know how warm the axis is."""
+    from service.pipeline.axis_monitors import AxisMonitors
+    from service.reports.replay_result import Replay
+
+    assert outcome.found is not None
+    own = commissioned(corrected(text, order.axis_id, outcome.corrections), {order.axis_id: outcome.found})
+    config, _ = configured(own, order.axis_id, order.folder)
+    replay = Replay(AxisMonitors(config.axes), config, drawn=False)
+    for name in order.records:
+        replay.add(
+            read_record(wanted(name).path, config), partial(progress, "calibrate", "replaying the records")
+        )
+    (axis,) = replay.result(order.records, "").axes
+    untested = tuple(parameter for names in axis.untested.values() for parameter in names)
+    sentences = not_tested_sentences(axis.untested, axis.status, axis.snapshot.gated_by)
+    words = tuple(f"In its own records {sentence}." for sentence in sentences)
+    return replace(outcome, untested=untested, notes=(*outcome.notes, *words))
+
+
 def _within(phase: str, progress: Progress) -> Callable[[str, float, float], None]:
     return lambda work, done, total: progress(phase, work, done / total if total else 0.0)
 
@@ -289,7 +313,7 @@ def _read(kept: Path, digest: str, folder: Path) -> Outcome | None:
         fields = content["outcome"]
         fields["corrections"] = tuple(Correction(tuple(key), *rest) for key, *rest in fields["corrections"])
         fields["smallest"] = tuple(tuple(row) for row in fields["smallest"])
-        for name in ("watched", "notes", "pages", "lost", "excite"):
+        for name in ("watched", "untested", "notes", "pages", "lost", "excite"):
             fields[name] = tuple(fields[name])
         outcome = Outcome(**fields)
     except (OSError, ValueError, KeyError, TypeError):

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
+from monitor_core.monitoring import axis_status
 from service.commands import commission, output_files
 from service.commands.commissioning import axis_processes
 from service.commands.commissioning.signal_proposals import review
@@ -141,6 +142,21 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: p
     found = axiswatch("replay", faulty, "--config", folder / "made" / "axiswatch.toml")
     assert found.exit_code == 0, found.output
     assert "kT" in found.output.split("Alarms")[1]
+
+
+def test_an_axis_that_is_not_tested_in_its_own_records_is_not_ready(
+    folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(axis_status, "MIN_TESTED_MEMORIES", 1e6)
+    record = table(folder / "healthy.csv", seed, 25.0)
+    config = configured(folder / "robot.toml", AXIS.format(n=1, interval=H))
+    result = axiswatch("commission", record, "--config", config, "--output", "made", "--yes")
+    assert result.exit_code == NOT_TESTED, result.output
+    page = (folder / "made" / "report.html").read_text(encoding="utf-8")
+    assert "0 of 1 axis ready." in page
+    assert "nothing is tested in its own records" in page
+    assert "In its own records kT and fm are not tested: " in page
+    assert load(folder / "made" / "axiswatch.toml").axes
 
 
 FULL = OSError(28, "No space left on device", "made/cell.a1.json")
