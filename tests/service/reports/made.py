@@ -34,7 +34,8 @@ def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
     """The three-mass drive of the paper, with a note and other counts of its elimination."""
     note = "the angle of the whole drive cannot be seen by a speed sensor: it is no state"
     report = Report(flat_equations=71, flat_states=11, remaining_equations=6)
-    return replace(model_called("three-mass", None, output).space, name=name, notes=(note,), report=report)
+    drawn = model_called(str(ROOT / "config" / "drives" / "three_mass.mo"), None, output)
+    return replace(drawn.space, name=name, notes=(note,), report=report)
 
 
 def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:
