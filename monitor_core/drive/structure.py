@@ -221,10 +221,9 @@ class Drive:
         return self._drives_only(name, (ONE,))
 
     def _drives_only(self, name: str, kinds: Sequence[int]) -> bool:
-        powers = {(t.matrix, t.col): dict(t.powers)[name] for t in self.terms if name in dict(t.powers)}
-        return bool(powers) and all(
-            matrix == "B" and self.inputs[col] in kinds and power == 1
-            for (matrix, col), power in powers.items()
+        found = [(term, power) for term in self.terms for factor, power in term.powers if factor == name]
+        return bool(found) and all(
+            term.matrix == "B" and self.inputs[term.col] in kinds and power == 1 for term, power in found
         )
 
     def with_load(self, offset: str) -> Drive:
