@@ -128,7 +128,7 @@ def test_the_drive_its_signals_and_its_bode_plot_which_are_asked_for_once_they_a
     add_samples(stage)
     for plot in ("Motor torque [N m]", "Measured and predicted motion [rad]", "Prediction error [rad]"):
         expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
-    expect(page.get_by_text("limit of outliers (± 0.007")).to_be_visible()
+    expect(page.get_by_text("limit of outliers (± 6.000")).to_be_visible()
     page.get_by_role("button", name="Bode plot").click()
     # The first answer loads a part of the program; the page asks again.
     expect(page.get_by_text("Largest change of the magnitude: −2.")).to_be_visible(timeout=60_000)
