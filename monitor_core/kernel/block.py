@@ -21,7 +21,7 @@ from monitor_core.kernel.admission import (
     hold_inputs,
     restart_predictor,
 )
-from monitor_core.kernel.compile import compile_part, entry, kernel, part
+from monitor_core.kernel.compile import compile_part, entry, kernel, outlined
 from monitor_core.kernel.cusum import Events
 from monitor_core.kernel.evidence import EvidenceColumns, Kept, count_until_kept
 from monitor_core.kernel.friction import MiddleSpeed, hold_friction
@@ -46,7 +46,7 @@ from monitor_core.kernel.state import (
     kernel_state_views,
     state_views,
 )
-from monitor_core.kernel.tables import Tables
+from monitor_core.kernel.tables import Product, Tables
 from monitor_core.kernel.taylor_series import SECTIONS
 from monitor_core.kernel.update import Work, update_estimates, update_tests
 from monitor_core.kernel.work_arrays import (
@@ -117,7 +117,7 @@ def _take(
         weight[a] = samples.weight[k, a0 + a] if samples.weight.shape[0] else math.nan
 
 
-@part
+@outlined
 def _record(lanes: Any, k: int, a0: int, w: Work, st: State, to: Trace) -> None:
     theta, P, g = st.theta, st.P, st.g
     for a in range(min(len(lanes), to.eps.shape[1] - a0)):
@@ -133,6 +133,41 @@ def _record(lanes: Any, k: int, a0: int, w: Work, st: State, to: Trace) -> None:
             to.g[k, 1, i, b] = g[1, i, a]
             to.shift[k, i, b] = st.shift[i, a]
             to.observed[k, i, b] = st.observed[i, a]
+
+
+class Propagation(NamedTuple):
+    """Arrays of the propagation from one sample to the next, and of its inputs; X, G, V are there flat, too."""
+
+    X: Floats  # (p n + n, W) z and x
+    G: Floats  # (p n + n, W) what the inputs add
+    V: Floats  # (slots + 1, W) entries of A, B, C and their derivatives
+    X_flat: Floats
+    G_flat: Floats
+    V_flat: Floats
+    work: Floats
+    more: Floats
+    K: Floats  # (n, W) filter gain
+    u: Floats  # (W,) torque
+    u_first: Floats  # (m, W) inputs before the delay
+    acting: Floats  # (m, W) inputs
+    du: Floats  # (p, m, W) their derivatives
+    weight: Floats  # (W,) torque of the weight
+    steps: Ints  # (W,) substeps
+    terms: Ints  # (W,) terms of the series
+    norm: Floats  # (W,)
+    middle: MiddleSpeed
+
+
+class Intervals(NamedTuple):
+    """Parts of the interval before a sample, (W,) each."""
+
+    h: Floats  # s
+    first: Floats  # until the delayed torque changes, s
+    before: Floats  # before the mean begins, s
+    over: Floats  # of the mean, s
+    ago: Floats  # since the last correction
+    lost: Ints  # whether the mean is lost
+    is_first: Ints  # whether it is the first sample after settling
 
 
 @entry
@@ -165,91 +200,110 @@ def run(
     for a0 in range(0, F.shape[1], W):
         # The arrays are made here, and not passed in: so the compiler knows that they do not overlap.
         C_, F_, I_ = take_columns(C, a0, W), take_columns(F, a0, W), take_columns(I, a0, W)
-        con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, n, p, T.m)
-        X, G, V = table(z + n, W), table(z + n, W), table(T.slots + 1, W)
-        X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
-        work, more = (
-            floats(SECTIONS * n * T.product.blocks * wide),
-            floats(max(T.product.more_slot.size, 4 * wide)),
-        )
-        psi, Ppsi, d, nu, moved = table(p, W), table(p, W), table(p, W), table(p, W), table(p, W)
-        tested, u_first, K = flags(p, W), table(T.m, W), table(n, W)
-        acting, du = table(T.m, W), table(p * T.m, W).reshape(p, T.m, W)
-        u, y, h, h_first, h_before = floats(W), floats(W), floats(W), floats(W), floats(W)
-        over, ago, lam, share, norm = floats(W), floats(W), floats(W), floats(W), floats(W)
-        yhat, eps, believed, S, weight = floats(W), floats(W), floats(W), floats(W), floats(W)
-        t, steps, terms, hit, fit, lost, until = ints(W), ints(W), ints(W), ints(W), ints(W), ints(W), ints(W)
-        mode, moves, learns, tracks, first = ints(W), ints(W), ints(W), ints(W), ints(W)
-        theta, joint, drift = st.theta, any_positive(con.joint), any_positive(con.drift)
-        delay = theta[T.late] if T.late >= 0 else con.delay
+        roles = Roles(ints(W), ints(W), ints(W), ints(W))
+        w = Work(roles, ints(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W),
+                 table(p, W), table(p, W), table(p, W), table(p, W), table(p, W), ints(W), ints(W), ints(W),
+                 flags(p, W), (table(p, p), table(p, p), table(p, p)))  # fmt: skip
         # These are computed later in each sample: until then they are scratch.
-        middle = MiddleSpeed(table(T.m, W), yhat, eps, S, believed, psi, Ppsi, moved)
-        roles, timing = (
-            Roles(mode, moves, learns, tracks),
-            Timing(con.gap_us, con.settle_us, con.interval, con.lost_us),
-        )
-        w = Work(roles, t, y, yhat, eps, believed, S, lam, share, psi, Ppsi, moved, d, nu, hit, fit, until, tested,
-                 (table(p, p), table(p, p), table(p, p)))  # fmt: skip
-        count_until_kept(lanes, con.span, st.learned, until)
-        copy_rows(con.V0, V)
-        copy_rows(st.z, X)
-        copy_rows(st.x, X[z:])
-        # One line for each step of the recursion.
-        # fmt: off
-        for k in range(largest(samples.number, a0, len(lanes))):
-            _take(lanes, k, a0, samples, t, u, y, weight, roles)
-            moving = classify_sample(lanes, t, u, y, timing, st.t, st.settled, st.seed_left, st.counts, mode, h)
-            if samples.shift.shape[0]:
-                follow_conditions(lanes, k, a0, samples.shift, con.lower, con.upper, st.shift, theta, st.theta_seen,
-                                  mode)
-            if samples.gate.shape[0]:
-                close_gate(lanes, k, a0, samples.gate, mode)
-            if moving:
-                time_since_correction(lanes, con.interval, h, st.in_a_row, ago)
-                interval_gain(lanes, con.interval, con.lam, con.K, h, ago, lam, K)
-                gain_of_speed(lanes, timing, con.rest, con.rigid, t, st.settled, h, mode, first, K)
-                if drift:
-                    random_walk(lanes, con.drift, st.seed_left, lam, share)
-                evaluate_coefficients(lanes, T.terms, con.V0, con.coef, theta, V)
-                copy_rows(st.u, acting)
-                if T.friction.number:
-                    hold_friction(lanes, T.friction, T.kind, con.u_scale, V, delay, st.torque_before, h, X, acting, du,
-                                  middle)
-                if split_at_delay(lanes, T.kind, delay, st.torque_before, acting, h, h_first, u_first):
-                    evaluate_inputs(lanes, T.inputs, V, u_first, du, G)
-                    choose_substeps(lanes, T.A_row, con.weight, V, h_first, steps, terms, norm)
-                    propagate(lanes, F_X, V_, G_, h_first, steps, terms, X_, work, more)
-                if T.late >= 0:
-                    switch_torque(lanes, T.inputs, T.kind, T.late, T.p, V, delay, u_first, acting, h_first, h, X)
-                evaluate_inputs(lanes, T.inputs, V, acting, du, G)
-                if T.mean >= 0 and split_at_mean(lanes, con.interval, h_first, h, h_before, over, lost):
-                    choose_substeps(lanes, T.A_row, con.weight, V, h_before, steps, terms, norm)
-                    propagate(lanes, F_X, V_, G_, h_before, steps, terms, X_, work, more)
-                    restart_integral(lanes, T.mean, T.n, lost, X)
-                choose_substeps(lanes, T.A_row, con.weight, V, h, steps, terms, norm)
-                propagate(lanes, F_X, V_, G_, h, steps, terms, X_, work, more)
-                predict(lanes, T.outputs, V, X, yhat, psi)
-                if T.mean >= 0:
-                    divide_by_interval(lanes, over, yhat, psi)
-                gain(lanes, lam, st.P, psi, Ppsi, S)
-                update_estimates(lanes, con, st, w, X, drift)
-                follow_first(lanes, first, moves, st.in_a_row)
-                correct(lanes, K, X, eps, psi, moves)
-                if joint:
-                    propagate_joint(lanes, con.joint, X, moved)
-                if T.mean >= 0:
-                    mark_sampled(lanes, mode, lost)
-                    restart_integral(lanes, T.mean, T.n, lost, X)
-                update_tests(lanes, con, st, w, a0, reset, kept, events, noted)
-            restart_predictor(lanes, mode, con.rest, y, X)
-            hold_inputs(lanes, T, con.u_scale, con.rest, t, u, y, weight, mode, st.t, st.u, st.torque_before)
-            if trace.eps.size:
-                _record(lanes, k, a0, w, st, trace)
-        # fmt: on
-        copy_rows(X[:z], st.z)
-        copy_rows(X[z:], st.x)
+        middle = MiddleSpeed(table(T.m, W), w.yhat, w.eps, w.S, w.believed, w.psi, w.Ppsi, w.moved)
+        X, G, V = table(z + n, W), table(z + n, W), table(T.slots + 1, W)
+        x = Propagation(X, G, V, X.reshape(X.size), G.reshape(G.size), V.reshape(V.size),
+                        floats(SECTIONS * n * T.product.blocks * wide), floats(max(T.product.more_slot.size, 4 * wide)),
+                        table(n, W), floats(W), table(T.m, W), table(T.m, W), table(p * T.m, W).reshape(p, T.m, W),
+                        floats(W), ints(W), ints(W), floats(W), middle)  # fmt: skip
+        i = Intervals(floats(W), floats(W), floats(W), floats(W), floats(W), ints(W), ints(W))
+        _run_samples(lanes, T, F_X, C_, F_, I_, samples, a0, w, x, i, reset, kept, events, noted, trace)
         put_columns(F_, F, a0)
         put_columns(I_, I, a0)
+
+
+@kernel
+def _run_samples(
+    lanes: Any,
+    T: Tables,
+    F_X: Product,
+    C: Floats,
+    F: Floats,
+    I: Ints,
+    samples: BatchSamples,
+    a0: int,
+    w: Work,
+    x: Propagation,
+    i: Intervals,
+    reset: bool,
+    kept: Kept,
+    events: Events,
+    noted: EvidenceColumns,
+    trace: Trace,
+) -> None:
+    """The samples of some lanes, one after the other: one line for each step of the recursion.
+
+    C, F, I: constants and state of these lanes only.  A function of its own, since it does not count references to
+    arrays: that would be half of what ``run`` compiles.
+    """
+    con, st, z = kernel_constant_views(C, T), kernel_state_views(F, I, T.n, T.p, T.m), T.p * T.n
+    roles, t, y, yhat, eps, S, lam, psi = w.roles, w.t, w.y, w.yhat, w.eps, w.S, w.lam, w.psi
+    X, G, V, X_, G_, V_, mode, theta = x.X, x.G, x.V, x.X_flat, x.G_flat, x.V_flat, w.roles.mode, st.theta
+    K, acting, du, steps, terms, norm, h = x.K, x.acting, x.du, x.steps, x.terms, x.norm, i.h
+    timing = Timing(con.gap_us, con.settle_us, con.interval, con.lost_us)
+    joint, drift = any_positive(con.joint), any_positive(con.drift)
+    delay = theta[T.late] if T.late >= 0 else con.delay
+    count_until_kept(lanes, con.span, st.learned, w.until)
+    copy_rows(con.V0, V)
+    copy_rows(st.z, X)
+    copy_rows(st.x, X[z:])
+    # fmt: off
+    for k in range(largest(samples.number, a0, len(lanes))):
+        _take(lanes, k, a0, samples, t, x.u, y, x.weight, roles)
+        moving = classify_sample(lanes, t, x.u, y, timing, st.t, st.settled, st.seed_left, st.counts, mode, h)
+        if samples.shift.shape[0]:
+            follow_conditions(lanes, k, a0, samples.shift, con.lower, con.upper, st.shift, theta, st.theta_seen, mode)
+        if samples.gate.shape[0]:
+            close_gate(lanes, k, a0, samples.gate, mode)
+        if moving:
+            time_since_correction(lanes, con.interval, h, st.in_a_row, i.ago)
+            interval_gain(lanes, con.interval, con.lam, con.K, h, i.ago, lam, K)
+            gain_of_speed(lanes, timing, con.rest, con.rigid, t, st.settled, h, mode, i.is_first, K)
+            if drift:
+                random_walk(lanes, con.drift, st.seed_left, lam, w.share)
+            evaluate_coefficients(lanes, T.terms, con.V0, con.coef, theta, V)
+            copy_rows(st.u, acting)
+            if T.friction.number:
+                hold_friction(lanes, T.friction, T.kind, con.u_scale, V, delay, st.torque_before, h, X, acting, du,
+                              x.middle)
+            if split_at_delay(lanes, T.kind, delay, st.torque_before, acting, h, i.first, x.u_first):
+                evaluate_inputs(lanes, T.inputs, V, x.u_first, du, G)
+                choose_substeps(lanes, T.A_row, con.weight, V, i.first, steps, terms, norm)
+                propagate(lanes, F_X, V_, G_, i.first, steps, terms, X_, x.work, x.more)
+            if T.late >= 0:
+                switch_torque(lanes, T.inputs, T.kind, T.late, T.p, V, delay, x.u_first, acting, i.first, h, X)
+            evaluate_inputs(lanes, T.inputs, V, acting, du, G)
+            if T.mean >= 0 and split_at_mean(lanes, con.interval, i.first, h, i.before, i.over, i.lost):
+                choose_substeps(lanes, T.A_row, con.weight, V, i.before, steps, terms, norm)
+                propagate(lanes, F_X, V_, G_, i.before, steps, terms, X_, x.work, x.more)
+                restart_integral(lanes, T.mean, T.n, i.lost, X)
+            choose_substeps(lanes, T.A_row, con.weight, V, h, steps, terms, norm)
+            propagate(lanes, F_X, V_, G_, h, steps, terms, X_, x.work, x.more)
+            predict(lanes, T.outputs, V, X, yhat, psi)
+            if T.mean >= 0:
+                divide_by_interval(lanes, i.over, yhat, psi)
+            gain(lanes, lam, st.P, psi, w.Ppsi, S)
+            update_estimates(lanes, con, st, w, X, drift)
+            follow_first(lanes, i.is_first, roles.moves, st.in_a_row)
+            correct(lanes, K, X, eps, psi, roles.moves)
+            if joint:
+                propagate_joint(lanes, con.joint, X, w.moved)
+            if T.mean >= 0:
+                mark_sampled(lanes, mode, i.lost)
+                restart_integral(lanes, T.mean, T.n, i.lost, X)
+            update_tests(lanes, con, st, w, a0, reset, kept, events, noted)
+        restart_predictor(lanes, mode, con.rest, y, X)
+        hold_inputs(lanes, T, con.u_scale, con.rest, t, x.u, y, x.weight, mode, st.t, st.u, st.torque_before)
+        if trace.eps.size:
+            _record(lanes, k, a0, w, st, trace)
+    # fmt: on
+    copy_rows(X[:z], st.z)
+    copy_rows(X[z:], st.x)
 
 
 def compile_parts(
@@ -262,7 +316,6 @@ def compile_parts(
     reset: bool,
     events: Events,
     noted: EvidenceColumns,
-    trace: Trace,
 ) -> None:
     """Compile the parts of ``run`` that are cached by themselves, or load them from the cache.
 
@@ -281,4 +334,3 @@ def compile_parts(
     compile_part(update_estimates, lanes, con, st, w, xs, False)
     compile_part(update_tests, lanes, con, st, w, 0, reset, kept, events, noted)
     compile_part(hold_inputs, lanes, T, con.u_scale, con.rest, k, x, x, x, k, st.t, st.u, st.torque_before)
-    compile_part(_record, lanes, 0, 0, w, st, trace)

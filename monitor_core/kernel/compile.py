@@ -2,7 +2,8 @@
 
 Only ``entry``, ``array_function`` and ``allocating`` functions count references to arrays.  All others use the arrays
 that they are given: without counting, a named tuple of arrays costs no more as an argument than each array by itself,
-so what travels together is one argument, and there is less to compile.  They must not make or return arrays.
+so what travels together is one argument, and there is less to compile.  They must not make arrays, nor return any to a
+function that counts.
 
 No fast-math: one axis and many axes give the same bits.  Division as in numpy: a test for zero would prevent SIMD.
 """

@@ -184,7 +184,7 @@ class AxisBatch:
         """Compile parts of the kernel only, in another process than the whole, which is then compiled sooner."""
         compile_parts(
             _lanes(len(self.models)), self._tables, self._constants, *self._parts, self._kept,
-            not self.settings[0].run_on, self._events(0), self._noted(0), self._untraced,
+            not self.settings[0].run_on, self._events(0), self._noted(0),
         )  # fmt: skip
 
     def _trace(self, N: int) -> Trace:
