@@ -90,11 +90,15 @@ class LaneStatus:
             return None
         d = st.theta[:, a] - self._model.theta0 - st.shift[:, a]
         nu = np.array([self._nu(i, float(st.P[i, i, a])) for i in range(len(d))])
-        errors = self._settings.model_errors(len(d)) * self._model.scale
+        errors = self._settings.model_errors(len(d))
+        follows = errors > 0
+        if follows.any():
+            # What no heat explains is friction; which kind of it the fit gave that to is chance, and one may have none.
+            errors = np.maximum(errors, math.sqrt(np.mean(errors[follows] ** 2)))
         return Deviations(
             np.where(st.observed[:, a] == UNSEEN, math.nan, d),
             self._covariance(),
-            np.where(errors > 0, errors, nu) if self._by_models else nu,
+            np.where(follows, errors * self._model.scale, nu) if self._by_models else nu,
             self._batch.allowance[:, a].copy(),
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,9 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from monitor_core.detection import Limits, MultiModelDetector
 from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, ThermalModel, Unwatched
+from monitor_core.excitation.reference_experiment import experiment
+from monitor_core.modeling import INTERVAL_S, reference_model
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
+from monitor_core.settings import MODEL_ERRORS, Settings
 
 TURNING = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "fm"))
 MODEL = AxisModel(three_mass("angle"), REFERENCE_VALUES, ("kT", "fm"))
@@ -228,3 +234,19 @@ def test_an_impossible_model_is_refused(values: tuple[Any, ...], words: str) -> 
 def test_a_damaged_state_is_refused(heat: np.ndarray) -> None:
     with pytest.raises(ValueError, match="no state of a warm-up"):
         operating(COLD).from_arrays({"heat": heat, "before": np.zeros(2)})
+
+
+def test_a_friction_with_no_error_of_its_own_is_tested_all_the_same(seed: int) -> None:
+    """Which kind of friction gets what no heat explains is chance; what got nothing would never be tested."""
+    model, settings = (
+        reference_model(),
+        replace(Settings(interval_s=INTERVAL_S), model_error=(0.0, 2e-8, 0.013)),
+    )
+    monitor = AxisMonitor(model, settings, MultiModelDetector(model, settings, Limits(1e6)), "multimodel")
+    monitor.update(SampleBlock(*experiment(seed, samples=4_000)))
+    found = monitor.deviations()
+    assert found is not None
+    kT, other, fm = found.tolerated / model.scale
+    assert fm == pytest.approx(MODEL_ERRORS * 0.013)
+    assert other == pytest.approx(fm / math.sqrt(2))
+    assert kT > 0
