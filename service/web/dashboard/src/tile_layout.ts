@@ -12,7 +12,7 @@ export interface Layout {
 
 export const GAP = 4;
 const WIDE = 250;
-const LARGEST = 430;
+const LARGEST = 520;
 const SMALLEST = 74;
 const READABLE = 130; // the name of an axis, beside its mark
 const NEARLY = 1.25; // screens
