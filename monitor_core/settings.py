@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.kernel.outliers import CREDIT, JOLT_S, PEAK
 from monitor_core.kernel.tables import GAINS
 
 NAMING_MEMORIES = 3
@@ -89,6 +90,9 @@ class Settings:
     outlier_limit: float = 6.0
     """An innovation beyond this number of its standard deviations is an outlier; a few outliers are rejected.  0: no
     limit, as in the paper."""
+    largest_error: float = 0.0
+    """Largest innovation of the healthy records, but for the outliers among them, in the unit of the output.  0: not
+    known."""
     joint_state: bool = False
     """The state moves with theta, as in the extended Kalman filter of both.  This allows memories far below the slowest
     time constant of the predictor.  False: as in the paper."""
@@ -136,6 +140,7 @@ class Settings:
                 self.outlier_limit,
                 self.outlier_limit == 0 or 3 <= self.outlier_limit < math.inf,
             ),
+            "largest_error": (self.largest_error, 0 <= self.largest_error < math.inf),
             "covariance_reset": (self.covariance_reset, 0 <= self.covariance_reset <= 1e6),
             "model_error": (self.model_error, all(0 <= v < math.inf for v in self.model_error)),
             "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),
@@ -168,6 +173,16 @@ class Settings:
     def naming_samples(self) -> int:
         """Samples to learn from the first crossing to the name, and from one evidence or reading to the next."""
         return round(NAMING_MEMORIES * self.memory)
+
+    @property
+    def least_outlier(self) -> float:
+        """No smaller innovation is an outlier, in the unit of the output."""
+        return PEAK * self.largest_error or self.outlier_limit * math.sqrt(self.lam0)
+
+    @property
+    def outlier_credit(self) -> float:
+        """So many outliers in a row are passed over: those of a jolt."""
+        return max(CREDIT, JOLT_S / self.interval_s)
 
     def tests(self, p: int) -> Floats:
         """alpha1, alpha2 and the allowance of each parameter (3, p).

@@ -36,7 +36,7 @@ from monitor_core.kernel.admission import GATED as CLOSED
 from monitor_core.kernel.compile import entry, kernel, outlined
 from monitor_core.kernel.friction import MiddleSpeed, hold_friction
 from monitor_core.kernel.likelihood import G, log_likelihood_ratios, restart_paths, update_sums
-from monitor_core.kernel.outliers import check_start, reject_outliers
+from monitor_core.kernel.outliers import OutlierConstants, check_start, reject_outliers
 from monitor_core.kernel.predictors import (
     BACK,
     FARTHEST,
@@ -47,6 +47,8 @@ from monitor_core.kernel.predictors import (
     LOST,
     OFFSET,
     OUTLIER,
+    OUTLIER_CREDIT,
+    OUTLIER_LEAST,
     SCALE,
     SETTLES,
     SHORTEST,
@@ -159,10 +161,9 @@ def run_hypotheses(
     e0, believed, S = floats(1), floats(1), floats(1)
     numbers, integers = M.numbers, M.integers
     counts = integers[COUNTS:]
-    timing, roles = (
-        Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST]),
-        Roles(mode, moves, learns, tracks),
-    )
+    timing = Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST])
+    limits = OutlierConstants(axis[OUTLIER], axis[OUTLIER_LEAST], axis[OUTLIER_CREDIT])
+    roles = Roles(mode, moves, learns, tracks)
     shortest, back = int(axis[SHORTEST, 0]), int(axis[BACK, 0])
     turns = has_gain(P.K) and has_gain(P.rigid)
     gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
@@ -207,8 +208,8 @@ def run_hypotheses(
                 moves[0], learns[0], tracks[0] = 1, mode[0] == TRACK, mode[0] == TRACK
                 lam[0] = S[0] = axis[LAM, 0]
                 e0[0] = eps[0]
-                reject_outliers(lane, axis[OUTLIER], lam, axis[LAM0], axis[LAM0], e0, S, numbers[CREDIT],
-                                integers[IN_A_ROW], roles, believed)
+                reject_outliers(lane, limits, lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], roles,
+                                believed)
                 check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
                             mode)
                 first = is_first(t[0], integers[SETTLED, 0], axis[SETTLES, 0], h[0])

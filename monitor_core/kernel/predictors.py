@@ -33,7 +33,7 @@ from monitor_core.kernel.work_arrays import floats, ints, strided_product, table
 offset; 1: the output repeats itself; 1: holds only while the measured torque does; 1 / lam_i; 1/2 log(lam_0 / lam_i) -
 allowance; h; the part of the allowance that counts as evidence of the cause all the same; share of the evidence
 against the healthy axis that the standing faults may leave unexplained."""
-INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, SHORTEST, BACK = range(9)
+INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, OUTLIER_LEAST, OUTLIER_CREDIT, SHORTEST, BACK = range(11)
 """Rows of ``axis``; SHORTEST: of the usual intervals, us; BACK: the lane of the healthy axis."""
 USUAL = 3
 """Intervals that are discretised in advance, a microsecond apart."""

@@ -76,7 +76,9 @@ class State(NamedTuple):
     observed: NDArray[np.int64]  # (p, W) OBSERVED, WEAK, UNSEEN
     since: NDArray[np.int64]  # (W,) updates since the last look at P
     unobserved: NDArray[np.int64]  # (W,) directions that are not observed
-    in_a_row: NDArray[np.int64]  # (W,) outliers up to the last sample
+    in_a_row: NDArray[
+        np.int64
+    ]  # (W,) outliers up to the last sample; in a jolt SURELY, and samples until it is over
     left: NDArray[np.int64]  # (W,) samples to learn until evidence is noted
     noting: NDArray[np.int64]  # (W,) COURSE, NAMING: what for
     learned: NDArray[np.int64]  # (W,) samples learned so far
@@ -177,6 +179,8 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 14],
         c[b + 15],
         c[b + 16],
+        c[b + 17],
+        c[b + 18],
     )
 
 

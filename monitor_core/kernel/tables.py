@@ -135,6 +135,8 @@ class Constants(NamedTuple):
     min_excitation: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
     lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
+    outlier_least: Floats  # (W,) that limit in the unit of the output, at least
+    outlier_credit: Floats  # (W,) so many outliers in a row are passed over
     joint: Floats  # (W,) 1: the state moves with theta
     drift: Floats  # (W,) 1: parameters walk, instead of being forgotten
     tested: Floats  # (W,) 0: no test runs
@@ -144,4 +146,4 @@ class Constants(NamedTuple):
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array of the Constants of a batch."""
-    return t.slots + t.terms.slot.size + t.A_row.size + (GAINS + 2) * t.n + 8 * t.p + t.m + 18
+    return t.slots + t.terms.slot.size + t.A_row.size + (GAINS + 2) * t.n + 8 * t.p + t.m + 20

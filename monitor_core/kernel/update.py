@@ -14,7 +14,12 @@ from monitor_core.kernel.cusum import (
     update_cusum,
 )
 from monitor_core.kernel.evidence import EvidenceColumns, EvidenceState, Kept, gather_evidence
-from monitor_core.kernel.outliers import check_start, reject_outliers, update_running_variance
+from monitor_core.kernel.outliers import (
+    OutlierConstants,
+    check_start,
+    reject_outliers,
+    update_running_variance,
+)
 from monitor_core.kernel.recursion import drift_P, find_P0, update_P, update_theta
 from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
@@ -67,8 +72,8 @@ def update_estimates(lanes: Any, con: Constants, st: State, w: Work, X: Floats, 
     # fmt: off
     check_excitation(lanes, lam, con.lam, con.min_excitation, S, st.excitation, mode, st.unobserved, st.observed)
     form_innovation(lanes, w.y, w.yhat, S, st.t, st.counts, roles, eps, X)
-    reject_outliers(lanes, con.outlier, lam, con.lam0, st.lam0_running, eps, S, st.credit, st.in_a_row, roles,
-                    w.believed)
+    limits = OutlierConstants(con.outlier, con.outlier_least, con.outlier_credit)
+    reject_outliers(lanes, limits, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, roles, w.believed)
     check_start(lanes, con.settle_us, con.interval, w.t, st.settled, st.in_a_row, st.counts, mode)
     update_theta(lanes, con.lower, con.upper, st.theta, st.observed, w.believed, w.Ppsi, S, roles.tracks, w.hit,
                  w.moved)

@@ -29,7 +29,7 @@ DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES = 1.0, 10
 
 _AS_CHOSEN = (
     *("alpha1", "alpha2", "P0", "information_floor", "min_excitation", "outlier_limit", "random_walk"),
-    *("covariance_reset", "unidentifiable"),
+    *("largest_error", "covariance_reset", "unidentifiable"),
 )
 """Options that are settings, too."""
 
@@ -46,6 +46,8 @@ class MonitoringOptions:
         torque_noise: standard deviation of the torque per sample [N m], with all that the model does not explain.
         output_noise: standard deviation of the measured angle [rad] or speed [rad/s].
         innovation_variance: lambda_0 [rad^2 or (rad/s)^2]; None: from the noises.
+        largest_error: largest innovation of the healthy records, but for outliers, in the unit of the output; 0: not
+            known, taken as ``outlier_limit`` standard deviations.
         gain: filter gain K, one number per state; empty: from the noises.
         output_error: the paper's predictor, K = 0; only with speed.
         lam: forgetting factor per sample; None: from ``memory_s``.
@@ -69,6 +71,7 @@ class MonitoringOptions:
     torque_noise: float | None = None
     output_noise: float | None = None
     innovation_variance: float | None = None
+    largest_error: float = 0.0
     gain: tuple[float, ...] = ()
     output_error: bool = False
     lam: float | None = None

@@ -60,6 +60,7 @@ class Predictor(NamedTuple):
     kind: Literal["innovations", "output-error"]
     gain: tuple[float, ...]
     innovation_variance: float | None
+    largest_error: float
     torque_noise: float | None
     output_noise: float | None
     torque_delay_s: float
@@ -74,13 +75,13 @@ def predictor_of(axis: AxisConfig) -> Predictor:
     e, found = axis.estimator, axis.model.nominal_file
     if found is None:
         return Predictor(
-            e.predictor, (), e.innovation_variance,
+            e.predictor, (), e.innovation_variance, 0.0,
             e.torque_noise, e.output_noise or step_noise(axis),
             axis.torque_delay_s, axis.model.friction_speed_scale,
         )  # fmt: skip
     p, noise = found.predictor, found.noise
     return Predictor(
-        p.kind, p.gain, p.lam0,
+        p.kind, p.gain, p.lam0, p.largest_error,
         e.torque_noise or noise.torque or None, e.output_noise or noise.output or None,
         p.torque_delay_s, found.drive.friction_speed_scale,
     )  # fmt: skip
@@ -121,6 +122,7 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
         torque_noise=p.torque_noise,
         output_noise=p.output_noise,
         innovation_variance=p.innovation_variance,
+        largest_error=p.largest_error,
         gain=p.gain,
         output_error=p.kind == "output-error",
         lam=config.forgetting,

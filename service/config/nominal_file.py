@@ -35,6 +35,8 @@ class PredictorTable(FoundTable):
     interval_s: Positive
     torque_delay_s: NotNegative
     innovation_variance: Positive
+    largest_error: NotNegative = 0.0
+    """One in ten thousand eps of the records is larger, in the unit of the output; none in files of earlier versions"""
     colour: Annotated[Real, Field(ge=1)] = 1.0
     states: tuple[str, ...]
     gain: tuple[Real, ...]

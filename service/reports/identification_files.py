@@ -117,6 +117,9 @@ def _predictor_table(report: IdentificationReport) -> str:
         "interval_s": e.interval_s,
         "torque_delay_s": Fact(report.result.delay_s, "delay of the torque after its sample"),
         "innovation_variance": Fact(e.lam0, f"lambda_0, ({unit})^2: of eps"),
+        "largest_error": Fact(
+            e.largest_error, f"{unit}: one in 10 000 eps of the records is larger", rough=True
+        ),
         "colour": Fact(report.result.colour, correlated, rough=True),
         "states": [f"{s.name} [{s.unit}]" for s in e.drive.states],
         "gain": Fact(
@@ -286,6 +289,7 @@ def _predictor(report: IdentificationReport) -> Json:
         "interval_s": e.interval_s,
         "torque_delay_s": e.delay_s,
         "innovation_variance": e.lam0,
+        "largest_error": e.largest_error,
         "colour": report.result.colour,
         "states": e.drive.states,
         "gain": e.K,

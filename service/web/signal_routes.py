@@ -65,8 +65,8 @@ def router(state: AppState) -> APIRouter:
         blocks = _after(state.live.look(found.id), microseconds(since))
         limit = None
         if found.watched is not None and (settings := found.watched.settings).outlier_limit > 0:
-            variance = max(found.status.innovation_variance, settings.lam0)
-            limit = settings.outlier_limit * variance**0.5
+            limit = settings.outlier_limit * found.status.innovation_variance**0.5
+            limit = max(limit, settings.least_outlier)
         head = {"axis": found.id, "unit": OUTPUT_UNITS[found.output], "outlier_limit": models.finite(limit)}
         return Response("".join(_body(head, blocks)), media_type="application/json")
 

@@ -131,11 +131,15 @@ class MismatchPlant:
         self._moves, self._end, self._at = np.zeros((0, 4)), (0.0, 0.0), 0
 
     def take(
-        self, seconds: float, fault: Mapping[str, float] | None = None, test: Floats | None = None
+        self,
+        seconds: float,
+        fault: Mapping[str, float] | None = None,
+        test: Floats | None = None,
+        push: float = 0.0,
     ) -> Block:
         """The next samples; meanwhile kT, fc and fm have so many times their values, as ``fault`` says.
 
-        ``test`` (N,) is a torque that is added to the controller's [N m].
+        ``test`` (N,) is a torque that is added to the controller's [N m], ``push`` one from outside.
         """
         truth, N = self._truth, round(seconds / INTERVAL_S)
         broken = {**dict.fromkeys(("kT", "fc", "fm"), 1.0), **(fault or {})}
@@ -144,7 +148,7 @@ class MismatchPlant:
         warm = COLD + WARMER * (1 - np.exp(-t / truth.warming_s))
         healthy = np.exp(-THIRD * (warm - COLD) / WARMER)
         viscous = np.asarray(truth.values["fm"] * (broken["fm"] * healthy - 1), np.float64)
-        friction = np.array([truth.values["fc"] * broken["fc"], truth.stribeck, truth.values["tau0"]])
+        friction = np.array([truth.values["fc"] * broken["fc"], truth.stribeck, truth.values["tau0"] + push])
         u, y = self._moved(viscous, friction, broken["kT"], test)
         return Block(
             np.round(k * INTERVAL_S * 1e6).astype(np.int64), u, np.round(y / STEP) * STEP, np.round(warm, 1)

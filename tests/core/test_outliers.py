@@ -15,13 +15,17 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of, side_by_side, steady_p
 from tests.core.laws import part
+from tests.core.mismatch import NOMINAL, MismatchPlant, Watch
 from tests.core.supervised import SUPERVISED
+from tests.core.test_mismatch import FRICTION, INNOVATION_VARIANCE, watch
 
 MODEL = reference_model("speed")
 AXES = 48
 SHARE = 0.002
 WIDTH = 6.0
 TORQUE_NOISE = 0.05
+LARGEST = 0.8 * INNOVATION_VARIANCE**0.5
+"""Of half an hour of the healthy axis of tests/core/mismatch.py."""
 
 
 @pytest.fixture(scope="module")
@@ -134,3 +138,26 @@ def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:
         assert crossed.any(axis=0).all()
         first.append(np.median(crossed.argmax(axis=0)))
     assert first[0] < 1.3 * first[1]
+
+
+@pytest.mark.parametrize("outside", ["brake", "collision"])
+def test_a_jolt_is_no_change_of_the_axis(outside: str, seed: int) -> None:
+    """A torque of 2 to 8 N m that nobody measures, or Coulomb friction ten times as large, for up to half a second.
+
+    Without ``largest_error`` one in five raises an alarm of kT, fc or fm.
+    """
+    rng = np.random.default_rng(seed)
+    plant, monitor = MismatchPlant(NOMINAL, rng), watch(FRICTION)
+    plain = replace(monitor.settings, largest_error=LARGEST)
+    monitor = Watch(monitor.model, plain, monitor.conditions)
+    monitor.take(plant.take(300.0))
+    for k in range(8):
+        raised, _ = monitor.take(plant.take(round(rng.uniform(40.0, 60.0))))
+        assert not raised, k
+        before = monitor.monitor.status().counters["outlier"]
+        push = rng.choice([-1, 1]) * rng.uniform(4.0, 8.0)
+        jolt = {"fc": 10.0} if outside == "brake" else {}
+        block = plant.take(round(rng.uniform(0.1, 0.5), 2), jolt, push=0.0 if jolt else push)
+        raised = [*monitor.take(block)[0], *monitor.take(plant.take(20.0))[0]]
+        assert not raised, (k, raised)
+        print(k, monitor.monitor.status().counters["outlier"] - before)

@@ -62,7 +62,7 @@ def lanes_of(
     s = settings
     axis = [
         s.interval_s, s.lam, s.lam0, round(s.max_gap_s * 1e6), round(s.settle_s * 1e6), round(s.lost_s * 1e6),
-        s.outlier_limit, _usual_us(s.interval_s)[0], back,
+        s.outlier_limit, s.least_outlier, s.outlier_credit, _usual_us(s.interval_s)[0], back,
     ]  # fmt: skip
     moving, n, m = _moving(model, table["acts"]), len(model.drive.states), len(model.drive.inputs)
     acts = table.pop("acts").reshape(-1, n, m, len(lanes))[:, :, moving]

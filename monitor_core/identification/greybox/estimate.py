@@ -35,6 +35,7 @@ class Estimate:
         K: (n,) filter gain in the drive's states; zeros for output error.
         interval_s: that K belongs to.
         lam0: innovation variance lambda_0, the output's unit squared.
+        largest_error: one in ten thousand prediction errors is larger, the output's unit.
         noise: standard deviations "torque", "slow" (N m), "output", and "time_constant" (s), where K follows from
             them.
         cost: sum of squared prediction errors, or of their Huber losses.
@@ -63,6 +64,7 @@ class Estimate:
     K: Floats
     interval_s: float
     lam0: float
+    largest_error: float
     noise: Mapping[str, float]
     cost: float
     whiteness: Correlation

@@ -26,6 +26,8 @@ _MOVES = 0.1
 """Standard deviations."""
 _CLIPPED_VARIANCE = 0.7101645
 """Of a standard normal variable clipped at HUBER."""
+_RARE = 1e-4
+"""Share of the errors that are larger than what is called the largest one: records may hold outliers."""
 
 
 def fit(
@@ -75,6 +77,7 @@ def _estimate(fitted: Fitted) -> Estimate:
         K=gain.K * predictor.d,
         interval_s=predictor.interval_s,
         lam0=lam0,
+        largest_error=float(np.nanquantile(np.abs(np.concatenate(eps)), 1 - _RARE)),
         noise=noise if predictor.disturbance else {},
         cost=end.normal.cost,
         whiteness=whiteness(eps),
