@@ -159,6 +159,7 @@ def run_hypotheses(
     t, ut, y, mode, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
     moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
     e0, believed, S = floats(1), floats(1), floats(1)
+    untracked = floats(1)  # no running variance: the limit is that of the records
     numbers, integers = M.numbers, M.integers
     counts = integers[COUNTS:]
     timing = Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST])
@@ -208,7 +209,7 @@ def run_hypotheses(
                 moves[0], learns[0], tracks[0] = 1, mode[0] == TRACK, mode[0] == TRACK
                 lam[0] = S[0] = axis[LAM, 0]
                 e0[0] = eps[0]
-                reject_outliers(lane, limits, lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], roles,
+                reject_outliers(lane, limits, lam, untracked, e0, S, numbers[CREDIT], integers[IN_A_ROW], roles,
                                 believed)
                 check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
                             mode)
