@@ -11,7 +11,9 @@ import numpy as np
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import LOAD, split_name
-from monitor_core.identification.bode import bode_of
+from monitor_core.identification.assessment.bode import bode_of
+from monitor_core.identification.assessment.outlook import Watched, outlook, shortest_memory, with_load
+from monitor_core.identification.assessment.verdict import Effect, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_undetermined
@@ -20,11 +22,9 @@ from monitor_core.identification.identification_result import (
     IdentificationResult,
     Start,
 )
-from monitor_core.identification.outlook import Watched, outlook, shortest_memory, with_load
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records.measured_record import Record, lively_parts
-from monitor_core.identification.records.standstill import find_standstill
 from monitor_core.identification.starting import (
     Growth,
     best_of,
@@ -33,8 +33,7 @@ from monitor_core.identification.starting import (
     fit_from_torque_balance,
     grow,
 )
-from monitor_core.identification.verdict import Effect, verdict_of
-from monitor_core.identification.warm_up import (
+from monitor_core.identification.thermal.warm_up import (
     LEAST_MOTION_S,
     FoundWarmUp,
     find_warm_up,
@@ -42,6 +41,7 @@ from monitor_core.identification.warm_up import (
     heated_as,
     moving_s,
 )
+from monitor_core.identification.torque_balance.standstill import find_standstill
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 MOST_ITERATIONS = 100

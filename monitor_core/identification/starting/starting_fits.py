@@ -10,10 +10,8 @@ import numpy as np
 from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_value
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
+from monitor_core.identification.record_checks.motion_checks import rigid_inertia
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.motion_checks import rigid_inertia
-from monitor_core.identification.records.rigid_body import rigid_fits
-from monitor_core.identification.records.torque_windows import POSE
 from monitor_core.identification.starting.growing_chains import stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
@@ -25,6 +23,8 @@ from monitor_core.identification.starting.search import (
     explained,
     search,
 )
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits
+from monitor_core.identification.torque_balance.torque_windows import POSE
 
 _FEWER = 20
 """Searches around a chain that does not explain the response."""

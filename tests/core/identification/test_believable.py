@@ -21,18 +21,26 @@ from monitor_core.identification import (
     Record,
     identification_procedure,
     identify,
+    lively_parts,
+    speed_scales,
 )
-from monitor_core.identification.bode import bode_of
+from monitor_core.identification.assessment.bode import bode_of
+from monitor_core.identification.assessment.explained_torque import explained_torque
+from monitor_core.identification.assessment.outlook import outlook
+from monitor_core.identification.assessment.verdict import (
+    Basis,
+    Effect,
+    Measure,
+    Quality,
+    missing_effects,
+    verdict_of,
+)
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
-from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
-from monitor_core.identification.records import lively_parts, speed_scales
-from monitor_core.identification.records.rigid_body import rigid_fits
-from monitor_core.identification.records.torque_windows import POSE
-from monitor_core.identification.torque_balance import explained_torque
-from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects, verdict_of
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits
+from monitor_core.identification.torque_balance.torque_windows import POSE
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
 from tests.real.drives import one_mass

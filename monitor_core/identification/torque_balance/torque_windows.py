@@ -7,7 +7,7 @@ Weighted with smooth windows and integrated by parts, so that nothing has to be 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -40,6 +40,8 @@ _OFTEN = 0.2
 """Of the time: an axis that stands less is not looked at without its standstill."""
 _MOSTLY = 0.9
 """Of a window: in the rest of it the axis may stand."""
+_DETERMINED = 1e-8
+"""Of the largest singular value: smaller ones are those of values that the equations do not determine."""
 _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 
@@ -90,6 +92,15 @@ def balance_equations(
             rows.append(columns[kept])
             torque.append(right[kept])
     return np.concatenate(rows), np.concatenate(torque)
+
+
+def residual_torque(
+    rows: Floats, torque: Floats, fitted: slice = slice(None), judged: slice = slice(None)
+) -> Floats:
+    """What these terms leave of the torque of the judged equations, with least squares of the fitted ones."""
+    rows = of_unit_length(rows)
+    found = np.linalg.lstsq(rows[fitted], torque[fitted], rcond=_DETERMINED)[0]
+    return np.asarray(torque[judged] - rows[judged] @ found)
 
 
 def of_unit_length(rows: Floats) -> Floats:
@@ -167,12 +178,6 @@ def integrals(part: GridPart, weight: Floats, values: Floats) -> Floats:
     # Few enough overlap that to convolve all samples would take longer.
     windows = sliding_window_view(values, len(weight))[:: (len(weight) - 1) // WINDOWS]
     return np.asarray(part.h * (windows @ weight))
-
-
-def windowed(parts: Iterable[GridPart], window: int, values: Iterable[Floats]) -> Floats:
-    """Integrals (M,) of values (N,) of each part over the windows of the torque balance, part after part."""
-    found = [integrals(part, window_of(window, part.h)[0], v) for part, v in zip(parts, values, strict=True)]
-    return np.concatenate(found)
 
 
 def term_values(term: TorqueTerm, speed: Floats, angle: Floats, speed_scale: float) -> Floats:

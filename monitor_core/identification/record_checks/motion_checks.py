@@ -12,10 +12,12 @@ from scipy.linalg import eigvals
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
-from monitor_core.identification.records.measured_record import Finding, Known, Record
-from monitor_core.identification.records.rigid_body import Rigid, rigid_fits, speed_scales
-from monitor_core.identification.records.sample_checks import signals, strange, times
-from monitor_core.identification.records.torque_windows import POSE, USUAL
+from monitor_core.identification.record_checks.findings import Finding, Known
+from monitor_core.identification.record_checks.sample_checks import strange, times
+from monitor_core.identification.record_checks.stuck_signals import signals
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fits, speed_scales
+from monitor_core.identification.torque_balance.torque_windows import POSE, USUAL
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work

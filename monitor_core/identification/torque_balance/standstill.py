@@ -15,8 +15,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import resting_torque, rigid_fits, speed_scales
-from monitor_core.identification.records.torque_windows import (
+from monitor_core.identification.torque_balance.rigid_body import resting_torque, rigid_fits, speed_scales
+from monitor_core.identification.torque_balance.torque_windows import (
     AROUND,
     POSE,
     GridPart,

@@ -20,8 +20,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import slope_name
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import Balance, unexplained
-from monitor_core.identification.records.torque_windows import SIGNAL, TorqueTerm
+from monitor_core.identification.torque_balance.rigid_body import Balance, unexplained
+from monitor_core.identification.torque_balance.torque_windows import SIGNAL, TorqueTerm
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 _MOST = 0.5

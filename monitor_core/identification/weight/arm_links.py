@@ -16,29 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Bools, Floats
+from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Factor
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import speed_scales
-from monitor_core.identification.records.torque_windows import (
-    USUAL,
-    WINDOWS,
-    GridPart,
-    balance_equations,
-    least_speed,
-    moving_windows,
-    of_unit_length,
-    rms_speed,
-    windowed,
-    windowed_parts,
-)
+from monitor_core.identification.torque_balance.rigid_body import speed_scales
+from monitor_core.identification.torque_balance.torque_windows import GridPart
+from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 
-_MOST_SAMPLES = 30_000
-"""Weights change slowly: longer records are thinned to about so many samples."""
-_OF_PERIOD, _FEWEST = 0.1, 24
-"""Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
-_LEAST_WINDOWS = 20
-"""In all records: fewer do not distinguish this many terms."""
 _MOST_OTHERS = 2
 """Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
 _MOST_SUMS = 4
@@ -93,29 +77,6 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
         return None
     return LinkWeights(tuple(map(str, needed)), explained, before)
-
-
-def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:
-    """Parts of records where these angles are known, and the window of their torque balance; none: too few windows."""
-    parts = [
-        _thinned(part)
-        for part in windowed_parts(records)
-        if all(np.isfinite(part.signals[name]).all() for name in angles)
-    ]
-    window = _window(records, parts)
-    parts = [part for part in parts if len(part.u) > window]
-    enough = sum(len(part.u) for part in parts) >= _LEAST_WINDOWS * window
-    return (parts if enough else []), window
-
-
-def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
-    """Length of the window of the torque balance, in samples."""
-    speed = rms_speed(records)
-    if not parts or not speed > 0:
-        return _FEWEST
-    turned = np.concatenate([part.y - part.y.mean() for part in parts])
-    period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
-    return max(_FEWEST, round(_OF_PERIOD * period_s / parts[0].h))
 
 
 def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
@@ -175,60 +136,25 @@ def _sums(own: str, angles: Sequence[str], count: int) -> Iterator[Sum]:
             yield tuple(zip((1, *signs), used, strict=True))
 
 
-def _thinned(part: GridPart) -> GridPart:
-    """Means over blocks of samples, if there are too many."""
-    block = -(-len(part.u) // _MOST_SAMPLES)
-    if block == 1:
-        return part
-    count = len(part.u) // block
-
-    def means(values: Floats) -> Floats:
-        return np.asarray(values[: count * block].reshape(count, block).mean(axis=1))
-
-    signals = {name: means(values) for name, values in part.signals.items()}
-    return GridPart(means(part.u), means(part.y), part.h * block, part.quantity, signals)
-
-
-def windows_of_motion(parts: Sequence[GridPart], window: int) -> Bools:
-    """In which windows (M,) of all parts the axis moves: where it stands, friction may be anything, as a weight may."""
-    least = least_speed(parts)
-    if least is not None:
-        kept = np.concatenate([moving_windows(part, window, least) for part in parts])
-        if kept.sum() >= _LEAST_WINDOWS * WINDOWS:
-            return kept
-    return np.ones(len(windowed(parts, window, [part.u for part in parts])), np.bool_)
-
-
-class _Balance:
-    """The torque balance of one mass, with waves beside it: fitted to each half, and tried on the other."""
+class _Balance(WeightBalance):
+    """The torque balance with waves beside it: fitted to each half, and tried on the other."""
 
     def __init__(self, parts: Sequence[GridPart], window: int, scale: float) -> None:
-        self._parts, self._window = parts, window
-        self._kept = windows_of_motion(parts, window)
-        self._rows, self._torque = (
-            array[self._kept] for array in balance_equations(parts, window, scale, USUAL)
-        )
+        super().__init__(parts, window, scale)
         self._columns: dict[Factor, Floats] = {}
-        self._half = len(self._torque) // 2
 
     def left(self, waves: Sequence[Factor]) -> float:
         """Sum of squared errors in each half with values of the other one."""
-        rows = np.column_stack([self._rows, *(self._column(wave) for wave in waves)])
-        rows = of_unit_length(rows)
-        total, halves = 0.0, (slice(self._half), slice(self._half, None))
-        for fitted, other in (halves, halves[::-1]):
-            found, *_ = np.linalg.lstsq(rows[fitted], self._torque[fitted], rcond=1e-8)
-            missed = self._torque[other] - rows[other] @ found
-            total += float(missed @ missed)
-        return total
+        columns = [self._column(wave) for wave in waves]
+        first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
+        return self.missed(columns, first, last) + self.missed(columns, last, first)
 
     def explained(self, waves: Sequence[Factor]) -> float:
         """Part of the torque about its mean."""
-        spread = float(((self._torque - self._torque.mean()) ** 2).sum())
+        spread = float(((self.torque - self.torque.mean()) ** 2).sum())
         return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
 
     def _column(self, wave: Factor) -> Floats:
         if wave not in self._columns:
-            values = (_values(wave, part) for part in self._parts)
-            self._columns[wave] = windowed(self._parts, self._window, values)[self._kept]
+            self._columns[wave] = self.column(_values(wave, part) for part in self._parts)
         return self._columns[wave]

@@ -13,7 +13,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.torque_windows import (
+from monitor_core.identification.torque_balance.torque_windows import (
     USUAL,
     WINDOWS,
     GridPart,

@@ -32,7 +32,7 @@ from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.warm_up_search import (
+from monitor_core.identification.thermal.warm_up_search import (
     GROUP,
     Search,
     WarmUpFit,
