@@ -26,6 +26,7 @@ OFF = 0.1
 """A constant deviation is a fault only beyond this share of the size: nu allows for less, as no values are exact."""
 _SURE = 6.0
 """In standard deviations of the difference of two means: a larger one is not chance."""
+MIN_WITHIN_MEMORIES = 2.0
 _EDGE = 5
 """Memories at each end in which no change is looked for."""
 WIDEST = 1000.0
@@ -58,12 +59,18 @@ class CalibrationError(Exception):
         self.without = tuple(without)
 
 
-def check_settings(settings: Settings) -> None:
-    """Check that the settings test the parameters at all.
+def check_settings(settings: Settings, within_s: float) -> None:
+    """Check that the settings test the parameters at all, and can find a change within so many seconds.
 
     Raises:
-        CalibrationError: the nominal values do not allow it.
+        CalibrationError: the nominal values, or the memory, do not allow it.
     """
+    memory_s = settings.memory * settings.interval_s
+    if within_s < MIN_WITHIN_MEMORIES * memory_s:
+        raise CalibrationError(
+            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
+            f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
+        )
     for words in unidentifiable_words(settings.unidentifiable):
         raise CalibrationError(words)
 

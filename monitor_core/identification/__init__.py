@@ -35,11 +35,10 @@ from monitor_core.identification.parameter_selection import (
     with_terms,
 )
 from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
-from monitor_core.identification.record_checks.findings import Known
+from monitor_core.identification.record_checks.known_axis import Known, known_of
 from monitor_core.identification.record_checks.motion_checks import (
     has_wrong_sign,
     is_about_nominal,
-    known_of,
     shown_inertia,
     suspicions,
 )

@@ -1,4 +1,4 @@
-"""What may be wrong with a record, and what is known of the axis beside it."""
+"""What may be wrong with a record."""
 
 from __future__ import annotations
 
@@ -20,22 +20,3 @@ class Finding:
     severity: Severity
     sentence: str
     number: float
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """What is known of the axis beside the record; what is not known is not checked.
-
-    Args:
-        parameters: how many are to be found.
-        slowest_s: slowest time constant of the drive, s.
-        inertia: nominal inertia of the whole drive as the motor feels it, kg m^2: ``rigid_inertia``.
-        antiresonance_s: period of its lowest antiresonance, s; faster motions do not show that inertia.
-        speed_scale: Coulomb friction is fc tanh(speed / speed_scale), rad/s.
-    """
-
-    parameters: int = 0
-    slowest_s: float | None = None
-    inertia: float | None = None
-    antiresonance_s: float | None = None
-    speed_scale: float = 1.0

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.identification.record_checks.findings import Finding, Known
+from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.record_checks.known_axis import Known
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import how_often

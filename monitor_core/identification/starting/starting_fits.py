@@ -10,7 +10,7 @@ import numpy as np
 from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_value
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.record_checks.motion_checks import rigid_inertia
+from monitor_core.identification.record_checks.known_axis import rigid_inertia
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.starting.growing_chains import stems
 from monitor_core.identification.starting.response import Measured, Response, measure

@@ -21,7 +21,7 @@ from monitor_core.identification import (
     suspicions,
 )
 from monitor_core.identification.record_checks.findings import Finding
-from monitor_core.identification.record_checks.motion_checks import antiresonance_s, rigid_inertia
+from monitor_core.identification.record_checks.known_axis import antiresonance_s, rigid_inertia
 from monitor_core.identification.record_checks.sample_checks import outliers
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fit
 from monitor_core.modeling.simulated_axis import simulate_linear
