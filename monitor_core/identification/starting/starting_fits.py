@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record_checks.known_axis import rigid_inertia
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.starting.growing_chains import stems
+from monitor_core.identification.starting.growing_chains import Stem, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
@@ -40,6 +40,7 @@ _BETTER = 1 - 1e-4
 """A lower cost counts if it is lower by this factor."""
 _FIT = 20
 """Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
+_GROWN = "a chain that grew mass by mass"
 FITTING = _RIVALS * _FIT
 """Steps of ``best_fit``."""
 
@@ -122,7 +123,7 @@ def around_nominal(problem: Problem, measured: Measured, reached: Reached) -> li
     """Where searches around the nominal values end."""
     response = Response(problem)
     ends = search(response, measured, reached=reached)
-    return [candidate(response, end, measured, "a search around the values given") for end in ends]
+    return [_candidate(response, end, measured, "a search around the values given") for end in ends]
 
 
 def from_records(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
@@ -131,21 +132,24 @@ def from_records(problem: Problem, measured: Measured, reached: Reached) -> list
     Raises:
         ValueError: the motor does not see a chain of masses that are all free, or the response shows none.
     """
-    grown = stems(problem, measured)
-    if not grown:
+    found = from_chains(stems(problem, measured), measured)
+    if not found:
         raise ValueError(
             "the frequency response shows no chain of so many masses: give values to search from"
         )
-    origin = "a chain that grew mass by mass"
-    found = [candidate(stem.response, stem.end, measured, origin) for stem in grown]
     if found[0].cost > explained(measured):
         response = Response(problem, found[0].values)
         ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
-        found += [candidate(response, end, measured, f"a search around {origin}") for end in ends]
+        found += [_candidate(response, end, measured, f"a search around {_GROWN}") for end in ends]
     return list(distinct(found))
 
 
-def candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
+def from_chains(grown: Iterable[Stem], measured: Measured) -> list[Candidate]:
+    """Chains that grew mass by mass."""
+    return [_candidate(stem.response, stem.end, measured, _GROWN) for stem in grown]
+
+
+def _candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
     """Where a search in the frequency response ended."""
     return Candidate(response.named(end.x), origin, end.cost, measured.expected)
 

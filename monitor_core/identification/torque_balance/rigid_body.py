@@ -188,7 +188,8 @@ def _fit(
 
 def resting_torque(rigid: Rigid, part: GridPart) -> Floats:
     """What keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
-    angle = part.y - part.y[0] if part.quantity == "angle" else np.cumsum(part.y) * part.h
     terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))
     still = np.zeros(len(part.y))
-    return sum((rigid.torques[term] * term_values(term, still, angle, 1.0) for term in terms), start=still)
+    return sum(
+        (rigid.torques[term] * term_values(term, still, part.angle, 1.0) for term in terms), start=still
+    )

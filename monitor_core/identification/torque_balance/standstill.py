@@ -112,9 +112,8 @@ def _standing(part: GridPart, slowest: float) -> Ints:
     """Samples at which the axis is slow, as it is around them, and does not travel."""
     slow = np.abs(speed_of(part, AROUND)) < slowest
     samples = np.flatnonzero(np.convolve(~slow, np.ones(2 * _EDGE + 1), mode="same") < 0.5)
-    angle = part.y if part.quantity == "angle" else np.cumsum(part.y) * part.h
     rests = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)
-    stands = [rest for rest in rests if rest.size and _stands(angle[rest], part.h, slowest)]
+    stands = [rest for rest in rests if rest.size and _stands(part.angle[rest], part.h, slowest)]
     return np.concatenate([np.zeros(0, np.int64), *stands])
 
 

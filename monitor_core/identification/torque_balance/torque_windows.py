@@ -55,13 +55,15 @@ class GridPart(NamedTuple):
     quantity: Output
     signals: Mapping[str, Floats]
 
+    @property
+    def angle(self) -> Floats:
+        """From its first sample on (N,)."""
+        return self.y - self.y[0] if self.quantity == "angle" else np.cumsum(self.y) * self.h
+
 
 def rms_speed(records: Sequence[Record]) -> float:
     """Root mean square of the motor's speed, rad/s, without its noise: from windows of some samples."""
-    means = [
-        _slope(part.y, AROUND, part.h) if part.quantity == "angle" else part.y
-        for part in windowed_parts(records)
-    ]
+    means = [speed_of(part, AROUND) for part in windowed_parts(records)]
     return float(np.sqrt(np.mean(np.concatenate(means) ** 2))) if means else 1.0
 
 
@@ -120,7 +122,11 @@ def least_speed(parts: Sequence[GridPart]) -> float | None:
 
 def speed_of(part: GridPart, half: int) -> Floats:
     """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
-    return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
+    if part.quantity == "speed":
+        return part.y
+    around = np.pad(part.y, half, mode="reflect", reflect_type="odd")
+    slope: Floats = (around[2 * half :] - around[: -2 * half]) / (2 * half * part.h)
+    return slope
 
 
 def moving_windows(part: GridPart, window: int, least: float) -> Bools:
@@ -152,15 +158,14 @@ def windowed_equations(
 ) -> tuple[Floats, Floats]:
     """Columns (M, 1 + terms), that of J first; the windowed torque (M,)."""
     g, g1, g2 = window_of(window, part.h)
-    y = part.y
+    y, angle, speed = part.y, part.angle, speed_of(part, window // 8)
 
     def over(weight: Floats, values: Floats) -> Floats:
         return integrals(part, weight, values)
 
     if part.quantity == "speed":
-        speed, inertia, viscous, angle = y, -over(g1, y), over(g, y), np.cumsum(y) * part.h
+        inertia, viscous = -over(g1, y), over(g, y)
     else:
-        speed, angle = _slope(y, window // 8, part.h), y - y[0]
         inertia, viscous = over(g2, angle), -over(g1, angle)
     columns = [
         viscous
@@ -191,13 +196,6 @@ def term_values(term: TorqueTerm, speed: Floats, angle: Floats, speed_scale: flo
         return np.abs(speed) * speed
     powers: Mapping[TorqueTerm, int] = {"offset": 0, "angle": 1, "angle^2": 2, "angle^3": 3}
     return np.asarray((angle / max(float(np.abs(angle).max()), 1e-300)) ** powers[term])
-
-
-def _slope(angle: Floats, half: int, interval_s: float) -> Floats:
-    """Mean speed (N,) over ``half`` samples on either side; only its sign is wanted."""
-    around = np.pad(angle, half, mode="reflect", reflect_type="odd")
-    slope: Floats = (around[2 * half :] - around[: -2 * half]) / (2 * half * interval_s)
-    return slope
 
 
 def window_of(count: int, interval_s: float) -> tuple[Floats, Floats, Floats]:

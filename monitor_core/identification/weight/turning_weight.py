@@ -52,7 +52,7 @@ def turning_weight(record: Record) -> TurningWeight | None:
     if not parts:
         return None
     balance = WeightBalance(parts, _WINDOW, scale, moving=False)
-    angles = [np.cumsum(p.y) * p.h if p.quantity == "speed" else p.y - p.y[0] for p in parts]
+    angles = [part.angle for part in parts]
 
     def unexplained(ratio: float) -> float:
         return balance.missed([balance.column(wave(ratio * a) for a in angles) for wave in (np.cos, np.sin)])

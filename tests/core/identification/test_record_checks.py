@@ -16,10 +16,10 @@ from monitor_core.identification import (
     Record,
     has_wrong_sign,
     known_of,
-    motion_checks,
     shown_inertia,
     suspicions,
 )
+from monitor_core.identification.record_checks import motion_checks
 from monitor_core.identification.record_checks.findings import Finding
 from monitor_core.identification.record_checks.known_axis import antiresonance_s, rigid_inertia
 from monitor_core.identification.record_checks.sample_checks import outliers
