@@ -29,6 +29,7 @@ from monitor_core.calibration.record_doubts import (
     check_promise,
     check_records,
     check_settings,
+    check_within,
 )
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.detection.multimodel.multimodel_detector import Limit, reason_unavailable
@@ -105,7 +106,8 @@ def calibrate(
     def step(name: str) -> PartialProgress:
         return lambda part: progress(name, part, 1.0)
 
-    check_settings(settings, within_s)
+    check_within(settings, within_s)
+    check_settings(settings)
     healthy = deviations(axis, records, step("healthy records"))
     check_records(axis, healthy)
     check_healthy(axis, healthy)

@@ -59,11 +59,21 @@ class CalibrationError(Exception):
         self.without = tuple(without)
 
 
-def check_settings(settings: Settings, within_s: float) -> None:
-    """Check that the settings test the parameters at all, and can find a change within so many seconds.
+def check_settings(settings: Settings) -> None:
+    """Check that the settings test the parameters at all.
 
     Raises:
-        CalibrationError: the nominal values, or the memory, do not allow it.
+        CalibrationError: the nominal values do not allow it.
+    """
+    for words in unidentifiable_words(settings.unidentifiable):
+        raise CalibrationError(words)
+
+
+def check_within(settings: Settings, within_s: float) -> None:
+    """Check that the memory is short enough to find a change within so many seconds.
+
+    Raises:
+        CalibrationError: it is not.
     """
     memory_s = settings.memory * settings.interval_s
     if within_s < MIN_WITHIN_MEMORIES * memory_s:
@@ -71,8 +81,6 @@ def check_settings(settings: Settings, within_s: float) -> None:
             f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
             f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
         )
-    for words in unidentifiable_words(settings.unidentifiable):
-        raise CalibrationError(words)
 
 
 def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> None:
