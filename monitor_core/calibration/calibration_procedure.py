@@ -6,8 +6,6 @@ thresholds follow (budget.py).  Faults are injected into the longest record (fau
 is calibrated with the same records and budget (multimodel_thresholds.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ A damper between two masses has terms in the columns of both.  Coulomb friction 
 direction of a motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Cramer-Rao bound of the parameters of a drive from a record, by the sensitivities of its output."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The identification of a drive as a whole: starting values, fit, comparison with the records and with a black box."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The result of an identification: estimates, how well they explain records, what to use; and how it was asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum

@@ -3,8 +3,6 @@
 All are from torque to speed, where resonances stand out; a response to the angle is multiplied by j w.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ of that torque, and its speed says little of the values.  The other way round no
 with the values that the drive has while it moves slowly, as one rigid mass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Which of the monitored parameters can be watched with these nominal values, and from which change on."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple

@@ -6,8 +6,6 @@ friction takes most of the torque, the simulation may run away, and the torque o
 instead (explained_torque.py); so it is where slow motion is left out, which a simulation has to go through.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from types import MappingProxyType

@@ -5,8 +5,6 @@ model has, what spectra of samples estimate, and what a continuous model has aft
 can be compared: at a quarter of the sampling frequency the hold alone turns the phase by 45 degrees.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Prediction errors: are they white and independent of the input (Ljung, 16.6)?  The covariance that follows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What may be wrong with a record."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

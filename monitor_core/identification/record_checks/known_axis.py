@@ -1,7 +1,5 @@
 """What is known of an axis beside its record: its inertia as one rigid mass, its slowest motion, its antiresonance."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """All that is suspicious about a record; last, whether torque and motion fit: signs, and units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Checks of samples: values that cannot be or are missing, times, and length."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

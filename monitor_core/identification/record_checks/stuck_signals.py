@@ -1,7 +1,5 @@
 """Torque that does not move or is cut off, and a sensor that does not move although the axis does."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

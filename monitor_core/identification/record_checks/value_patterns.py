@@ -1,7 +1,5 @@
 """What the values of a signal show by themselves: counts, an angle that wraps, values that are held, a stuck signal."""
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 import numpy as np

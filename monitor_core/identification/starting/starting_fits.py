@@ -1,7 +1,5 @@
 """Starting values of a drive, from the records alone or from its nominal values, and the fits from the best of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -14,8 +14,6 @@ windows that a fit has not seen (``model_errors``).  A record that follows anoth
 motion in between, begins with what the pause has left of its heat; any other one begins with an unknown heat.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

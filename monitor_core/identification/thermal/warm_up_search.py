@@ -5,8 +5,6 @@ with the present speed, so part of that would look like a warm-up.  So each fric
 window by window, and the heat is judged by what it explains beside that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

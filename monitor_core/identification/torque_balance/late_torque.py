@@ -4,8 +4,6 @@ A drive that measures its current filters it, and passes it on later than the an
 rigid mass then lacks the inertia times the change of the acceleration in that time, which no friction explains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ The torque balance in windows (torque_windows.py) needs no starting values, hold
 and sees the slow motion only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

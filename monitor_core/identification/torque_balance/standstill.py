@@ -5,8 +5,6 @@ that stands by an inertia or a friction that no drive has.  So that torque is re
 the offset and the weight that the motion of the record shows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -5,8 +5,6 @@ Weighted with smooth windows and integrated by parts, so that nothing has to be 
     integral g u = J integral g w' + f integral g w + fc integral g tanh(w / scale) + ..       (g = 0 at both ends)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 

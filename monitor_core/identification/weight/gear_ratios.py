@@ -9,8 +9,6 @@ A program turns an arm by a few radians: a ratio that is wrong by a tenth change
 of all ratios in such steps find the least of the unexplained torque, and Gauss-Newton goes on from there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 

@@ -4,8 +4,6 @@ Nothing else in the torque shows the unit of an angle: inertia, friction and sti
 torque is a cosine of the arm's angle, so its period shows how much of the measured motion is a turn of the arm.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ in windows (torque_windows.py).  ``arm_links`` chooses the sums of angles s_i, `
 ``turning_weight`` the unit of the angle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ text -> pymoca's syntax tree, with places (parsing) -> the tree of all classes (
 signals (signals) -> flat model (flattening, flat_parameters)
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin

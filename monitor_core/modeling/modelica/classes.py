@@ -1,7 +1,5 @@
 """The classes of Modelica texts: the tree of all of them, the one that is the drive, and what a name means there."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from difflib import get_close_matches

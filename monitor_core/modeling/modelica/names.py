@@ -4,8 +4,6 @@ pymoca looks names up while it instantiates, and its errors have no lines.  The 
 unknown classes, parameters and variables where they are written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 
