@@ -10,7 +10,7 @@ from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import LOAD, split_name
 from monitor_core.identification.assessment.bode import bode_of
-from monitor_core.identification.assessment.outlook import Watched, outlook, shortest_memory, with_load
+from monitor_core.identification.assessment.outlook import Outlook, Watched
 from monitor_core.identification.assessment.verdict import Effect, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
@@ -211,18 +211,17 @@ class _Watch(NamedTuple):
 
 
 def _watch(estimate: Estimate, records: Sequence[Record], options: IdentificationOptions) -> _Watch:
-    memory_s = options.memory_s
+    outlook, memory_s = Outlook(estimate, records, options.sizes), options.memory_s
     if options.memories_s:
-        memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
-    watched = outlook(estimate, options.monitored, records, memory_s, options.sizes)
+        memory_s = outlook.sufficient_memory(options.monitored, options.memories_s)
+    watched = outlook.watched(options.monitored, memory_s)
     weight = _turning_weight(estimate, options)
     if weight:
         longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
-        if found := with_load(estimate, options.monitored, records, longer_s, options.sizes, weight):
+        if found := outlook.with_load(options.monitored, longer_s, weight):
             memory_s, watched = longer_s, found
         elif options.load:
-            names = (*options.monitored, LOAD)
-            watched = outlook(estimate, names, records, memory_s, options.sizes, weight)
+            watched = outlook.watched((*options.monitored, LOAD), memory_s, weight)
     return _Watch(watched, memory_s, weight if any(w.name == LOAD for w in watched) else {})
 
 

@@ -48,114 +48,94 @@ class Watched(NamedTuple):
     obstacle: Obstacle | None
 
 
-def outlook(
-    estimate: Estimate,
-    monitored: Sequence[str],
-    records: Sequence[Record],
-    memory_s: float,
-    sizes: Mapping[str, float] = {},
-    weight: Mapping[str, float] = {},
-) -> tuple[Watched, ...]:
-    """What can be watched, in the order of ``monitored``.
+class Outlook:
+    """What can be watched with these nominal values in the motion of records.
 
-    Args:
-        estimate: the nominal values.
-        monitored: names of parameters, "1/Ja" for a reciprocal.
-        records: of the motion that the axis will make.
-        memory_s: of the monitor, s.
-        sizes: given by the user, by name; of the others the value is the size.
-        weight: what LOAD scales, if it is among them, as in ``monitored_information``.
+    ``sizes``: of parameters as given by the user, by name; of the others the value is the size.
     """
-    found = dict[str, Watched]()
-    names = list(monitored)
-    for name in monitored:
-        if name not in sizes and _is_zero(estimate, name):
-            found[name] = Watched(name, np.nan, Obstacle.NO_SIZE)
-            names.remove(name)
-    changes = _changes(estimate, names, records, memory_s, sizes, weight)
-    while names:
-        worst = max(names, key=changes.__getitem__)
-        if changes[worst] <= _LARGEST:
-            break
-        alone = _changes(estimate, [worst], records, memory_s, sizes, weight)[worst]
-        obstacle = Obstacle.NOT_SHOWN if alone > _LARGEST else Obstacle.TOGETHER
-        found[worst] = Watched(worst, alone, obstacle)
-        names.remove(worst)
-        changes = _changes(estimate, names, records, memory_s, sizes, weight)
-    found |= {name: Watched(name, changes[name], None) for name in names}
-    return tuple(found[name] for name in monitored)
 
+    def __init__(
+        self, estimate: Estimate, records: Sequence[Record], sizes: Mapping[str, float] = {}
+    ) -> None:
+        self._estimate, self._records, self._sizes = estimate, records, sizes
+        self._duration_s = sum(record.duration_s for record in records)
 
-def shortest_memory(
-    estimate: Estimate,
-    monitored: Sequence[str],
-    records: Sequence[Record],
-    memories_s: Sequence[float],
-    sizes: Mapping[str, float] = {},
-) -> float:
-    """The shortest of these memories [s], in ascending order, with which all that shows shows from small changes on.
+    def watched(
+        self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float] = {}
+    ) -> tuple[Watched, ...]:
+        """What can be watched, in the order of ``monitored``.
 
-    Else the longest; if the records are too short to calibrate with that, the longest with which they are not, but at
-    least the first.  Arguments as of ``outlook``.
-    """
-    longest_s = rounded_down(sum(record.duration_s for record in records) / _NEEDED)
-    most_s = max(memories_s[0], min(longest_s, memories_s[-1]))
-    for memory_s in memories_s:
-        if memory_s >= most_s:
-            break
-        found = outlook(estimate, monitored, records, memory_s, sizes)
-        if all(w.change <= _SMALL for w in found if w.obstacle is not Obstacle.NO_SIZE):
-            return memory_s
-    return most_s
+        Args:
+            monitored: names of parameters, "1/Ja" for a reciprocal.
+            memory_s: of the monitor, s.
+            weight: what LOAD scales, if it is among them, as in ``monitored_information``.
+        """
+        found = dict[str, Watched]()
+        names = list(monitored)
+        for name in monitored:
+            if name not in self._sizes and _is_zero(self._estimate, name):
+                found[name] = Watched(name, np.nan, Obstacle.NO_SIZE)
+                names.remove(name)
+        changes = self._changes(names, memory_s, weight)
+        while names:
+            worst = max(names, key=changes.__getitem__)
+            if changes[worst] <= _LARGEST:
+                break
+            alone = self._changes([worst], memory_s, weight)[worst]
+            obstacle = Obstacle.NOT_SHOWN if alone > _LARGEST else Obstacle.TOGETHER
+            found[worst] = Watched(worst, alone, obstacle)
+            names.remove(worst)
+            changes = self._changes(names, memory_s, weight)
+        found |= {name: Watched(name, changes[name], None) for name in names}
+        return tuple(found[name] for name in monitored)
 
+    def sufficient_memory(self, monitored: Sequence[str], memories_s: Sequence[float]) -> float:
+        """The shortest of these memories [s], in ascending order, with which all that shows shows small changes.
 
-def with_load(
-    estimate: Estimate,
-    monitored: Sequence[str],
-    records: Sequence[Record],
-    memory_s: float,
-    sizes: Mapping[str, float],
-    weight: Mapping[str, float],
-) -> tuple[Watched, ...] | None:
-    """The outlook with the load at the end; None: the records hardly determine it, or are too short to calibrate it.
+        Else the longest; if the records are too short to calibrate with that, the longest with which they are not, but
+        at least the first.
+        """
+        most_s = max(memories_s[0], min(rounded_down(self._duration_s / _NEEDED), memories_s[-1]))
+        for memory_s in memories_s:
+            if memory_s >= most_s:
+                break
+            found = self.watched(monitored, memory_s)
+            if all(w.change <= _SMALL for w in found if w.obstacle is not Obstacle.NO_SIZE):
+                return memory_s
+        return most_s
 
-    Another load differs from another torque constant in friction and inertia alone, so both show less together: none of
-    the others may show much less than without it, unless it still shows small changes.
-    """
-    if sum(record.duration_s for record in records) < _NEEDED * memory_s:
-        return None
-    without = outlook(estimate, monitored, records, memory_s, sizes)
-    names = [*(w.name for w in without if w.obstacle is None), LOAD]
-    found = {w.name: w for w in outlook(estimate, names, records, memory_s, sizes, weight)}
-    most = {w.name: max(_SMALL, _HARDLY_LESS * w.change) for w in without} | {LOAD: _OF_LOAD}
-    if any(w.obstacle is not None or w.change > most[name] for name, w in found.items()):
-        return None
-    return (*(found.get(w.name, w) for w in without), found[LOAD])
+    def with_load(
+        self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float]
+    ) -> tuple[Watched, ...] | None:
+        """What can be watched, and the load at the end; None: the records hardly determine it, or are too short.
 
+        Another load differs from another torque constant in friction and inertia alone, so both show less together:
+        none of the others may show much less than without it, unless it still shows small changes.
+        """
+        if self._duration_s < _NEEDED * memory_s:  # to calibrate it
+            return None
+        without = self.watched(monitored, memory_s)
+        names = [*(w.name for w in without if w.obstacle is None), LOAD]
+        found = {w.name: w for w in self.watched(names, memory_s, weight)}
+        most = {w.name: max(_SMALL, _HARDLY_LESS * w.change) for w in without} | {LOAD: _OF_LOAD}
+        if any(w.obstacle is not None or w.change > most[name] for name, w in found.items()):
+            return None
+        return (*(found.get(w.name, w) for w in without), found[LOAD])
 
-def _changes(
-    estimate: Estimate,
-    names: Sequence[str],
-    records: Sequence[Record],
-    memory_s: float,
-    sizes: Mapping[str, float],
-    weight: Mapping[str, float],
-) -> Mapping[str, float]:
-    """Smallest change of each that shows within the memory, the others being monitored, too."""
-    if not names:
-        return {}
-    own = [name for name in names if name != LOAD or not weight]
-    called, result = monitored_information(estimate, own, records, weight if LOAD in names else {})
-    duration_s = sum(record.duration_s for record in records)
-    longer = np.sqrt(max(duration_s / memory_s, 1.0))
-    known_as = {_base(name): name for name in called}  # Ja or 1/Ja
-    sd = dict(zip(known_as, np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
-    return {
-        name: float(
-            _SHOWS * longer * sd[_base(name)] / sizes.get(name, _size(estimate, known_as[_base(name)]))
-        )
-        for name in names
-    }
+    def _changes(
+        self, names: Sequence[str], memory_s: float, weight: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """Smallest change of each that shows within the memory, the others being monitored, too."""
+        if not names:
+            return {}
+        own = [name for name in names if name != LOAD or not weight]
+        used = weight if LOAD in names else {}
+        called, result = monitored_information(self._estimate, own, self._records, used)
+        longer = np.sqrt(max(self._duration_s / memory_s, 1.0))
+        known_as = {_base(name): name for name in called}  # Ja or 1/Ja
+        sd = dict(zip(known_as, np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
+        sizes = {name: _size(self._estimate, known_as[_base(name)]) for name in names} | dict(self._sizes)
+        return {name: float(_SHOWS * longer * sd[_base(name)] / sizes[name]) for name in names}
 
 
 def _is_zero(estimate: Estimate, name: str) -> bool:
