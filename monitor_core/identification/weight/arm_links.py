@@ -64,8 +64,8 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     parts, window = slow_parts(records, angles)
     if not parts:
         return None
-    balance = _Balance(parts, window, speed_scales(records)[1])
-    chosen = _waves(*_chosen(balance, own, angles))
+    balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
+    chosen = _waves(*balance.sums())
     if not chosen:
         return None
     needed, left = chosen, balance.left(chosen)
@@ -79,44 +79,6 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     return LinkWeights(tuple(map(str, needed)), explained, before)
 
 
-def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
-    """Sums of angles, one after the other, as long as the next one explains what was not fitted.
-
-    Two links may hide each other, so a second one is looked for where the first alone explains little.  A sum that was
-    chosen while another one was missing is exchanged for what is better beside that one.
-    """
-    chosen = list[Sum]()
-    left = balance.left(())
-    while len(chosen) < _MOST_SUMS:
-        best, least = _best(balance, own, angles, chosen)
-        if not least < _LESS * left:
-            near = [*_sums(own, angles, 0), *_sums(own, angles, 1)]
-            beside = [(_best(balance, own, angles, [*chosen, first]), first) for first in near]
-            (best, least), first = min(beside, key=lambda pair: pair[0][1])
-            if first in chosen or not least < _LESS**2 * left:
-                break
-            chosen = [*chosen, first]
-        chosen, left = [*chosen, best], least
-        for place in range(len(chosen) - 1):
-            others = [*chosen[:place], *chosen[place + 1 :]]
-            best, least = _best(balance, own, angles, others)
-            if least < _SIMPLER * left:
-                chosen, left = [*others, best], least
-    return chosen
-
-
-def _best(balance: _Balance, own: str, angles: Sequence[str], chosen: Sequence[Sum]) -> tuple[Sum, float]:
-    """The sum that explains most beside others, and what is left; of fewer angles, unless more explain clearly more."""
-    best: Sum = ()
-    least = np.inf
-    for count in range(_MOST_OTHERS + 1):
-        tried = [angles_in for angles_in in _sums(own, angles, count) if angles_in not in chosen]
-        with_it = [balance.left([*_waves(*chosen), *_waves(angles_in)]) for angles_in in tried]
-        if with_it and min(with_it) < _SIMPLER * least:
-            least, best = min(with_it), tried[int(np.argmin(with_it))]
-    return best, least
-
-
 def _values(wave: Factor, part: GridPart) -> Floats:
     """A cosine or a sine of a sum of angles (N,)."""
     total = sum((sign * part.signals[name] for sign, name in wave.addends), np.zeros(len(part.u)))
@@ -127,21 +89,62 @@ def _waves(*sums: Sum) -> list[Factor]:
     return [Factor(function, angles) for angles in sums for function in ("cos", "sin")]
 
 
-def _sums(own: str, angles: Sequence[str], count: int) -> Iterator[Sum]:
-    """The own angle with so many others, the first one with a plus, the others with either sign."""
-    others = [name for name in angles if name != own]
-    for names in combinations(others, count):
-        used = [name for name in angles if name == own or name in names]
-        for signs in product((1, -1), repeat=count):
-            yield tuple(zip((1, *signs), used, strict=True))
-
-
 class _Balance(WeightBalance):
-    """The torque balance with waves beside it: fitted to each half, and tried on the other."""
+    """The torque balance with waves beside it: fitted to each half, and tried on the other.
 
-    def __init__(self, parts: Sequence[GridPart], window: int, scale: float) -> None:
+    ``own`` and ``angles`` as in ``link_weights``.
+    """
+
+    def __init__(
+        self, parts: Sequence[GridPart], window: int, scale: float, own: str, angles: Sequence[str]
+    ) -> None:
         super().__init__(parts, window, scale)
+        self._own, self._angles = own, angles
         self._columns: dict[Factor, Floats] = {}
+
+    def sums(self) -> list[Sum]:
+        """Sums of angles, one after the other, as long as the next one explains what was not fitted.
+
+        Two links may hide each other, so a second one is looked for where the first alone explains little.  A sum that
+        was chosen while another one was missing is exchanged for what is better beside that one.
+        """
+        chosen = list[Sum]()
+        left = self.left(())
+        while len(chosen) < _MOST_SUMS:
+            best, least = self._best(chosen)
+            if not least < _LESS * left:
+                near = [*self._sums(0), *self._sums(1)]
+                beside = [(self._best([*chosen, first]), first) for first in near]
+                (best, least), first = min(beside, key=lambda pair: pair[0][1])
+                if first in chosen or not least < _LESS**2 * left:
+                    break
+                chosen = [*chosen, first]
+            chosen, left = [*chosen, best], least
+            for place in range(len(chosen) - 1):
+                others = [*chosen[:place], *chosen[place + 1 :]]
+                best, least = self._best(others)
+                if least < _SIMPLER * left:
+                    chosen, left = [*others, best], least
+        return chosen
+
+    def _best(self, chosen: Sequence[Sum]) -> tuple[Sum, float]:
+        """The sum that explains most beside others, and what is left; of fewer angles, unless more explain more."""
+        best: Sum = ()
+        least = np.inf
+        for count in range(_MOST_OTHERS + 1):
+            tried = [angles for angles in self._sums(count) if angles not in chosen]
+            with_it = [self.left(_waves(*chosen, angles)) for angles in tried]
+            if with_it and min(with_it) < _SIMPLER * least:
+                least, best = min(with_it), tried[int(np.argmin(with_it))]
+        return best, least
+
+    def _sums(self, count: int) -> Iterator[Sum]:
+        """The own angle with so many others, the first one with a plus, the others with either sign."""
+        others = [name for name in self._angles if name != self._own]
+        for names in combinations(others, count):
+            used = [name for name in self._angles if name == self._own or name in names]
+            for signs in product((1, -1), repeat=count):
+                yield tuple(zip((1, *signs), used, strict=True))
 
     def left(self, waves: Sequence[Factor]) -> float:
         """Sum of squared errors in each half with values of the other one."""
