@@ -68,6 +68,11 @@ def listed(names: Sequence[str], word: str = "and") -> str:
     return f"{', '.join(names[:-1])} {word} {names[-1]}"
 
 
+def how_often(count: int) -> str:
+    """``once``, ``3 times``."""
+    return "once" if count == 1 else f"{count} times"
+
+
 def percent(value: float | None, signed: bool = False) -> str:
     """``0.12 %``, two digits; beyond ten times only that is written; empty: not known."""
     if value is None:

@@ -61,14 +61,14 @@ def thresholds(
     keeps the budget.  The allowance (p,), in sizes, covers what the estimates are off by besides their scatter; it does
     not lower a threshold.
     """
-    draws = _draws(scatter, len(tails), rng)
+    drawn = _DrawnRates(scatter, tails, rng)
     log_budget, log_share = -math.log(samples), -math.log(samples * len(tails))
 
     def h_for(log_share: float) -> list[float]:
-        return [_threshold(scatter, tail, i, log_share, draws[i]) for i, tail in enumerate(tails)]
+        return [drawn.threshold(i, log_share) for i in range(len(tails))]
 
     def excess(less: float) -> float:
-        return _bound(UPPER, scatter, tails, h_for(log_share - less), draws) - log_budget
+        return drawn.bound(UPPER, h_for(log_share - less)) - log_budget
 
     # The bound of a sum of widely scattered rates differs from the sum of their bounds; mostly it is smaller.
     less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
@@ -79,48 +79,6 @@ def thresholds(
     )
 
 
-def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Floats) -> float:
-    """h of a parameter, in sizes times samples, whose rate stays below its share with the certainty ``UPPER``."""
-    least = LEAST_H * tail.sigma * scatter.memory
-
-    def excess(log_h: float) -> float:
-        return (
-            float(np.quantile(_draw_log_rates(scatter, tail, i, math.exp(log_h), draws), UPPER)) - log_share
-        )
-
-    low = math.log(least)
-    high = low + 12
-    if excess(low) <= 0:
-        return least
-    return math.exp(root(excess, low, high, xtol=_NEAR / 20)) if excess(high) < 0 else math.inf
-
-
-def _draws(scatter: Scatter, parameters: int, rng: np.random.Generator) -> Floats:
-    """Standard normal draws (p, B, 5) for each resampling: of both directions of the tail, and of the formula."""
-    return rng.standard_normal((parameters, len(scatter.power), 5))
-
-
-def _draw_log_rates(
-    scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats, spare: float = 0.0
-) -> Floats:
-    """Logarithms (B,) of the rate of a parameter, for each resampling of the records and each draw."""
-    offset = scatter.offset[i] + scatter.off[:, i]
-    rate = tail.log_rate(h, offset, scatter.power[:, i], spare, draws[:, :4])
-    sd = _OFF + _FARTHER * max(0.0, tail.log_known - float(np.median(rate)))
-    return np.asarray(rate + sd * draws[:, 4])
-
-
-def _bound(
-    q: float, scatter: Scatter, tails: tuple[Tail, ...], h: Sequence[float], draws: Floats, spare: Floats | None = None
-) -> float:  # fmt: skip
-    """Quantile of the logarithm of the rate of the axis."""
-    spared = np.zeros(len(tails)) if spare is None else spare
-    each = [
-        _draw_log_rates(scatter, tail, i, h[i], draws[i], float(spared[i])) for i, tail in enumerate(tails)
-    ]
-    return float(np.quantile(np.logaddexp.reduce(each, axis=0), q))
-
-
 def rates(
     scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator
 ) -> Rates:
@@ -128,12 +86,48 @@ def rates(
     h = [threshold.alpha2 for threshold in own]
     likely = np.array([tail.most_likely(h[i], float(scatter.offset[i])) for i, tail in enumerate(tails)])
     beyond = max(tail.log_known - rate for tail, rate in zip(tails, likely, strict=True))
-    draws = _draws(scatter, len(tails), rng)
+    drawn = _DrawnRates(scatter, tails, rng)
     spare = np.array([threshold.allowance for threshold in own]) - scatter.beyond
-    lower = math.exp(_bound(LOWER, scatter, tails, h, draws, np.maximum(spare, 0.0)))
-    upper = math.exp(_bound(UPPER, scatter, tails, h, draws))
+    lower = math.exp(drawn.bound(LOWER, h, np.maximum(spare, 0.0)))
+    upper = math.exp(drawn.bound(UPPER, h))
     parameters = np.exp(likely)
     return Rates(parameters, float(parameters.sum()), lower, upper, math.exp(max(0.0, float(beyond))))
+
+
+class _DrawnRates:
+    """Draws (B,) of the rate of each parameter, for each resampling of the records."""
+
+    def __init__(self, scatter: Scatter, tails: tuple[Tail, ...], rng: np.random.Generator) -> None:
+        self._scatter, self._tails = scatter, tails
+        # Standard normal (p, B, 5): of both directions of the tail, and of the formula.
+        self._draws = rng.standard_normal((len(tails), len(scatter.power), 5))
+
+    def _log_rates(self, i: int, h: float, spare: float = 0.0) -> Floats:
+        """Logarithms (B,) of the rate of a parameter."""
+        scatter, tail, draws = self._scatter, self._tails[i], self._draws[i]
+        offset = scatter.offset[i] + scatter.off[:, i]
+        rate = tail.log_rate(h, offset, scatter.power[:, i], spare, draws[:, :4])
+        sd = _OFF + _FARTHER * max(0.0, tail.log_known - float(np.median(rate)))
+        return np.asarray(rate + sd * draws[:, 4])
+
+    def bound(self, q: float, h: Sequence[float], spare: Floats | None = None) -> float:
+        """Quantile of the logarithm of the rate of the axis."""
+        spared = np.zeros(len(h)) if spare is None else spare
+        each = [self._log_rates(i, h[i], float(spared[i])) for i in range(len(h))]
+        return float(np.quantile(np.logaddexp.reduce(each, axis=0), q))
+
+    def threshold(self, i: int, log_share: float) -> float:
+        """h of a parameter, in sizes times samples, whose rate stays below its share with the certainty ``UPPER``."""
+        least = LEAST_H * self._tails[i].sigma * self._scatter.memory
+
+        def excess(log_h: float) -> float:
+            return float(np.quantile(self._log_rates(i, math.exp(log_h)), UPPER)) - log_share
+
+        low = math.log(least)
+        high = low + 12
+        if excess(low) <= 0:
+            return least
+        return math.exp(root(excess, low, high, xtol=_NEAR / 20)) if excess(high) < 0 else math.inf
 
 
 def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:

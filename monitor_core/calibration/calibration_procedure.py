@@ -6,8 +6,6 @@ thresholds follow (budget.py).  Faults are injected into the longest record (fau
 is calibrated with the same records and budget (multimodel_thresholds.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -25,11 +23,11 @@ from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import COPIES
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.record_doubts import (
-    CalibrationError,
     check_healthy,
     check_promise,
     check_records,
     check_settings,
+    check_within,
 )
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.detection.multimodel.multimodel_detector import Limit, reason_unavailable
@@ -39,7 +37,6 @@ from monitor_core.settings import Settings, Threshold
 
 WITHIN_MEMORIES = 10.0
 """Changes are to be found within this number of memory lengths, unless ``within_s`` is given."""
-MIN_WITHIN_MEMORIES = 2.0
 OBSERVED_SHARE = 2.0
 """Each change is observed for this multiple of that time."""
 
@@ -100,32 +97,23 @@ def calibrate(
     Raises:
         CalibrationError: these records yield no thresholds; the text says why and what would be right.
     """
-    axis = MonitoredAxis(model, settings)
-    memory_s = settings.memory * settings.interval_s
+    axis, memory_s = MonitoredAxis(model, settings), settings.memory * settings.interval_s
     within_s = options.within_s or WITHIN_MEMORIES * memory_s
-    if within_s < MIN_WITHIN_MEMORIES * memory_s:
-        raise CalibrationError(
-            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
-            f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
-        )
+    samples = options.budget_s / settings.interval_s
 
     def step(name: str) -> PartialProgress:
         return lambda part: progress(name, part, 1.0)
 
+    check_within(settings, within_s)
     check_settings(settings)
     healthy = deviations(axis, records, step("healthy records"))
     check_records(axis, healthy)
     check_healthy(axis, healthy)
     rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
-    samples = options.budget_s / settings.interval_s
-
-    def task(report: PartialProgress) -> BankLimits | None:
-        if reason_unavailable(*axis):
-            return None
-        return bank_limits(axis, records, samples, rng_multimodel, options.bank_copies, report)
-
     k = nu_over_sigma(len(model.monitored), settings.memory, samples, within_s / memory_s)
-    with launch(task) as pending:
+    with launch(
+        partial(_bank_limits, axis, records, samples, rng_multimodel, options.bank_copies)
+    ) as pending:
         statistics = healthy_statistics(
             axis, records, healthy, k, rng, options.copies, step("copies of the records")
         )
@@ -134,7 +122,6 @@ def calibrate(
         trials = partial(_trials, axis._replace(settings=calibrated), records, options, within_s)
         caught, onsets = trials(None, step("faults"))
         limits = pending(step("multi-model detector"))
-    bank = MultiModelCalibration(limits, trials(limits.own)[0]) if limits else None
     return CalibrationResult(
         model=model,
         settings=calibrated,
@@ -146,8 +133,20 @@ def calibrate(
         caught=caught,
         onsets=onsets,
         records_s=sum(float(r.t_us[-1] - r.t_us[0]) * 1e-6 for r in records),
-        bank=bank,
+        bank=MultiModelCalibration(limits, trials(limits.own)[0]) if limits else None,
     )
+
+
+def _bank_limits(
+    axis: MonitoredAxis,
+    records: Sequence[SampleBlock],
+    samples: float,
+    rng: np.random.Generator,
+    copies: int,
+    report: PartialProgress,
+) -> BankLimits | None:
+    """Limits of the multi-model detector; None: the axis cannot have one."""
+    return None if reason_unavailable(*axis) else bank_limits(axis, records, samples, rng, copies, report)
 
 
 def _thresholds(

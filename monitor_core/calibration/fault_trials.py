@@ -1,7 +1,5 @@
 """Faults injected at many onsets of a healthy record: when a detector detects them, and under which name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

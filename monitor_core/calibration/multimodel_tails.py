@@ -3,8 +3,6 @@
 The excursions are found piece by piece along g, over all copies of the records; only a limited number is kept.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

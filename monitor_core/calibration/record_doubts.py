@@ -26,6 +26,7 @@ OFF = 0.1
 """A constant deviation is a fault only beyond this share of the size: nu allows for less, as no values are exact."""
 _SURE = 6.0
 """In standard deviations of the difference of two means: a larger one is not chance."""
+MIN_WITHIN_MEMORIES = 2.0
 _EDGE = 5
 """Memories at each end in which no change is looked for."""
 WIDEST = 1000.0
@@ -66,6 +67,20 @@ def check_settings(settings: Settings) -> None:
     """
     for words in unidentifiable_words(settings.unidentifiable):
         raise CalibrationError(words)
+
+
+def check_within(settings: Settings, within_s: float) -> None:
+    """Check that the memory is short enough to find a change within so many seconds.
+
+    Raises:
+        CalibrationError: it is not.
+    """
+    memory_s = settings.memory * settings.interval_s
+    if within_s < MIN_WITHIN_MEMORIES * memory_s:
+        raise CalibrationError(
+            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
+            f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
+        )
 
 
 def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> None:

@@ -1,7 +1,5 @@
 """Result of a calibration: thresholds, their false-alarm rate, and the changes that each detector finds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

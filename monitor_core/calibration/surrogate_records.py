@@ -4,8 +4,6 @@ Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations, which 
 itself runs over the copies, so the autocorrelation and the asymmetry of the estimates are reproduced.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

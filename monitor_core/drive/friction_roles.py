@@ -5,15 +5,13 @@ A damper between two masses has terms in the columns of both.  Coulomb friction 
 direction of a motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import DAMPING, INERTIA, TORQUE_UNIT, Drive
+from monitor_core.drive.structure import DAMPING, INERTIA, TORQUE_UNIT, Drive, Matrix
 from monitor_core.kernel.tables import COULOMB
 
 
@@ -40,20 +38,21 @@ def braking(drive: Drive, values: Mapping[str, float]) -> tuple[float, float]:
 
 def _viscous(drive: Drive) -> dict[str, int]:
     """Columns in A of the speeds that viscous frictions brake, by their names."""
-    found = dict[str, int]()
-    for p in drive.parameters:
-        columns = {t.col for t in drive.terms if t.matrix == "A" and p.name in dict(t.powers)}
-        if p.unit == DAMPING and len(columns) == 1:
-            found[p.name] = columns.pop()
-    return found
+    return _in_one_column(drive, "A", DAMPING)
 
 
 def _coulomb(drive: Drive) -> dict[str, int]:
     """Columns in B of Coulomb frictions, by their names."""
+    found = _in_one_column(drive, "B", TORQUE_UNIT)
+    return {name: column for name, column in found.items() if drive.inputs[column] == COULOMB}
+
+
+def _in_one_column(drive: Drive, matrix: Matrix, unit: str) -> dict[str, int]:
+    """Parameters of this unit whose terms in a matrix are all in one column, and that column."""
     found = dict[str, int]()
     for p in drive.parameters:
-        columns = {t.col for t in drive.terms if t.matrix == "B" and p.name in dict(t.powers)}
-        if p.unit == TORQUE_UNIT and len(columns) == 1 and drive.inputs[min(columns)] == COULOMB:
+        columns = {t.col for t in drive.terms if t.matrix == matrix and p.name in dict(t.powers)}
+        if p.unit == unit and len(columns) == 1:
             found[p.name] = columns.pop()
     return found
 

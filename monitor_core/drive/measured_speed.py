@@ -1,7 +1,5 @@
 """Speed of an axis at its sensor, from sample to sample; blocks may be split anywhere."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

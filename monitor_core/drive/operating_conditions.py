@@ -14,8 +14,6 @@ they follow a measured one.
 Every value of a sample depends on the samples up to that one: blocks may be split anywhere.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Cramer-Rao bound of the parameters of a drive from a record, by the sensitivities of its output."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -95,14 +93,18 @@ class Accuracy:
         sizes, directions = self._svd
         return _sparse(directions[sizes <= _HIDDEN * sizes.max(initial=0.0)])
 
-    @cached_property
-    def covariance(self) -> Floats:
-        """Covariance of the estimates, relative (p, p); infinite variance in hidden directions, NaN beside it."""
+    def inverse_information(self, noise: float) -> Floats:
+        """Covariance (p, p) of the estimates with this noise along the directions that are seen; else zero."""
         sizes, directions = self._svd
         seen = len(sizes) - len(self.hidden)
         weighted = directions[:seen] / sizes[:seen, None]
-        scale = self.noise / np.where(self.lengths > 0, self.lengths, 1.0)
-        out = weighted.T @ weighted * np.outer(scale, scale)
+        scale = noise / np.where(self.lengths > 0, self.lengths, 1.0)
+        return np.asarray(weighted.T @ weighted * np.outer(scale, scale))
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Covariance of the estimates, relative (p, p); infinite variance in hidden directions, NaN beside it."""
+        out = self.inverse_information(self.noise)
         lost = self.hidden.any(axis=0)
         out[lost], out[:, lost] = np.nan, np.nan
         out[lost, lost] = np.inf

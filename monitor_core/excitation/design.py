@@ -1,7 +1,5 @@
 """Design of an experiment: signal, motion within the limits, predicted accuracy, and what it will not determine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -4,8 +4,6 @@ A drive under a torque signal alone drifts: with friction it integrates the torq
 linear motion under the signal is planned, and the drive is simulated with the torque that follows it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -36,24 +36,6 @@ def lines_in(
     return inside
 
 
-def multisine(
-    rng: np.random.Generator, N: int, interval_s: float, band_hz: tuple[float, float], rms: float
-) -> Floats:
-    """Random-phase multisine (N,): a sine of equal size at every line of the DFT grid inside the band.
-
-    The lines are k / (N interval_s), so the signal is periodic with N samples and leaks into no other line; the
-    constant and the Nyquist frequency are left out.  The phases are uniform; the rms value is exact.
-
-    Raises:
-        ValueError: no line of the grid lies inside the band.
-    """
-    inside = lines_in(N, interval_s, band_hz)
-    spectrum = np.zeros(N // 2 + 1, dtype=complex)
-    spectrum[inside] = np.exp(2j * np.pi * rng.random(inside.size))
-    # A line of size 1 is a sine of amplitude 2 / N.
-    return np.asarray(np.fft.irfft(spectrum, N) * (rms * N / np.sqrt(2 * inside.size)))
-
-
 @dataclass(frozen=True)
 class Multisine:
     """One period of  x[n] = sum_k a_k cos(2 pi k n / N + phase_k),  n = 0 .. N-1, held or sampled interval_s apart.
@@ -104,6 +86,21 @@ class Multisine:
         return replace(
             self, amplitudes=self.amplitudes * np.abs(response), phases=self.phases + np.angle(response)
         )
+
+
+def multisine(
+    rng: np.random.Generator, N: int, interval_s: float, band_hz: tuple[float, float], rms: float
+) -> Floats:
+    """Random-phase multisine (N,): a sine of equal size at every line of the DFT grid inside the band.
+
+    The lines are k / (N interval_s), so the signal is periodic with N samples and leaks into no other line; the
+    constant and the Nyquist frequency are left out.  The phases are uniform; the rms value is exact.
+
+    Raises:
+        ValueError: no line of the grid lies inside the band.
+    """
+    lines = lines_in(N, interval_s, band_hz)
+    return Multisine.random(rng, N, interval_s, lines).times(rms).samples()
 
 
 # --- Crest factors: a multisine with low peaks for its power determines more within the same limits -------------------

@@ -1,7 +1,5 @@
 """The drive for which an experiment is planned, at its nominal values: frequency responses, and motions from rest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,18 +1,21 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
 * ``identification_procedure``: the whole way, ``identify``; ``identification_result``: what it returns; ``problem``,
-  ``parameter_selection``: what is estimated; ``holding``: what the records do not determine; ``verdict`` on the fit;
-  ``outlook``: what can be watched with it; ``bode``: the drive beside black boxes and the record; ``warm_up``: friction
-  that follows a heat which is not measured.
-* ``records``: records, and whether they can be used.
-* ``predictor``: prediction errors of a drive; ``greybox``: its fit.
+  ``parameter_selection``: what is estimated; ``friction_scale``, ``holding``: two steps of the way.
+* ``records``: records.  ``record_checks``: whether they can be used.
+* ``torque_balance``: the axis as one rigid mass, by linear least squares.  ``weight``: the weight that it holds.
+* ``predictor``: prediction errors of a drive.  ``greybox``: its fit.
 * ``starting``: values to start from, and the number of masses.
+* ``thermal``: friction that follows a heat which is not measured.
+* ``assessment``: the verdict on a fit, what can be watched with it, its frequency response beside others.
 * ``black_boxes``: models without physics, and frequency responses.
 """
 
+from monitor_core.identification.assessment.bode import Bode, drive_response
+from monitor_core.identification.assessment.outlook import Obstacle, Watched
+from monitor_core.identification.assessment.verdict import Basis, Effect, Measure, Verdict
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse
-from monitor_core.identification.bode import Bode, drive_response
 from monitor_core.identification.greybox import LEVEL, Correlation, Estimate, Trace, fit
 from monitor_core.identification.identification_procedure import MOST_MASSES, USUAL_MASSES, Progress, identify
 from monitor_core.identification.identification_result import (
@@ -22,7 +25,6 @@ from monitor_core.identification.identification_result import (
     Rejection,
     Start,
 )
-from monitor_core.identification.outlook import Obstacle, Watched
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
     Schedule,
@@ -33,30 +35,25 @@ from monitor_core.identification.parameter_selection import (
     with_terms,
 )
 from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
-from monitor_core.identification.records import (
-    UNITS,
-    Known,
-    Record,
-    Span,
-    TurningWeight,
-    between,
-    gear_ratios,
+from monitor_core.identification.record_checks.known_axis import Known, known_of
+from monitor_core.identification.record_checks.motion_checks import (
     has_wrong_sign,
-    held_for,
     is_about_nominal,
-    known_of,
-    link_weights,
-    lively_parts,
-    rigid_fit,
-    samples_late,
     shown_inertia,
-    speed_scales,
-    stuck_spans,
     suspicions,
-    turning_weight,
+)
+from monitor_core.identification.record_checks.value_patterns import (
+    Span,
+    held_for,
+    stuck_spans,
     whole_numbers,
     wrap_of,
 )
+from monitor_core.identification.records.measured_record import UNITS, Record, between, lively_parts
 from monitor_core.identification.starting import Growth
-from monitor_core.identification.verdict import Basis, Effect, Measure, Verdict
-from monitor_core.identification.warm_up import FoundWarmUp
+from monitor_core.identification.thermal.warm_up import FoundWarmUp
+from monitor_core.identification.torque_balance.late_torque import samples_late
+from monitor_core.identification.torque_balance.rigid_body import rigid_fit, speed_scales
+from monitor_core.identification.weight.arm_links import link_weights
+from monitor_core.identification.weight.gear_ratios import gear_ratios
+from monitor_core.identification.weight.turning_weight import TurningWeight, turning_weight

@@ -4,8 +4,6 @@ Friction is fc tanh(speed / scale).  The scale is a parameter like others, but w
 from several values.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The identification of a drive as a whole: starting values, fit, comparison with the records and with a black box."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -11,7 +9,9 @@ import numpy as np
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import LOAD, split_name
-from monitor_core.identification.bode import bode_of
+from monitor_core.identification.assessment.bode import bode_of
+from monitor_core.identification.assessment.outlook import Outlook, Watched
+from monitor_core.identification.assessment.verdict import Effect, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_undetermined
@@ -20,11 +20,9 @@ from monitor_core.identification.identification_result import (
     IdentificationResult,
     Start,
 )
-from monitor_core.identification.outlook import Watched, outlook, shortest_memory, with_load
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records.measured_record import Record, lively_parts
-from monitor_core.identification.records.standstill import find_standstill
 from monitor_core.identification.starting import (
     Growth,
     best_of,
@@ -33,8 +31,7 @@ from monitor_core.identification.starting import (
     fit_from_torque_balance,
     grow,
 )
-from monitor_core.identification.verdict import Effect, verdict_of
-from monitor_core.identification.warm_up import (
+from monitor_core.identification.thermal.warm_up import (
     LEAST_MOTION_S,
     FoundWarmUp,
     find_warm_up,
@@ -42,6 +39,7 @@ from monitor_core.identification.warm_up import (
     heated_as,
     moving_s,
 )
+from monitor_core.identification.torque_balance.standstill import find_standstill
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 MOST_ITERATIONS = 100
@@ -213,18 +211,17 @@ class _Watch(NamedTuple):
 
 
 def _watch(estimate: Estimate, records: Sequence[Record], options: IdentificationOptions) -> _Watch:
-    memory_s = options.memory_s
+    outlook, memory_s = Outlook(estimate, records, options.sizes), options.memory_s
     if options.memories_s:
-        memory_s = shortest_memory(estimate, options.monitored, records, options.memories_s, options.sizes)
-    watched = outlook(estimate, options.monitored, records, memory_s, options.sizes)
+        memory_s = outlook.sufficient_memory(options.monitored, options.memories_s)
+    watched = outlook.watched(options.monitored, memory_s)
     weight = _turning_weight(estimate, options)
     if weight:
         longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
-        if found := with_load(estimate, options.monitored, records, longer_s, options.sizes, weight):
+        if found := outlook.with_load(options.monitored, longer_s, weight):
             memory_s, watched = longer_s, found
         elif options.load:
-            names = (*options.monitored, LOAD)
-            watched = outlook(estimate, names, records, memory_s, options.sizes, weight)
+            watched = outlook.watched((*options.monitored, LOAD), memory_s, weight)
     return _Watch(watched, memory_s, weight if any(w.name == LOAD for w in watched) else {})
 
 

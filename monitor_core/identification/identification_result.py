@@ -1,7 +1,5 @@
 """The result of an identification: estimates, how well they explain records, what to use; and how it was asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -12,15 +10,15 @@ import numpy as np
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, split_name, value_of
 from monitor_core.drive.thermal_state import ThermalStart
-from monitor_core.identification.bode import Bode
+from monitor_core.identification.assessment.bode import Bode
+from monitor_core.identification.assessment.outlook import Watched
+from monitor_core.identification.assessment.verdict import Quality, Verdict
 from monitor_core.identification.greybox import Estimate, Trace
-from monitor_core.identification.outlook import Watched
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.standstill import Standstill
 from monitor_core.identification.starting import Growth, masses_of
-from monitor_core.identification.verdict import Quality, Verdict
-from monitor_core.identification.warm_up import FoundWarmUp
+from monitor_core.identification.thermal.warm_up import FoundWarmUp
+from monitor_core.identification.torque_balance.standstill import Standstill
 
 Start = Literal["values", "search", "records"]
 """Where the fit starts: at the nominal values; also at the results of a search around them in the frequency response;

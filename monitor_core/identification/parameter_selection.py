@@ -1,7 +1,5 @@
 """Which parameters of a drive are estimated, which are held, and which follow measured signals."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

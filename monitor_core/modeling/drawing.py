@@ -12,8 +12,6 @@
 The drives of the library are drawn so.  A user draws in Modelica, where every mistake is reported with its line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -3,8 +3,6 @@
 Drawings (drawing.py) and Modelica texts (modelica/) both end here; elimination/ starts here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -5,8 +5,6 @@ Zippel).  So the rank at a random point can only be too small, and hardly ever i
 this in practice.  With 31 bits a product of two residues fits into numpy's int64.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Poles, resonances and anti-resonances of a drive at given parameter values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ times the motor's.  Each spring is drawn so that its deflection is the angle on 
 arm's side, as in the paper: r phi_m - phi_g, phi_g - phi_a.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType

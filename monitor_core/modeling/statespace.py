@@ -1,7 +1,5 @@
 """The minimal state-space form of a drive: exact and in symbols, and as the Laurent terms that the kernel takes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ One change is one alarm:
 * A cause that is found again not long after its alarm has ended is the same alarm, which is reopened.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple, TypeVar

@@ -1,7 +1,5 @@
 """Status of an axis: plain values with their units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum

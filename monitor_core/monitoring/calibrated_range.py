@@ -4,8 +4,6 @@ Thresholds keep their false-alarm budget in the conditions of the records that t
 of an auxiliary signal, or the root mean square of the speed over ten memories.  The torque is none: a fault changes it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from itertools import accumulate

@@ -14,8 +14,6 @@ What the thermal model lacks is part of what the tests tolerate (``Settings.mode
 records they tolerate all that the straight lines change there, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Status of one lane of a batch: what its estimates show, what is tested, and why the rest is not."""
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Parameters that are not tested: why, and what would help.  That there is no alarm says nothing of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

@@ -9,8 +9,6 @@ relative thresholds stay, so a window is refused where they cannot hold any more
 calibrated anew.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from enum import StrEnum

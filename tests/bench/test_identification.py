@@ -15,11 +15,11 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter, ss2tf
 
 from monitor_core.arrays import Floats
+from monitor_core.identification import Record
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse, local_response
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Predictor, Problem
-from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import three_mass
 from tests.bench.measure import Say, in_turns
 from tests.core.identification.systems import INTERVAL_S, bench_drive, bench_record, decibels

@@ -12,9 +12,9 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
+from monitor_core.identification import Record
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records import Record
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

@@ -10,9 +10,9 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation.reference_experiment import NOISE, Experiment, experiment
+from monitor_core.identification import Record as Measured
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records import Record as Measured
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.monitoring import AxisMonitor

@@ -25,9 +25,9 @@ from monitor_core.calibration.injection import equivalent_load, faulty_torque
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
+from monitor_core.identification import Record
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records import Record
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis

@@ -10,10 +10,9 @@ import re
 
 import pytest
 
-from monitor_core.identification import IdentificationOptions, identify
+from monitor_core.identification import IdentificationOptions, Record, between, identify
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Motion, Predictor, Problem
-from monitor_core.identification.records import Record, between
 from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.samples import SampleBlock
 from tests.real.irb import model_and_settings

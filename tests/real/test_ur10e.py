@@ -22,16 +22,18 @@ from monitor_core.identification import (
     IdentificationOptions,
     IdentificationResult,
     Measure,
+    Record,
     Rejection,
+    between,
     identify,
     scheduled_terms,
     speed_scales,
+    suspicions,
     with_terms,
 )
+from monitor_core.identification.assessment.verdict import Quality
 from monitor_core.identification.greybox import Estimate, colour_of, fit
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records import Record, between, suspicions
-from monitor_core.identification.verdict import Quality
 from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
+from monitor_core.identification import Record
 from monitor_core.identification.problem import Disturbance
-from monitor_core.identification.records import Record
 from tests.core.identification.monte_carlo import (
     SLOW,
     START_OF_NOISE,

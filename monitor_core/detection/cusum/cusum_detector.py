@@ -13,8 +13,6 @@
   more likely at the nominal value than at that size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import hypot, log, sqrt

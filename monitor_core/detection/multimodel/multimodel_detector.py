@@ -4,8 +4,6 @@ A change raises one alarm.  The alarm is named when there is enough evidence, ma
 known, and ends when its cause ends.  A further change of a cause with an open alarm belongs to that alarm.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -6,8 +6,6 @@ c is an offset of each record.  Least squares over the rows without missing valu
 ed., 4.2 and 7.3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ model has, what spectra of samples estimate, and what a continuous model has aft
 can be compared: at a quarter of the sampling frequency the hold alone turns the phase by 45 degrees.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -114,10 +112,7 @@ class Spectrum(NamedTuple):
 
 
 def local_response(
-    records: Sequence[Record] | Sequence[Regular],
-    frequency_hz: ArrayLike,
-    *,
-    name: str = "local polynomials",
+    records: Sequence[Record] | Sequence[Regular], frequency_hz: ArrayLike
 ) -> FrequencyResponse:
     """G at any frequencies; NaN where the lines nearby are not excited.
 
@@ -125,7 +120,6 @@ def local_response(
         records: with one interval; the polynomial of G is common, each stretch without a missing sample has its own
             transient.
         frequency_hz: (F,) Hz.
-        name: as in a legend.
 
     Raises:
         ValueError: too few lines, a frequency beyond half the sampling frequency.
@@ -144,7 +138,7 @@ def local_response(
     with np.errstate(divide="ignore", invalid="ignore"):
         sd = np.sqrt(variance / 2) / np.abs(G)
     sd = np.where(np.isnan(sd), np.inf, sd)
-    return FrequencyResponse(f, G, DECIBEL * sd, sd, name)
+    return FrequencyResponse(f, G, DECIBEL * sd, sd, "record, local polynomials")
 
 
 def _spectrum(record: Regular, a: int, b: int) -> Spectrum:

@@ -6,8 +6,6 @@ else.  So a simulated angle is compared by its speed, y being the differences ov
 measured angle: an arm that stands upright would fall in a simulation of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """The prediction-error criterion of a problem on records, and its minimum, with or without gross errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The result of a fit, and the doubts about it, in sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Grey-box identification: the parameters of a drive that predict records best (paper, section 4; Ljung, ch. 7)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Levenberg and Marquardt's method within bounds, on normal equations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Prediction errors: are they white and independent of the input (Ljung, 16.6)?  The covariance that follows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -185,7 +183,7 @@ def information(
     if order == 0:
         return Information(accuracy, white, white, 0)
     with np.errstate(invalid="ignore"):
-        inverse = _pseudo_inverse(R)
+        inverse = accuracy.inverse_information(1.0)
         known = np.isfinite(np.diag(accuracy.covariance))
         covariance = accuracy.covariance.copy()
         covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
@@ -214,13 +212,3 @@ def _unexplained(psi: Floats, start: Floats) -> Floats:
     left, sizes, _ = np.linalg.svd(start / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
     left = left[:, sizes > _EXPLAINED * sizes.max(initial=0.0)]
     return np.asarray(psi - left @ (left.T @ psi))
-
-
-def _pseudo_inverse(R: Floats) -> Floats:
-    """Of R'R, with columns of R scaled to one length; zero along unobserved directions."""
-    lengths = np.linalg.norm(R, axis=0)
-    lengths[lengths == 0] = 1.0
-    _, sizes, rows = np.linalg.svd(R / lengths, full_matrices=False)
-    seen = sizes > 1e-9 * sizes.max(initial=0.0)
-    weighted = rows[seen] / sizes[seen, None]
-    return np.asarray(weighted.T @ weighted / np.outer(lengths, lengths))

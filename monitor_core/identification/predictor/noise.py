@@ -10,8 +10,6 @@ a Lyapunov equation for each parameter, all with the same matrix.  K is the filt
 the one-step predictor, x(t+1) = Ad x + Bd u + K_p eps, is Ad K.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -4,8 +4,6 @@ free parameters (positive ones as logarithms), slopes b of scheduled ones, delay
 state of each record
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import NamedTuple

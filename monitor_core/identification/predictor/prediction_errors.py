@@ -1,7 +1,5 @@
 """Prediction errors eps and their gradient psi = d yhat / d xi of records, for the vector xi of a fit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """A record prepared for the compiled predictor: distinct intervals, and levels of the scheduling signals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ faster than the axis moves, is resampled, which costs: the torque within the new
 mean, and the errors of neighbouring samples become correlated.  A grey-box fit takes records as they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ J1 is the mass of the motor, k1 and d1 connect it to J2, and so on; friction is 
 resonances in closed form, and ``Slots`` says which parameters of a drive are its masses, springs and dampers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache

@@ -4,8 +4,6 @@ A real residue rho of a pole s in continuous time is, held over h and sampled, r
 left of damping in the phase of the residue is neglected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

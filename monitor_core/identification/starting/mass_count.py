@@ -17,7 +17,7 @@ from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, 
 from monitor_core.identification.starting.growing_chains import Stem, longer, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Found, Progress, Steps
-from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, candidate
+from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, from_chains
 
 
 def grow(
@@ -85,9 +85,7 @@ def _fitted(
 ) -> Estimate:
     if not grown:
         raise ValueError("the frequency response shows no further resonance")
-    origin = "a chain that grew mass by mass"
-    found = [candidate(stem.response, stem.end, measured, origin) for stem in grown]
-    return best_fit(problem, records, found, reached)
+    return best_fit(problem, records, from_chains(grown, measured), reached)
 
 
 # --- Chains of different length compared ------------------------------------------------------------------------------

@@ -8,8 +8,6 @@ every resonance appears damped by sigma more.  There the peaks of a model that i
 the record, which guides a search.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

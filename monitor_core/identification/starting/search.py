@@ -13,8 +13,6 @@ If this fails, the search starts again, around the given values, until the respo
 or the same best values have been found several times.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from typing import Literal, NamedTuple, Protocol, TypeVar

@@ -1,8 +1,6 @@
 """Starting values of a drive, from the records alone or from its nominal values, and the fits from the best of them."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +8,9 @@ import numpy as np
 from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_value
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
+from monitor_core.identification.record_checks.known_axis import rigid_inertia
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.motion_checks import rigid_inertia
-from monitor_core.identification.records.rigid_body import rigid_fits
-from monitor_core.identification.records.torque_windows import POSE
-from monitor_core.identification.starting.growing_chains import stems
+from monitor_core.identification.starting.growing_chains import Stem, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
@@ -25,6 +21,8 @@ from monitor_core.identification.starting.search import (
     explained,
     search,
 )
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits
+from monitor_core.identification.torque_balance.torque_windows import POSE
 
 _FEWER = 20
 """Searches around a chain that does not explain the response."""
@@ -40,6 +38,7 @@ _BETTER = 1 - 1e-4
 """A lower cost counts if it is lower by this factor."""
 _FIT = 20
 """Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
+_GROWN = "a chain that grew mass by mass"
 FITTING = _RIVALS * _FIT
 """Steps of ``best_fit``."""
 
@@ -122,7 +121,7 @@ def around_nominal(problem: Problem, measured: Measured, reached: Reached) -> li
     """Where searches around the nominal values end."""
     response = Response(problem)
     ends = search(response, measured, reached=reached)
-    return [candidate(response, end, measured, "a search around the values given") for end in ends]
+    return [_candidate(response, end, measured, "a search around the values given") for end in ends]
 
 
 def from_records(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
@@ -131,21 +130,24 @@ def from_records(problem: Problem, measured: Measured, reached: Reached) -> list
     Raises:
         ValueError: the motor does not see a chain of masses that are all free, or the response shows none.
     """
-    grown = stems(problem, measured)
-    if not grown:
+    found = from_chains(stems(problem, measured), measured)
+    if not found:
         raise ValueError(
             "the frequency response shows no chain of so many masses: give values to search from"
         )
-    origin = "a chain that grew mass by mass"
-    found = [candidate(stem.response, stem.end, measured, origin) for stem in grown]
     if found[0].cost > explained(measured):
         response = Response(problem, found[0].values)
         ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
-        found += [candidate(response, end, measured, f"a search around {origin}") for end in ends]
+        found += [_candidate(response, end, measured, f"a search around {_GROWN}") for end in ends]
     return list(distinct(found))
 
 
-def candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
+def from_chains(grown: Iterable[Stem], measured: Measured) -> list[Candidate]:
+    """Chains that grew mass by mass."""
+    return [_candidate(stem.response, stem.end, measured, _GROWN) for stem in grown]
+
+
+def _candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
     """Where a search in the frequency response ended."""
     return Candidate(response.named(end.x), origin, end.cost, measured.expected)
 

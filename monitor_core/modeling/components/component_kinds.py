@@ -5,8 +5,6 @@ Modelica's standard library: ``tau`` of a flange is the torque that acts on the 
 rest, where no spring is under tension.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

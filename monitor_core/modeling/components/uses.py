@@ -1,7 +1,5 @@
 """Parts of a drive, and where parameters are used: units, signs and meanings follow from the parts they stand in."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

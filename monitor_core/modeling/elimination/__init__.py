@@ -8,8 +8,6 @@
 A sum in a denominator becomes a merged parameter (substitution.py), so that every coefficient is a Laurent sum.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from monitor_core.drive.structure import Output

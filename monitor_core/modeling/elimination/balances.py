@@ -4,8 +4,6 @@ s^2 phi_j = sum of (c s phi_i), (c phi_i), (c u)      where an inertia moves wit
 s   phi_l = the same                                  where nothing does: massless, between dampers
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

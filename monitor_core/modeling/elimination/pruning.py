@@ -1,7 +1,5 @@
 """The last step: parts that the torque does not move or the sensors do not observe are left out, with a note."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 

@@ -9,8 +9,6 @@ eliminated by the law of its spring (c phi + d s phi), never an angle by a torqu
 + D s phi + K phi = torques of as many angles as can move independently.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

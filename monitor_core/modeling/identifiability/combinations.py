@@ -5,8 +5,6 @@ become one coordinate.  In the logarithms of what is left, vectors orthogonal to
 powers.  What is still missing are entries of A, B and C that are seen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -3,8 +3,6 @@
 The first 2n of them fix the transfer function of n states, so parameters can be seen exactly as far as these change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

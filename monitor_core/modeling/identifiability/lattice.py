@@ -4,8 +4,6 @@ A space that is the same for all values of the parameters has a basis in small f
 which is unique, so that the residues of its entries are those of small fractions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from fractions import Fraction

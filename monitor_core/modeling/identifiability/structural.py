@@ -1,7 +1,5 @@
 """Which parameters, or combinations of them, the sensors of a drive can see at all."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain

@@ -1,17 +1,16 @@
 """Modelica texts (drawn in OpenModelica, or written by hand) to the flat model of a drive.
 
-text -> pymoca's syntax tree, with places (parsing) -> the tree of all classes, names checked (names) -> pymoca's
-instance and flat class -> values of parameters (values), components of the library (library, leaves), signals
-(signals) -> flat model (flattening, flat_parameters)
+text -> pymoca's syntax tree, with places (parsing) -> the tree of all classes (classes), names checked (names)
+-> pymoca's instance and flat class -> values of parameters (values), components of the library (library, leaves),
+signals (signals) -> flat model (flattening, flat_parameters)
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin
+from monitor_core.modeling.modelica.classes import choose, tree_of
 from monitor_core.modeling.modelica.flattening import flatten
-from monitor_core.modeling.modelica.names import check_names, choose, tree_of
+from monitor_core.modeling.modelica.names import check_names
 from monitor_core.modeling.modelica.parsing import Source, parse
 
 

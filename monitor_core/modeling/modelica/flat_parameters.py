@@ -1,7 +1,5 @@
 """The parameters of the flat model: those that the user named and that still occur."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ pymoca instantiates, resolves all names and modifications, and flattens.  The co
 equations there: theirs are those of component_kinds.py, which drawings in Python share.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace

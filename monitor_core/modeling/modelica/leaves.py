@@ -1,7 +1,5 @@
 """The components of the library: their parameters, and their part of the flat model."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

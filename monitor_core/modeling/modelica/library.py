@@ -3,8 +3,6 @@
 The physics of the components is in monitor_core.modeling.components; this module assigns its kinds to the names.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache

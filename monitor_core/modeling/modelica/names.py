@@ -1,122 +1,29 @@
-"""Names of a Modelica text: the tree of all classes, the class that is the drive, and a check of every name.
+"""A check of every name in Modelica texts.
 
 pymoca looks names up while it instantiates, and its errors have no lines.  The check here comes before: it finds
 unknown classes, parameters and variables where they are written.
 """
 
-from __future__ import annotations
-
-import copy
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from difflib import get_close_matches
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from pymoca import ast
-from pymoca.parser import ModelicaFile
-from pymoca.tree import NameLookupError, find_name
 
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.library import SOURCES, library
-from monitor_core.modeling.modelica.parsing import Source, is_parameter, place_of
+from monitor_core.modeling.modelica.classes import (
+    BUILTIN,
+    LIBRARY,
+    MODELS,
+    choice,
+    descendants,
+    look_up,
+    meant,
+    own_classes,
+    similar,
+)
+from monitor_core.modeling.modelica.library import SOURCES
+from monitor_core.modeling.modelica.parsing import is_parameter, place_of
 from monitor_core.modeling.modelica.values import FUNCTIONS
-
-_LIBRARY = ("Modelica", "AxisWatch")
-_MODELS = ("model", "block", "class")
-_BUILTIN = ("Real", "Integer", "Boolean", "String")
-
-
-def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
-    """The library and the classes of the texts; a text's own Modelica or AxisWatch package is ignored.
-
-    Raises:
-        ModelError: a class is defined twice.
-    """
-    root = copy.deepcopy(library())
-    for file in sorted(files, key=lambda f: len(f.within)):
-        path: tuple[str, ...] = file.within[0].to_tuple() if file.within else ()
-        if path[:1] and path[0] in _LIBRARY:
-            continue
-        package: ast.Class = root
-        for name in path:
-            package = package.classes.setdefault(name, ast.Class(name=name, type="package"))
-        for name, new in file.classes.items():
-            if path or name not in _LIBRARY:
-                _add(package, new)
-    root.update_parent_refs()
-    return root
-
-
-def _add(package: ast.Class, new: ast.Class) -> None:
-    old = package.classes.get(new.name)
-    if old is not None and hasattr(old, "line"):
-        where = f"in {old.file}, line {old.line}" if old.file else "in the library"
-        raise ModelError(f"{new.type} {new.name} exists already {where}", place_of(new))
-    if old is not None:  # a package that only a text within it has named so far
-        new.classes.update(old.classes)
-    package.classes[new.name] = new
-
-
-def own_classes(cls: ast.Class) -> list[ast.Class]:
-    """The user's classes inside, at any depth."""
-    return [inner for inner in descendants(cls) if getattr(inner, "file", "")]
-
-
-# --- the drive -------------------------------------------------------------------------------------------
-
-
-def choose(root: ast.Tree, sources: Sequence[Source], model: str | None) -> ast.Class:
-    """The class of that name, otherwise the only model that no other class of the texts uses or extends.
-
-    Raises:
-        ModelError: there is none, or several.
-    """
-    classes = own_classes(root)
-    models = [c for c in classes if c.type in _MODELS]
-    if not models:
-        empty = all(not source.text.strip() for source in sources)
-        problem = "the text is empty" if empty else 'there is no model in it: "model Name ... end Name;"'
-        raise ModelError(problem, Origin(file=", ".join(source.name for source in sources)))
-    chosen = _only(models, classes) if model is None else _named(root, model, models)
-    if chosen.partial:
-        problem = f"model {chosen.name} is partial: only a model that extends it can be read"
-        raise ModelError(problem, place_of(chosen, chosen.name))
-    return chosen
-
-
-def _named(root: ast.Tree, model: str, models: Sequence[ast.Class]) -> ast.Class:
-    found = _found(root, model)
-    same = [found] if isinstance(found, ast.Class) else [c for c in models if c.name == model]
-    if len(same) != 1 or same[0] not in models:
-        last = similar(model.split(".")[-1], {c.name for c in models})
-        near = meant([c.full_name for c in models if c.name in last])
-        known = ", ".join(c.full_name for c in models)
-        raise ModelError(f"there is no model {model}{near}; there is {known}", Origin(file=models[0].file))
-    return same[0]
-
-
-def _only(models: Sequence[ast.Class], classes: Sequence[ast.Class]) -> ast.Class:
-    used = {id(other) for c in classes for other in _used_by(c)}
-    free = [c for c in models if id(c) not in used and not c.partial]
-    if len(free) == 1:
-        return free[0]
-    if len(models) == 1:
-        return models[0]
-    names = ", ".join(c.full_name for c in free or models)
-    if free:
-        problem = f"several models could be the drive; say which: {names}"
-    else:
-        problem = f"every model is partial, or used by another one; say which is the drive: there is {names}"
-    raise ModelError(problem, Origin(file=models[0].file))
-
-
-def _used_by(cls: ast.Class) -> Iterator[ast.Class]:
-    for name in (*(s.type for s in cls.symbols.values()), *(e.component for e in cls.extends)):
-        found = _found(cls, name)
-        if isinstance(found, ast.Class) and found is not cls:
-            yield found
-
-
-# --- the check -------------------------------------------------------------------------------------------
 
 
 def check_names(root: ast.Tree) -> None:
@@ -154,7 +61,7 @@ def check_names(root: ast.Tree) -> None:
 def _check_bases(cls: ast.Class) -> None:
     path, where = [cls.full_name], cls
     while where.extends:
-        where = _found(where, where.extends[0].component)
+        where = look_up(where, where.extends[0].component)
         if not isinstance(where, ast.Class):
             return
         path.append(where.full_name)
@@ -166,7 +73,7 @@ def _check_bases(cls: ast.Class) -> None:
 
 def _check_contents(cls: ast.Class, around: Sequence[ast.Class], path: str) -> None:
     for symbol in cls.symbols.values():
-        found, name = _found(cls, symbol.type), f"{path}{symbol.name}"
+        found, name = look_up(cls, symbol.type), f"{path}{symbol.name}"
         if found in around:
             raise ModelError(f"{found.name} contains itself, as {name}", place_of(symbol, name))
         if isinstance(found, ast.Class) and place_of(found).file:
@@ -186,34 +93,27 @@ def _check_component(root: ast.Tree, cls: ast.Class, symbol: ast.Symbol) -> None
 
 
 def _class(root: ast.Tree, cls: ast.Class, name: ast.ComponentRef, place: Origin) -> ast.Class:
-    found = _found(cls, name)
+    found = look_up(cls, name)
     if isinstance(found, ast.Class):
         return found
     *path, last = name.to_tuple()
-    package = _found(cls, ".".join(path)) if path else None
-    of_library = name.to_tuple()[0] in _LIBRARY
+    package = look_up(cls, ".".join(path)) if path else None
+    of_library = name.to_tuple()[0] in LIBRARY
     problem = f"class {name} is not {'supported' if of_library else 'known'}"
     if isinstance(package, ast.Class) and package.classes:
         problem += choice(last, package.classes)
     else:
-        known = [c for c in descendants(root) if c.type in (*_MODELS, "connector")]
+        known = [c for c in descendants(root) if c.type in (*MODELS, "connector")]
         near = similar(last, {c.name for c in known})
         problem += meant([c.full_name for n in near for c in known if c.name == n])
     raise ModelError(problem, place)
-
-
-def descendants(cls: ast.Class) -> Iterator[ast.Class]:
-    """All classes inside, at any depth."""
-    for inner in cls.classes.values():
-        yield inner
-        yield from descendants(inner)
 
 
 def _members(cls: ast.Class, deep: int = 20) -> dict[str, ast.Symbol]:
     """The components of a class, its own and inherited ones."""
     members: dict[str, ast.Symbol] = {}
     for extends in cls.extends if deep else ():
-        base = _found(cls, extends.component)
+        base = look_up(cls, extends.component)
         if isinstance(base, ast.Class):
             members |= _members(base, deep - 1)
     return members | dict(cls.symbols)
@@ -221,9 +121,9 @@ def _members(cls: ast.Class, deep: int = 20) -> dict[str, ast.Symbol]:
 
 def _is_simple(cls: ast.Class, deep: int = 20) -> bool:
     """A number, truth value, text or enumeration: what is in brackets are its attributes."""
-    bases = [_found(cls, e.component) for e in cls.extends] if deep else []
+    bases = [look_up(cls, e.component) for e in cls.extends] if deep else []
     inherited = any(isinstance(b, ast.Class) and _is_simple(b, deep - 1) for b in bases)
-    return cls.name in _BUILTIN or ast.is_enumeration(cls) or inherited
+    return cls.name in BUILTIN or ast.is_enumeration(cls) or inherited
 
 
 def _check_modifications(
@@ -273,7 +173,7 @@ def _modified(
         if part not in members:
             raise ModelError(f"{cls.name} has no {part}{choice(part, members)}", place)
         symbol = members[part]
-        found = _found(symbol.parent or cls, symbol.type)
+        found = look_up(symbol.parent or cls, symbol.type)
         if not isinstance(found, ast.Class):
             return None, symbol
         cls = found
@@ -308,12 +208,12 @@ def _check_variable(cls: ast.Class, name: ast.ComponentRef, place: Origin) -> No
     if first in members:
         found: Any = members[first]
         for part in rest:
-            where = _found(found.parent or cls, found.type)
+            where = look_up(found.parent or cls, found.type)
             inside = _members(where) if isinstance(where, ast.Class) else {}
             if part not in inside:
                 raise ModelError(f"{found.name} has no {part}{choice(part, inside)}", place)
             found = inside[part]
-    elif _found(cls, name) is None:
+    elif look_up(cls, name) is None:
         near = meant(similar(first, members)) if not rest else ""
         raise ModelError(f"{name} is not known in {cls.name}{near}", place)
 
@@ -330,7 +230,7 @@ def _check_connector(cls: ast.Class, end: ast.ComponentRef, place: Origin) -> No
             known = choice(part, ends or members)
             raise ModelError(f"{end} cannot be connected: {where.name} has no {part}{known}", place)
         symbol = members[part]
-        found = _found(symbol.parent or where, symbol.type)
+        found = look_up(symbol.parent or where, symbol.type)
         source = isinstance(where, ast.Class) and where.full_name.startswith(f"{SOURCES}.")
         members, outer = (_members(found), where) if isinstance(found, ast.Class) else ({}, where)
         where = found if isinstance(found, ast.Class) else where
@@ -350,31 +250,6 @@ def _has_subscripts(name: ast.ComponentRef) -> bool:
 
 
 def _is_connector(symbol: ast.Symbol, cls: ast.Class) -> bool:
-    found = _found(symbol.parent or cls, symbol.type)
+    found = look_up(symbol.parent or cls, symbol.type)
     signal = bool({"input", "output"} & set(symbol.prefixes))
     return signal or (isinstance(found, ast.Class) and found.type == "connector")
-
-
-def _found(scope: ast.Class, name: ast.ComponentRef | str) -> Any:
-    """What a name means in a class; None where it means nothing."""
-    if str(name) in _BUILTIN:  # pymoca's class Real has a component of that name
-        return scope.root.classes[str(name)]
-    try:
-        return find_name(scope, name)
-    except (NameLookupError, RecursionError):
-        return None
-
-
-def similar(name: str, known: Iterable[str]) -> list[str]:
-    """Names with nearly the same spelling."""
-    return get_close_matches(name, sorted(known), n=3, cutoff=0.75)
-
-
-def meant(near: Sequence[str]) -> str:
-    """``: did you mean X or Y?``, or nothing."""
-    return f": did you mean {' or '.join(near[:3])}?" if near else ""
-
-
-def choice(name: str, known: Collection[str]) -> str:
-    """``: did you mean X?; there is X, Y, Z``."""
-    return f"{meant(similar(name, known))}; there is {', '.join(known) or 'none'}"

@@ -5,8 +5,6 @@ dimensions, algorithms.  So each node gets its file and line here (``place_of``)
 name.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

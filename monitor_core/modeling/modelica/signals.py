@@ -1,7 +1,5 @@
 """Signals: the measured motor torque, and the sensors that are outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from monitor_core.kernel.tables import TORQUE

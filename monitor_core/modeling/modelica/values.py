@@ -1,7 +1,5 @@
 """Values of expressions: Laurent sums in free parameters, and sums of variables with such factors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -17,9 +17,9 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.prediction import Sensitivities
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
+from monitor_core.identification import Record
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
-from monitor_core.identification.records import Record
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation.reference_experiment import experiment
+from monitor_core.identification import Record
 from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.cases import Case, record
 

@@ -10,8 +10,8 @@ from scipy.signal import lfilter, ss2tf
 
 from monitor_core.arrays import Complexes, Floats
 from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.identification import Record
 from monitor_core.identification.black_boxes.frequency_response import on_circle
-from monitor_core.identification.records import Record
 
 INTERVAL_S = 0.005
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.signal import freqz
 
 from monitor_core.arrays import Floats
+from monitor_core.identification import Record
 from monitor_core.identification.black_boxes.arx import Arx, fit_arx
-from monitor_core.identification.records import Record
 from tests.core.identification.systems import (
     INTERVAL_S,
     arx_record,

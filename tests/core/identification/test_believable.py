@@ -21,18 +21,26 @@ from monitor_core.identification import (
     Record,
     identification_procedure,
     identify,
+    lively_parts,
+    speed_scales,
 )
-from monitor_core.identification.bode import bode_of
+from monitor_core.identification.assessment.bode import bode_of
+from monitor_core.identification.assessment.explained_torque import explained_torque
+from monitor_core.identification.assessment.outlook import Outlook
+from monitor_core.identification.assessment.verdict import (
+    Basis,
+    Effect,
+    Measure,
+    Quality,
+    missing_effects,
+    verdict_of,
+)
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
-from monitor_core.identification.outlook import outlook
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
-from monitor_core.identification.records import lively_parts, speed_scales
-from monitor_core.identification.records.rigid_body import rigid_fits
-from monitor_core.identification.records.torque_windows import POSE
-from monitor_core.identification.torque_balance import explained_torque
-from monitor_core.identification.verdict import Basis, Effect, Measure, Quality, missing_effects, verdict_of
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits
+from monitor_core.identification.torque_balance.torque_windows import POSE
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.settings import DOUBTFUL, TOGETHER
 from tests.real.drives import one_mass
@@ -329,13 +337,13 @@ def test_the_outlook_follows_a_weight_that_is_not_monitored(seed: int) -> None:
     )  # fmt: skip
     scheduled = scheduled_terms({"tau0": ("pose",)}, [heavy])
     problem = Problem(drive, VALUES, free, speed_scale=SCALE, varying={"tau0": ("pose",)})
-    held = outlook(
-        identify(
-            problem, [with_terms(heavy, scheduled)], (),
-            IdentificationOptions(start="values", monitored=("kT", "fv", "fc"), scheduled=scheduled),
-        ).estimate, ("fv", "fc"), [with_terms(heavy, scheduled)], 5.0,
+    followed = [with_terms(heavy, scheduled)]
+    loaded = identify(
+        problem, followed, (),
+        IdentificationOptions(start="values", monitored=("kT", "fv", "fc"), scheduled=scheduled),
     )  # fmt: skip
-    for own, expected in zip(held, outlook(light.estimate, ("fv", "fc"), [plain], 5.0), strict=True):
+    held = Outlook(loaded.estimate, followed).watched(("fv", "fc"), 5.0)
+    for own, expected in zip(held, Outlook(light.estimate, [plain]).watched(("fv", "fc"), 5.0), strict=True):
         assert own.obstacle is None
         assert own.change == pytest.approx(expected.change, rel=0.1)
 
@@ -363,7 +371,7 @@ def test_the_load_is_offered_where_the_record_tells_it(seed: int) -> None:
     assert (load.name, load.obstacle, found.memory_s) == (LOAD, None, 1.0)
     assert load.change < 0.3
     assert [w.name for w in others] == ["kT", "fv", "fc"]
-    alone = {w.name: w.change for w in outlook(found.estimate, ("kT", "fv", "fc"), [heavy], 1.0)}
+    alone = {w.name: w.change for w in Outlook(found.estimate, [heavy]).watched(("kT", "fv", "fc"), 1.0)}
     assert all(w.change >= alone[w.name] for w in others)
     heavier = with_weight(seed, 10.0, 40.0, memories_s=(0.25, 0.5))[1].watched[-1]
     assert 0.4 * load.change < heavier.change < load.change

@@ -10,12 +10,12 @@ from scipy.signal import csd, welch
 
 from monitor_core.arrays import Complexes
 from monitor_core.excitation import multisine
+from monitor_core.identification import Record
 from monitor_core.identification.black_boxes.frequency_response import (
     DECIBEL,
     FrequencyResponse,
     local_response,
 )
-from monitor_core.identification.records import Record
 from tests.core.identification.systems import (
     INTERVAL_S,
     bench_drive,

@@ -8,11 +8,11 @@ from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import filter_gain
+from monitor_core.identification import Record
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.greybox.criterion import choose_disturbance, outliers
 from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.problems import EIGHT, TRUE, perturbed, reference_problem, reference_record

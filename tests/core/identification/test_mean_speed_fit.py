@@ -6,9 +6,9 @@ import numpy as np
 
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
+from monitor_core.identification import Record
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 

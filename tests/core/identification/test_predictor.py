@@ -10,11 +10,11 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY
+from monitor_core.identification import Record
 from monitor_core.identification.greybox.criterion import criterion, fit_starts, settled
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.predictor.prepared_record import MOST_LEVELS, series
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor

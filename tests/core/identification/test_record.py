@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.records import lively_parts
+from monitor_core.identification import lively_parts
 from monitor_core.identification.records.measured_record import Record, between, segments
 from monitor_core.identification.records.uniform_grid import PASS, mean_torque, resample
 from tests.core.identification.record_cases import H, records, same

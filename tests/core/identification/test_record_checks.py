@@ -11,19 +11,19 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.identification.records import (
+from monitor_core.identification import (
     Known,
     Record,
     has_wrong_sign,
     known_of,
-    motion_checks,
     shown_inertia,
     suspicions,
 )
-from monitor_core.identification.records.measured_record import Finding
-from monitor_core.identification.records.motion_checks import antiresonance_s, rigid_inertia
-from monitor_core.identification.records.rigid_body import Rigid, rigid_fit
-from monitor_core.identification.records.sample_checks import outliers
+from monitor_core.identification.record_checks import motion_checks
+from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.record_checks.known_axis import antiresonance_s, rigid_inertia
+from monitor_core.identification.record_checks.sample_checks import outliers
+from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fit
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import three_mass, two_mass
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y

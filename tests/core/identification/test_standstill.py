@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import IdentificationOptions, Problem, identify
+from monitor_core.identification.assessment.verdict import Quality
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import speed_scales
-from monitor_core.identification.records.standstill import find_standstill
-from monitor_core.identification.verdict import Quality
+from monitor_core.identification.torque_balance.rigid_body import speed_scales
+from monitor_core.identification.torque_balance.standstill import find_standstill
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import drive_of

@@ -18,9 +18,9 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
+from monitor_core.identification import Record
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch, grow
 from monitor_core.identification.starting.chains import (
     Chain,

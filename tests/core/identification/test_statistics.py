@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
+from monitor_core.identification import Record
 from monitor_core.identification.problem import Disturbance
-from monitor_core.identification.records import Record
 from tests.core.identification.monte_carlo import (
     FREE,
     SAMPLES,

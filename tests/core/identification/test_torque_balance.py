@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import shown_inertia
+from monitor_core.identification.assessment.explained_torque import (
+    explained_torque,
+    follows_pose,
+    holds_weight,
+    lifts,
+)
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import rigid_fits
-from monitor_core.identification.records.torque_windows import TorqueTerm
-from monitor_core.identification.torque_balance import explained_torque, follows_pose, holds_weight, lifts
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits
+from monitor_core.identification.torque_balance.torque_windows import TorqueTerm
 from tests.core.chains import chain, values
 from tests.core.identification.record_cases import picks
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.warm_up import model_errors
-from monitor_core.identification.warm_up_search import WINDOW_S, Windows, heat_course
+from monitor_core.identification.thermal.warm_up import model_errors
+from monitor_core.identification.thermal.warm_up_search import WINDOW_S, Windows, heat_course
 
 CHANCE = 0.03
 """Standard deviation of a parameter in one window."""

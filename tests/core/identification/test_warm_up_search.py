@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from monitor_core.identification.warm_up_search import WINDOW_S, Search, Windows, chosen, heat_course
+from monitor_core.identification.thermal.warm_up_search import WINDOW_S, Search, Windows, chosen, heat_course
 
 TAU_S = 300.0
 CHANCE = 0.02

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from monitor_core.identification.bode import band, drive_response
+from monitor_core.identification import Record
+from monitor_core.identification.assessment.bode import band, drive_response
 from monitor_core.identification.greybox import colour_of, traces_of
 from monitor_core.identification.identification_result import ParameterRow, Start
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
 from monitor_core.identification.problem import IdentificationError, Problem
-from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from service.commands.identification_task import IdentificationTask, Request, prepare
 from service.config import Config

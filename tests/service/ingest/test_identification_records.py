@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification.records import Known, suspicions
+from monitor_core.identification import Known, suspicions
 from monitor_core.modeling.standard_drives import reference_model
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock

@@ -11,8 +11,8 @@ from monitor_core.modeling.components import KINDS, fragment
 from monitor_core.modeling.components.units import parse as dimension
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.modelica.classes import descendants, tree_of
 from monitor_core.modeling.modelica.library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE, library
-from monitor_core.modeling.modelica.names import descendants, tree_of
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
 
 OWN = {name: leaf for name, leaf in LEAVES.items() if leaf.kind not in (BEARING, SIGNAL_SOURCE)}

@@ -3,8 +3,6 @@
 All are from torque to speed, where resonances stand out; a response to the angle is multiplied by j w.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -78,10 +76,7 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
         name = "drive, nominal before"
         before = drive_response(start.drive, start.nominal, h, f, delay_s=start.delay_s, name=name)
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
-    measured, no_spectrum = _tried(
-        "frequency response of the record",
-        lambda: local_response(regular, f, name="record, local polynomials"),
-    )
+    measured, no_spectrum = _tried("frequency response of the record", lambda: local_response(regular, f))
     if records[0].quantity == "angle":
         found = _as_speed(found)
         before, black_box, measured = (curve and _as_speed(curve) for curve in (before, black_box, measured))

@@ -14,8 +14,6 @@ windows that a fit has not seen (``model_errors``).  A record that follows anoth
 motion in between, begins with what the pause has left of its heat; any other one begins with an unknown heat.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,7 +30,7 @@ from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.warm_up_search import (
+from monitor_core.identification.thermal.warm_up_search import (
     GROUP,
     Search,
     WarmUpFit,
@@ -241,13 +239,10 @@ def model_errors(
         carried: pause before each record that follows the one before it [s].
         start: how the first record begins.
     """
-    days = [
-        course
-        for seen in _days(windows, carried, start)
-        for course in _deviations(windows, seen, index, carried, start)
-    ]
+    search = Search(windows, index, carried, start)
+    days = [course for seen in _days(search) for course in _deviations(search, seen)]
     but_last = [np.arange(w.power.size) < w.power.size * (_PARTS - 1) / _PARTS for w in windows]
-    ends = _deviations(windows, but_last, index, carried, start)
+    ends = _deviations(search, but_last)
     parts = [[np.array_split(course, _PARTS)[k] for course in days] for k in range(_PARTS)]
     few = min((len(course) for part in parts for course in part), default=0) < _LEAST
     squares = list[Floats]()
@@ -262,37 +257,22 @@ def model_errors(
     return np.asarray(np.sqrt(np.max(squares, axis=0)), np.float64)
 
 
-def _days(
-    windows: Sequence[Windows], carried: Sequence[float | None], start: ThermalStart
-) -> Iterator[list[Bools]]:
+def _days(search: Search) -> Iterator[list[Bools]]:
     """Which windows (W,) of each record the fit sees: all but those of one record.
 
     The fit needs a record that begins at a known heat, if there is one.
     """
-    known = [start == "cold"]
-    for pause in carried[1:]:
+    windows, known = search.windows, [search.start == "cold"]
+    for pause in search.carried[1:]:
         known.append(pause is not None and known[-1])
     for k in range(len(windows) if len(windows) > 1 else 0):
         if any(known[:k] + known[k + 1 :]) or not any(known):
             yield [np.full(w.power.size, j != k) for j, w in enumerate(windows)]
 
 
-def _deviations(
-    windows: Sequence[Windows],
-    seen: Sequence[Bools],
-    index: list[int],
-    carried: Sequence[float | None],
-    start: ThermalStart,
-) -> list[Floats]:
+def _deviations(search: Search, seen: Sequence[Bools]) -> list[Floats]:
     """Deviations of the parameters (G, p) in the groups of windows of each record that the fit does not see."""
-    masked = [
-        w._replace(
-            information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis]
-        )
-        for w, by in zip(windows, seen, strict=True)
-    ]
-    search = Search(masked, index, carried, start)
-    fit, found = search.best(index), list[Floats]()
+    windows, fit, found = search.windows, search.seeing(seen).best(search.index), list[Floats]()
     for k, (w, by, left) in enumerate(zip(windows, seen, left_of(windows, fit), strict=True)):
         if by.all():
             continue

@@ -1,21 +1,20 @@
 """All that is suspicious about a record; last, whether torque and motion fit: signs, and units."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import eigvals
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Drive
-from monitor_core.identification.records.measured_record import Finding, Known, Record
-from monitor_core.identification.records.rigid_body import Rigid, rigid_fits, speed_scales
-from monitor_core.identification.records.sample_checks import signals, strange, times
-from monitor_core.identification.records.torque_windows import POSE, USUAL
+from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.record_checks.known_axis import Known
+from monitor_core.identification.record_checks.sample_checks import strange, times
+from monitor_core.identification.record_checks.stuck_signals import signals
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fits, speed_scales
+from monitor_core.identification.torque_balance.torque_windows import POSE, USUAL
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
@@ -31,8 +30,6 @@ _AS_NOMINAL = 5.0
 _NEAR = 3.0
 """To a suspected factor: as far as a guess may be wrong."""
 _NOTHING_KNOWN = Known()
-_PLACEHOLDERS, _SAME = (0.1, 1.0), 0.01
-"""What does not depend on an unknown value comes out the same with each of these."""
 _WEIGHT = 0.5
 """Of the torque that one mass leaves unexplained: where terms of the pose take away so much, a weight acts."""
 
@@ -156,80 +153,3 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
 def is_about_nominal(factor: float) -> bool:
     """Whether an inertia so many times the nominal one may be that, and the nominal one a rough guess."""
     return 1 / _AS_NOMINAL < factor < _AS_NOMINAL
-
-
-# --- The whole drive as one rigid mass: its inertia by the nominal values, and by a record without any ----------------
-
-
-_NOUGHT = 1e-9
-"""Of the fastest pole: poles so slow are those of the free rigid motion, which has no time constant."""
-
-
-def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
-    """The inertia of the whole drive, kg m^2, as a measured torque feels it: with a torque constant of 2 half of it.
-
-    Near standstill the torque for a speed w is  1/G(s) = f + J s + O(s^2)  with the transfer function G.
-
-    Raises:
-        KeyError, ValueError: a value is missing or makes no sense.
-    """
-    A, torque, C = _from_torque(drive, values)
-    poles = abs(np.linalg.eigvals(A))
-    s = 1e-4j * poles[poles > 1e-6 * poles.max()].min()
-    G = complex(C[0] @ np.linalg.solve(s * np.eye(len(A)) - A, torque))
-    return float((1 / G / (s if drive.output == "angle" else 1)).imag / s.imag)
-
-
-def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
-    """Period, s, of the lowest antiresonance: motions much slower than that are rigid.  None: the drive has none.
-
-    Raises:
-        KeyError, ValueError: a value is missing or makes no sense.
-    """
-    A, torque, C = _from_torque(drive, values)
-    n = len(A)
-    pencil = np.block([[A, torque[:, None]], [C, np.zeros((1, 1))]]), np.diag([1.0] * n + [0.0])
-    zeros = np.asarray(eigvals(*pencil), np.complex128)
-    swinging = abs(zeros[np.isfinite(zeros) & (zeros.imag > 1e-6 * abs(zeros))])
-    return float(2 * np.pi / swinging.min()) if swinging.size else None
-
-
-def _from_torque(drive: Drive, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
-    """A, the column of B (n,) of the torque, C."""
-    values = drive.complete(values)
-    A, B, C = drive.matrices(values)
-    return A, B[:, drive.of_torque].sum(axis=1), C
-
-
-def known_of(
-    drive: Drive,
-    values: Mapping[str, float],
-    parameters: int,
-    speed_scale: float = 1.0,
-    unknown: Collection[str] = (),
-) -> Known:
-    """What is known of an axis with these nominal values; arguments as of ``Known``.
-
-    ``unknown``: parameters whose values are placeholders.  What depends on them is not known; the inertia does not
-    depend on frictions and springs.
-
-    Raises:
-        KeyError, ValueError: a value is missing or makes no sense.
-    """
-    tried = [
-        _times_and_inertia(drive, {**values, **dict.fromkeys(unknown, value)}) for value in _PLACEHOLDERS
-    ]
-    slowest_s, inertia, antiresonance = (
-        first if first and second and math.isclose(first, second, rel_tol=_SAME) else None
-        for first, second in zip(*tried, strict=True)
-    )
-    return Known(parameters, slowest_s, inertia, antiresonance, speed_scale)
-
-
-def _times_and_inertia(drive: Drive, values: Mapping[str, float]) -> tuple[float | None, float, float | None]:
-    """Slowest time constant, inertia, period of the antiresonance."""
-    poles = np.linalg.eigvals(drive.matrix("A", drive.complete(values)))
-    decay = -poles.real
-    slow = decay[decay > _NOUGHT * abs(poles).max()]
-    slowest = float(1 / slow.min()) if slow.size else None
-    return slowest, rigid_inertia(drive, values), antiresonance_s(drive, values)

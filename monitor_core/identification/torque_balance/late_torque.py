@@ -4,20 +4,18 @@ A drive that measures its current filters it, and passes it on later than the an
 rigid mass then lacks the inertia times the change of the acceleration in that time, which no friction explains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import speed_scales
-from monitor_core.identification.records.torque_windows import (
+from monitor_core.identification.torque_balance.rigid_body import speed_scales
+from monitor_core.identification.torque_balance.torque_windows import (
     USUAL,
     GridPart,
     least_speed,
     moving_windows,
-    of_unit_length,
+    residual_torque,
     windowed_equations,
     windowed_parts,
 )
@@ -63,8 +61,6 @@ def _unexplained(parts: Sequence[GridPart], scale: float, least: float) -> float
             both = moves[1:] & moves[:-1]
             rows.append(np.diff(columns, axis=0)[both])
             torque.append(np.diff(right)[both])
-    left, right = of_unit_length(np.concatenate(rows)), np.concatenate(torque)
-    if len(right) < _FEWEST:
+    if sum(map(len, torque)) < _FEWEST:
         return np.inf
-    found = np.linalg.lstsq(left, right, rcond=1e-8)[0]
-    return float(np.mean((right - left @ found) ** 2))
+    return float(np.mean(residual_torque(np.concatenate(rows), np.concatenate(torque)) ** 2))

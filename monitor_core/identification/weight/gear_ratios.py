@@ -9,8 +9,6 @@ A program turns an arm by a few radians: a ratio that is wrong by a tenth change
 of all ratios in such steps find the least of the unexplained torque, and Gauss-Newton goes on from there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 
@@ -18,17 +16,15 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.records.arm_links import Sum, slow_parts, windows_of_motion
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import speed_scales
-from monitor_core.identification.records.torque_windows import (
-    USUAL,
+from monitor_core.identification.torque_balance.rigid_body import speed_scales
+from monitor_core.identification.torque_balance.torque_windows import (
     GridPart,
-    balance_equations,
-    integrals,
     of_unit_length,
-    window_of,
+    residual_torque,
 )
+from monitor_core.identification.weight.arm_links import Sum
+from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 
 _TURNS = np.geomspace(0.3, 2 * np.pi, 40)
 """Turns of the arm over the record, rad, that are tried; further axes hardly turn by more than a whole turn."""
@@ -77,17 +73,10 @@ class _Trial:
     """The torque balance in windows, with the mean angle of each window: a weight hardly changes within one."""
 
     def __init__(self, parts: Sequence[GridPart], window: int, angles: Sequence[str], scale: float) -> None:
-        kept = windows_of_motion(parts, window)
-        rows, torque = balance_equations(parts, window, scale, USUAL)
-        self.rows, self.torque = of_unit_length(rows[kept]), torque[kept]
-        self.angles = dict[str, Floats]()
-        for name in angles:
-            means = []
-            for part in parts:
-                shape = window_of(window, part.h)[0]
-                means.append(integrals(part, shape, part.signals[name]) / (part.h * shape.sum()))
-            angle = np.concatenate(means)[kept]
-            self.angles[name] = angle - angle.mean()
+        balance = WeightBalance(parts, window, scale)
+        self.rows, self.torque = of_unit_length(balance.rows), balance.torque
+        means = {name: balance.mean([part.signals[name] for part in parts]) for name in angles}
+        self.angles = {name: angle - angle.mean() for name, angle in means.items()}
 
     def extent(self, name: str) -> float:
         """Range of an angle, rad."""
@@ -108,8 +97,7 @@ class _Trial:
 
     def missed(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
         """The torque (M,) that is not explained with these ratios."""
-        A = self.columns(ratios, sums)
-        return np.asarray(self.torque - A @ np.linalg.lstsq(A, self.torque, rcond=1e-8)[0])
+        return residual_torque(self.columns(ratios, sums), self.torque)
 
     def least(self, known: Floats, phases: Floats) -> tuple[int, float]:
         """Which one of some sums (M, G) explains most beside known columns, and what it leaves."""

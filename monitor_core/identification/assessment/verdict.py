@@ -3,10 +3,8 @@
 One step ahead every drive predicts well.  What decides is the simulation of records that were not fitted; where there
 are none, each half of the records is simulated with values from the other half.  Where a weight acts, or Coulomb
 friction takes most of the torque, the simulation may run away, and the torque of the measured motion is compared
-instead (torque_balance.py); so it is where slow motion is left out, which a simulation has to go through.
+instead (explained_torque.py); so it is where slow motion is left out, which a simulation has to go through.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
@@ -16,6 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.structure import STIFFNESS, Drive
+from monitor_core.identification.assessment.explained_torque import (
+    explained_torque,
+    follows_pose,
+    holds_weight,
+    lifts,
+    rubs,
+    with_torque_of_pose,
+)
 from monitor_core.identification.greybox import (
     Estimate,
     Trace,
@@ -25,17 +31,9 @@ from monitor_core.identification.greybox import (
 )
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record, between
-from monitor_core.identification.records.rigid_body import rigid_fits
-from monitor_core.identification.records.standstill import slow_motion
-from monitor_core.identification.records.torque_windows import TorqueTerm
-from monitor_core.identification.torque_balance import (
-    explained_torque,
-    follows_pose,
-    holds_weight,
-    lifts,
-    rubs,
-    with_torque_of_pose,
-)
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits
+from monitor_core.identification.torque_balance.standstill import slow_motion
+from monitor_core.identification.torque_balance.torque_windows import TorqueTerm
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 GOOD, FAIR = 80.0, 50.0

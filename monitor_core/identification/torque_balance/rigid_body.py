@@ -4,8 +4,6 @@ The torque balance in windows (torque_windows.py) needs no starting values, hold
 and sees the slow motion only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -13,7 +11,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.torque_windows import (
+from monitor_core.identification.torque_balance.torque_windows import (
     USUAL,
     WINDOWS,
     GridPart,
@@ -188,7 +186,8 @@ def _fit(
 
 def resting_torque(rigid: Rigid, part: GridPart) -> Floats:
     """What keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
-    angle = part.y - part.y[0] if part.quantity == "angle" else np.cumsum(part.y) * part.h
     terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))
     still = np.zeros(len(part.y))
-    return sum((rigid.torques[term] * term_values(term, still, angle, 1.0) for term in terms), start=still)
+    return sum(
+        (rigid.torques[term] * term_values(term, still, part.angle, 1.0) for term in terms), start=still
+    )

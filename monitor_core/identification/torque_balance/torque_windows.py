@@ -5,9 +5,7 @@ Weighted with smooth windows and integrated by parts, so that nothing has to be 
     integral g u = J integral g w' + f integral g w + fc integral g tanh(w / scale) + ..       (g = 0 at both ends)
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -40,6 +38,8 @@ _OFTEN = 0.2
 """Of the time: an axis that stands less is not looked at without its standstill."""
 _MOSTLY = 0.9
 """Of a window: in the rest of it the axis may stand."""
+_DETERMINED = 1e-8
+"""Of the largest singular value: smaller ones are those of values that the equations do not determine."""
 _GAP = 10.0
 """Typical intervals: what acted in a longer one is not known."""
 
@@ -53,13 +53,15 @@ class GridPart(NamedTuple):
     quantity: Output
     signals: Mapping[str, Floats]
 
+    @property
+    def angle(self) -> Floats:
+        """From its first sample on (N,)."""
+        return self.y - self.y[0] if self.quantity == "angle" else np.cumsum(self.y) * self.h
+
 
 def rms_speed(records: Sequence[Record]) -> float:
     """Root mean square of the motor's speed, rad/s, without its noise: from windows of some samples."""
-    means = [
-        _slope(part.y, AROUND, part.h) if part.quantity == "angle" else part.y
-        for part in windowed_parts(records)
-    ]
+    means = [speed_of(part, AROUND) for part in windowed_parts(records)]
     return float(np.sqrt(np.mean(np.concatenate(means) ** 2))) if means else 1.0
 
 
@@ -92,6 +94,15 @@ def balance_equations(
     return np.concatenate(rows), np.concatenate(torque)
 
 
+def residual_torque(
+    rows: Floats, torque: Floats, fitted: slice = slice(None), judged: slice = slice(None)
+) -> Floats:
+    """What these terms leave of the torque of the judged equations, with least squares of the fitted ones."""
+    rows = of_unit_length(rows)
+    found = np.linalg.lstsq(rows[fitted], torque[fitted], rcond=_DETERMINED)[0]
+    return np.asarray(torque[judged] - rows[judged] @ found)
+
+
 def of_unit_length(rows: Floats) -> Floats:
     """Columns of equations scaled to length one, but for those of zeros."""
     size = np.sqrt((rows**2).sum(axis=0))
@@ -109,7 +120,11 @@ def least_speed(parts: Sequence[GridPart]) -> float | None:
 
 def speed_of(part: GridPart, half: int) -> Floats:
     """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
-    return _slope(part.y, half, part.h) if part.quantity == "angle" else part.y
+    if part.quantity == "speed":
+        return part.y
+    around = np.pad(part.y, half, mode="reflect", reflect_type="odd")
+    slope: Floats = (around[2 * half :] - around[: -2 * half]) / (2 * half * part.h)
+    return slope
 
 
 def moving_windows(part: GridPart, window: int, least: float) -> Bools:
@@ -141,15 +156,14 @@ def windowed_equations(
 ) -> tuple[Floats, Floats]:
     """Columns (M, 1 + terms), that of J first; the windowed torque (M,)."""
     g, g1, g2 = window_of(window, part.h)
-    y = part.y
+    y, angle, speed = part.y, part.angle, speed_of(part, window // 8)
 
     def over(weight: Floats, values: Floats) -> Floats:
         return integrals(part, weight, values)
 
     if part.quantity == "speed":
-        speed, inertia, viscous, angle = y, -over(g1, y), over(g, y), np.cumsum(y) * part.h
+        inertia, viscous = -over(g1, y), over(g, y)
     else:
-        speed, angle = _slope(y, window // 8, part.h), y - y[0]
         inertia, viscous = over(g2, angle), -over(g1, angle)
     columns = [
         viscous
@@ -169,12 +183,6 @@ def integrals(part: GridPart, weight: Floats, values: Floats) -> Floats:
     return np.asarray(part.h * (windows @ weight))
 
 
-def windowed(parts: Iterable[GridPart], window: int, values: Iterable[Floats]) -> Floats:
-    """Integrals (M,) of values (N,) of each part over the windows of the torque balance, part after part."""
-    found = [integrals(part, window_of(window, part.h)[0], v) for part, v in zip(parts, values, strict=True)]
-    return np.concatenate(found)
-
-
 def term_values(term: TorqueTerm, speed: Floats, angle: Floats, speed_scale: float) -> Floats:
     """What a term is proportional to (N,)."""
     if term == "coulomb":
@@ -186,13 +194,6 @@ def term_values(term: TorqueTerm, speed: Floats, angle: Floats, speed_scale: flo
         return np.abs(speed) * speed
     powers: Mapping[TorqueTerm, int] = {"offset": 0, "angle": 1, "angle^2": 2, "angle^3": 3}
     return np.asarray((angle / max(float(np.abs(angle).max()), 1e-300)) ** powers[term])
-
-
-def _slope(angle: Floats, half: int, interval_s: float) -> Floats:
-    """Mean speed (N,) over ``half`` samples on either side; only its sign is wanted."""
-    around = np.pad(angle, half, mode="reflect", reflect_type="odd")
-    slope: Floats = (around[2 * half :] - around[: -2 * half]) / (2 * half * interval_s)
-    return slope
 
 
 def window_of(count: int, interval_s: float) -> tuple[Floats, Floats, Floats]:

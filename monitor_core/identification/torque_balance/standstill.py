@@ -5,8 +5,6 @@ that stands by an inertia or a friction that no drive has.  So that torque is re
 the offset and the weight that the motion of the record shows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,8 +13,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import resting_torque, rigid_fits, speed_scales
-from monitor_core.identification.records.torque_windows import (
+from monitor_core.identification.torque_balance.rigid_body import resting_torque, rigid_fits, speed_scales
+from monitor_core.identification.torque_balance.torque_windows import (
     AROUND,
     POSE,
     GridPart,
@@ -112,9 +110,8 @@ def _standing(part: GridPart, slowest: float) -> Ints:
     """Samples at which the axis is slow, as it is around them, and does not travel."""
     slow = np.abs(speed_of(part, AROUND)) < slowest
     samples = np.flatnonzero(np.convolve(~slow, np.ones(2 * _EDGE + 1), mode="same") < 0.5)
-    angle = part.y if part.quantity == "angle" else np.cumsum(part.y) * part.h
     rests = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)
-    stands = [rest for rest in rests if rest.size and _stands(angle[rest], part.h, slowest)]
+    stands = [rest for rest in rests if rest.size and _stands(part.angle[rest], part.h, slowest)]
     return np.concatenate([np.zeros(0, np.int64), *stands])
 
 

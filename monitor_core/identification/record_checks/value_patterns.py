@@ -1,15 +1,13 @@
 """What the values of a signal show by themselves: counts, an angle that wraps, values that are held, a stuck signal."""
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from monitor_core.identification.record_checks.stuck_signals import Runs, runs, stuck_runs
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import rigid_fit, speed_scales
-from monitor_core.identification.records.sample_checks import Runs, runs, stuck_runs
+from monitor_core.identification.torque_balance.rigid_body import rigid_fit, speed_scales
 
 _WHOLE = 1e-6
 """Away from a whole number: a value that went through a table or a factor is rounded."""

@@ -8,8 +8,6 @@ of that torque, and its speed says little of the values.  The other way round no
 with the values that the drive has while it moves slowly, as one rigid mass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -20,8 +18,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import slope_name
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import Balance, unexplained
-from monitor_core.identification.records.torque_windows import SIGNAL, TorqueTerm
+from monitor_core.identification.torque_balance.rigid_body import Balance, unexplained
+from monitor_core.identification.torque_balance.torque_windows import SIGNAL, TorqueTerm
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 _MOST = 0.5

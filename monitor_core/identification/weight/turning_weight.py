@@ -4,25 +4,15 @@ Nothing else in the torque shows the unit of an angle: inertia, friction and sti
 torque is a cosine of the arm's angle, so its period shows how much of the measured motion is a turn of the arm.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.records.rigid_body import rigid_fits, speed_scales
-from monitor_core.identification.records.torque_windows import (
-    POSE,
-    USUAL,
-    WINDOWS,
-    GridPart,
-    balance_equations,
-    of_unit_length,
-    windowed,
-    windowed_parts,
-)
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits, speed_scales
+from monitor_core.identification.torque_balance.torque_windows import POSE, USUAL, WINDOWS, windowed_parts
+from monitor_core.identification.weight.weight_balance import WeightBalance
 
 _SHOWS = 0.5
 """Of what one mass leaves unexplained: a weight takes so much of it away, or there is none."""
@@ -59,13 +49,20 @@ def turning_weight(record: Record) -> TurningWeight | None:
     parts = [part for part in windowed_parts([used]) if len(part.u) > _WINDOW]
     if not parts:
         return None
-    balance = _Balance(parts, scale)
-    trials = _trials(balance.extent)
-    left = np.array([balance.left(ratio) for ratio in trials])
+    balance = WeightBalance(parts, _WINDOW, scale, moving=False)
+    angles = [part.angle for part in parts]
+
+    def unexplained(ratio: float) -> float:
+        return balance.missed([balance.column(wave(ratio * a) for a in angles) for wave in (np.cos, np.sin)])
+
+    trials = _trials(max(float(np.ptp(angle)) for angle in angles) or 1.0)
+    left = np.array([unexplained(ratio) for ratio in trials])
     best = int(np.argmin(left))
-    if left[best] > _SHOWS * balance.left(0.0):
+    if left[best] > _SHOWS * balance.missed([]):
         return None
-    as_good = np.flatnonzero(left < left[best] * (1 + max(_MODEL, _SIGMAS**2 / balance.freedom)))
+    # Independent equations beyond the values that are fitted.
+    freedom = max(1.0, len(balance.torque) / WINDOWS - balance.rows.shape[1] - 2)
+    as_good = np.flatnonzero(left < left[best] * (1 + max(_MODEL, _SIGMAS**2 / freedom)))
     first, last = int(as_good[0]), int(as_good[-1])
     if first == 0 or last == len(trials) - 1:
         return None
@@ -84,28 +81,3 @@ def _trials(extent: float) -> Floats:
     """Ratios that turn the arm by a part of a turn up to several over the record."""
     turns = np.arange(_LEAST_TURN, _MOST_TURN, _STEP)
     return np.asarray(turns / extent)
-
-
-class _Balance:
-    """The torque balance of one mass, beside which a weight with a given ratio is fitted."""
-
-    def __init__(self, parts: list[GridPart], scale: float) -> None:
-        self._angles = [np.cumsum(p.y) * p.h if p.quantity == "speed" else p.y - p.y[0] for p in parts]
-        self._parts = parts
-        self.extent = max(float(np.ptp(angle)) for angle in self._angles) or 1.0
-        self._rows, self._torque = balance_equations(parts, _WINDOW, scale, USUAL)
-        self.freedom = max(1.0, len(self._torque) / WINDOWS - self._rows.shape[1] - 2)
-        """Independent equations beyond the values that are fitted"""
-
-    def left(self, ratio: float) -> float:
-        """Sum of squares of the torque that is not explained with a weight of this ratio; 0: without one."""
-        rows = self._rows
-        if ratio:
-            rows = np.column_stack([rows, self._over(np.cos, ratio), self._over(np.sin, ratio)])
-        rows = of_unit_length(rows)
-        found, *_ = np.linalg.lstsq(rows, self._torque, rcond=1e-8)
-        residual = self._torque - rows @ found
-        return float(residual @ residual)
-
-    def _over(self, wave: np.ufunc, ratio: float) -> Floats:
-        return windowed(self._parts, _WINDOW, (wave(ratio * angle) for angle in self._angles))

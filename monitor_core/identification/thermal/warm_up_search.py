@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import Bounds, minimize
 from scipy.special import fdtrc  # not scipy.stats: to import that takes seconds
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.thermal_state import ThermalModel, ThermalStart
 from monitor_core.identification.greybox import Estimate
@@ -149,7 +149,7 @@ class Search:
         carried: Sequence[float | None],
         start: ThermalStart,
     ) -> None:
-        self.windows, self.index, self._carried = windows, index, carried
+        self.windows, self.index, self.carried, self.start = windows, index, carried, start
         self.free = [k for k, pause in enumerate(carried) if pause is None and (k > 0 or start == "unknown")]
         self._information = np.concatenate([w.information for w in windows])
         self._score = np.concatenate([w.score for w in windows])
@@ -167,12 +167,22 @@ class Search:
         self.highest = 1.5 * max(means)
         self.seconds = WINDOW_S * sum(w.power.size for w in windows)
 
+    def seeing(self, seen: Sequence[Bools]) -> Search:
+        """The same search that sees these windows (W,) of each record only."""
+        masked = [
+            w._replace(
+                information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis]
+            )
+            for w, by in zip(self.windows, seen, strict=True)
+        ]
+        return Search(masked, self.index, self.carried, self.start)
+
     def heats(self, tau_s: float, free: Floats) -> tuple[list[Floats], Floats]:
         """Heat in the windows of each record, and at its first sample."""
         out, starts, now = list[Floats](), np.zeros(len(self.windows)), 0.0
         given = dict(zip(self.free, free.tolist(), strict=True))
         for k, w in enumerate(self.windows):
-            pause = self._carried[k]
+            pause = self.carried[k]
             now = given.get(k, 0.0) if pause is None else now * math.exp(-pause / tau_s)
             starts[k] = now
             course, now = heat_course(w.power, now, tau_s)

@@ -1,0 +1,160 @@
+"""Which of the monitored parameters can be watched with these nominal values, and from which change on."""
+
+from collections.abc import Mapping, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.drive.structure import DELAY, LOAD, split_name, value_of
+from monitor_core.identification.greybox import Estimate, monitored_information
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.wording import rounded_down
+
+_SHOWS = 3.0
+"""Standard deviations of an estimate that a change must reach, as nu of the paper's tests (alpha_1)."""
+_ZERO = 2.0
+"""Standard deviations: a value of either sign that is smaller is not distinguished from zero."""
+_LARGEST = 1.0
+"""A change of 100 %: what would show only beyond that is not watched."""
+
+
+_SMALL = 0.2
+"""A change of 20 % is what robots are watched for."""
+_OF_LOAD = 0.3
+"""Of the weight: a change of the payload that is to be detected."""
+_HARDLY_LESS = 1.1
+_NEEDED = 33
+"""Memories that a record must hold: ten to find P(0), twenty to calibrate, the rest for what cannot be used."""
+
+
+class Obstacle(Enum):
+    """Why a parameter cannot be watched."""
+
+    NO_SIZE = "no-size"
+    """Its nominal value is zero, or not distinguished from zero: what a change is compared with is not given."""
+    NOT_SHOWN = "not-shown"
+    """The motion of the records shows it too little within the memory of the monitor."""
+    TOGETHER = "together"
+    """Only beside all the others: with one parameter fewer, those that are left show."""
+
+
+class Watched(NamedTuple):
+    """One monitored parameter."""
+
+    name: str
+    change: float
+    """smallest change that shows within one memory, as part of the given size, else of the value"""
+    obstacle: Obstacle | None
+
+
+class Outlook:
+    """What can be watched with these nominal values in the motion of records.
+
+    ``sizes``: of parameters as given by the user, by name; of the others the value is the size.
+    """
+
+    def __init__(
+        self, estimate: Estimate, records: Sequence[Record], sizes: Mapping[str, float] = {}
+    ) -> None:
+        self._estimate, self._records, self._sizes = estimate, records, sizes
+        self._duration_s = sum(record.duration_s for record in records)
+
+    def watched(
+        self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float] = {}
+    ) -> tuple[Watched, ...]:
+        """What can be watched, in the order of ``monitored``.
+
+        Args:
+            monitored: names of parameters, "1/Ja" for a reciprocal.
+            memory_s: of the monitor, s.
+            weight: what LOAD scales, if it is among them, as in ``monitored_information``.
+        """
+        found = dict[str, Watched]()
+        names = list(monitored)
+        for name in monitored:
+            if name not in self._sizes and _is_zero(self._estimate, name):
+                found[name] = Watched(name, np.nan, Obstacle.NO_SIZE)
+                names.remove(name)
+        changes = self._changes(names, memory_s, weight)
+        while names:
+            worst = max(names, key=changes.__getitem__)
+            if changes[worst] <= _LARGEST:
+                break
+            alone = self._changes([worst], memory_s, weight)[worst]
+            obstacle = Obstacle.NOT_SHOWN if alone > _LARGEST else Obstacle.TOGETHER
+            found[worst] = Watched(worst, alone, obstacle)
+            names.remove(worst)
+            changes = self._changes(names, memory_s, weight)
+        found |= {name: Watched(name, changes[name], None) for name in names}
+        return tuple(found[name] for name in monitored)
+
+    def sufficient_memory(self, monitored: Sequence[str], memories_s: Sequence[float]) -> float:
+        """The shortest of these memories [s], in ascending order, with which all that shows shows small changes.
+
+        Else the longest; if the records are too short to calibrate with that, the longest with which they are not, but
+        at least the first.
+        """
+        most_s = max(memories_s[0], min(rounded_down(self._duration_s / _NEEDED), memories_s[-1]))
+        for memory_s in memories_s:
+            if memory_s >= most_s:
+                break
+            found = self.watched(monitored, memory_s)
+            if all(w.change <= _SMALL for w in found if w.obstacle is not Obstacle.NO_SIZE):
+                return memory_s
+        return most_s
+
+    def with_load(
+        self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float]
+    ) -> tuple[Watched, ...] | None:
+        """What can be watched, and the load at the end; None: the records hardly determine it, or are too short.
+
+        Another load differs from another torque constant in friction and inertia alone, so both show less together:
+        none of the others may show much less than without it, unless it still shows small changes.
+        """
+        if self._duration_s < _NEEDED * memory_s:  # to calibrate it
+            return None
+        without = self.watched(monitored, memory_s)
+        names = [*(w.name for w in without if w.obstacle is None), LOAD]
+        found = {w.name: w for w in self.watched(names, memory_s, weight)}
+        most = {w.name: max(_SMALL, _HARDLY_LESS * w.change) for w in without} | {LOAD: _OF_LOAD}
+        if any(w.obstacle is not None or w.change > most[name] for name, w in found.items()):
+            return None
+        return (*(found.get(w.name, w) for w in without), found[LOAD])
+
+    def _changes(
+        self, names: Sequence[str], memory_s: float, weight: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """Smallest change of each that shows within the memory, the others being monitored, too."""
+        if not names:
+            return {}
+        own = [name for name in names if name != LOAD or not weight]
+        used = weight if LOAD in names else {}
+        called, result = monitored_information(self._estimate, own, self._records, used)
+        longer = np.sqrt(max(self._duration_s / memory_s, 1.0))
+        known_as = {_base(name): name for name in called}  # Ja or 1/Ja
+        sd = dict(zip(known_as, np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
+        sizes = {name: _size(self._estimate, known_as[_base(name)]) for name in names} | dict(self._sizes)
+        return {name: float(_SHOWS * longer * sd[_base(name)] / sizes[name]) for name in names}
+
+
+def _is_zero(estimate: Estimate, name: str) -> bool:
+    if name in (DELAY, LOAD):
+        return False
+    value = _size(estimate, name)
+    signed = estimate.drive.parameter(_base(name)).least < 0
+    sd = estimate.sd[estimate.names.index(name)] if signed and name in estimate.names else 0.0
+    return bool(value <= _ZERO * sd)
+
+
+def _base(name: str) -> str:
+    return split_name(name)[0]
+
+
+def _size(estimate: Estimate, name: str) -> float:
+    if name == DELAY:
+        return estimate.interval_s
+    if name == LOAD:
+        return 1.0
+    base = _base(name)
+    return abs(value_of(estimate.values, name)) if estimate.values[base] else 0.0

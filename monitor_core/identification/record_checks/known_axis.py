@@ -1,0 +1,101 @@
+"""What is known of an axis beside its record: its inertia as one rigid mass, its slowest motion, its antiresonance."""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Drive
+from monitor_core.modeling.resonances import resonances
+
+_PLACEHOLDERS, _SAME = (0.1, 1.0), 0.01
+"""What does not depend on an unknown value comes out the same with each of these."""
+_NOUGHT = 1e-9
+"""Of the fastest pole: poles so slow are those of the free rigid motion, which has no time constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of the axis beside the record; what is not known is not checked.
+
+    Args:
+        parameters: how many are to be found.
+        slowest_s: slowest time constant of the drive, s.
+        inertia: nominal inertia of the whole drive as the motor feels it, kg m^2: ``rigid_inertia``.
+        antiresonance_s: period of its lowest antiresonance, s; faster motions do not show that inertia.
+        speed_scale: Coulomb friction is fc tanh(speed / speed_scale), rad/s.
+    """
+
+    parameters: int = 0
+    slowest_s: float | None = None
+    inertia: float | None = None
+    antiresonance_s: float | None = None
+    speed_scale: float = 1.0
+
+
+def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
+    """The inertia of the whole drive, kg m^2, as a measured torque feels it: with a torque constant of 2 half of it.
+
+    Near standstill the torque for a speed w is  1/G(s) = f + J s + O(s^2)  with the transfer function G.
+
+    Raises:
+        KeyError, ValueError: a value is missing or makes no sense.
+    """
+    A, torque, C = _from_torque(drive, values)
+    poles = abs(np.linalg.eigvals(A))
+    s = 1e-4j * poles[poles > 1e-6 * poles.max()].min()
+    G = complex(C @ np.linalg.solve(s * np.eye(len(A)) - A, torque))
+    return float((1 / G / (s if drive.output == "angle" else 1)).imag / s.imag)
+
+
+def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
+    """Period, s, of the lowest antiresonance: motions much slower than that are rigid.  None: the drive has none.
+
+    Raises:
+        KeyError, ValueError: a value is missing or makes no sense.
+    """
+    found = resonances(*_from_torque(drive, values)).antiresonances
+    return 1 / min(mode.frequency_hz for mode in found) if found else None
+
+
+def _from_torque(drive: Drive, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
+    """A (n, n), the column of B (n,) of the torque, C (n,)."""
+    values = drive.complete(values)
+    A, B, C = drive.matrices(values)
+    return A, B[:, drive.of_torque].sum(axis=1), C[0]
+
+
+def known_of(
+    drive: Drive,
+    values: Mapping[str, float],
+    parameters: int,
+    speed_scale: float = 1.0,
+    unknown: Collection[str] = (),
+) -> Known:
+    """What is known of an axis with these nominal values; arguments as of ``Known``.
+
+    ``unknown``: parameters whose values are placeholders.  What depends on them is not known; the inertia does not
+    depend on frictions and springs.
+
+    Raises:
+        KeyError, ValueError: a value is missing or makes no sense.
+    """
+    tried = [
+        _times_and_inertia(drive, {**values, **dict.fromkeys(unknown, value)}) for value in _PLACEHOLDERS
+    ]
+    slowest_s, inertia, antiresonance = (
+        first if first and second and math.isclose(first, second, rel_tol=_SAME) else None
+        for first, second in zip(*tried, strict=True)
+    )
+    return Known(parameters, slowest_s, inertia, antiresonance, speed_scale)
+
+
+def _times_and_inertia(drive: Drive, values: Mapping[str, float]) -> tuple[float | None, float, float | None]:
+    """Slowest time constant, inertia, period of the antiresonance."""
+    poles = np.linalg.eigvals(drive.matrix("A", drive.complete(values)))
+    decay = -poles.real
+    slow = decay[decay > _NOUGHT * abs(poles).max()]
+    slowest = float(1 / slow.min()) if slow.size else None
+    return slowest, rigid_inertia(drive, values), antiresonance_s(drive, values)

@@ -1,0 +1,170 @@
+"""Torque that does not move or is cut off, and a sensor that does not move although the axis does."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Bools, Floats, Ints
+from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.wording import how_often
+
+_SAME = 1e-9
+"""Of the range: differences below that are rounding."""
+_HELD = 0.95
+"""Part of the samples whose torque is that of the sample before: a controller of a quarter of the sampling rate has
+0.75, and a staircase of long steps excites little but standstill and constant speed."""
+_AT_END = 0.01
+"""Part of the samples at the largest or at the smallest torque."""
+_PILE = 4.0
+"""Times as many there as at the next value: of a sine in steps it is 2.4, of a sine cut off there is no limit."""
+_LEVELS = 10
+"""A torque of so few values was meant to be a staircase or a random binary signal."""
+_STUCK = 20
+"""Samples in a row."""
+_UNUSUAL = 10.0
+"""Times the mean run of equal values while the axis moves: a coarse encoder has runs, but of similar length."""
+_JUMP = 3.0
+"""Times the speed that is exceeded in a tenth of the steps."""
+_DIGITS = 3.0
+"""A step of so few last digits may be the beginning of a motion, or the end of a constant speed."""
+_MOSTLY = 0.5
+"""Part of the samples."""
+_MOVING = 0.5
+"""Of the typical speed: below that the axis may well come to a standstill, held by friction."""
+_STANDS = 0.1
+"""The same of a measured speed: what does not change while the torque does is a standstill only if it is next to 0."""
+_ABRUPT = 0.6
+"""Of the speed one step further from the standstill: with a constant acceleration it is a third."""
+
+
+class Runs(NamedTuple):
+    """Stretches of equal values: index of the first of each, and how many."""
+
+    start: Ints
+    length: Ints
+
+
+def signals(record: Record) -> Iterator[Finding]:
+    """Constant or saturated torque, a stuck output."""
+    if np.ptp(record.u) <= _SAME * max(1e-6, float(abs(record.u).max())):
+        yield Finding(
+            "constant-torque",
+            "refuse",
+            f"the torque is {record.u[0]:.4g} N m throughout: nothing can be learned from it",
+            float(record.u[0]),
+        )
+        return
+    yield from _held(record.u)
+    yield from _saturated(record.u)
+    yield from _stuck(record)
+
+
+def runs(values: Floats) -> Runs:
+    """Of equal values."""
+    start = np.flatnonzero(np.concatenate(([True], np.diff(values) != 0)))
+    return Runs(start, np.diff(np.append(start, len(values))))
+
+
+def _held(u: Floats) -> Iterator[Finding]:
+    changes = int(np.count_nonzero(np.diff(u)))
+    share = 1 - changes / (len(u) - 1)
+    if share > _HELD:
+        yield Finding(
+            "constant-torque",
+            "warn",
+            f"the torque stays as it was at {100 * share:.3g} % of the samples and changes only {changes} times: there "
+            "is little to learn from it",
+            share,
+        )
+
+
+def _saturated(u: Floats) -> Iterator[Finding]:
+    values, counts = np.unique(u, return_counts=True)
+    if len(values) <= _LEVELS:
+        return
+    for end, next_to_it in ((-1, -2), (0, 1)):
+        share = float(counts[end] / len(u))
+        if share > _AT_END and counts[end] > _PILE * counts[next_to_it]:
+            yield Finding(
+                "saturated",
+                "warn",
+                f"{100 * share:.3g} % of the samples have the {'largest' if end else 'smallest'} torque of all, "
+                f"{values[end]:.4g} N m: if a limit cuts off what is recorded, the drive got another torque",
+                share,
+            )
+
+
+def _stuck(record: Record) -> Iterator[Finding]:
+    k = np.flatnonzero(record.measured)
+    if k.size < 2:
+        return
+    t, y = record.t[k], record.y[k]
+    if np.ptp(y) <= _SAME * max(1e-9, float(abs(y).max())):
+        value = f"{y[0]:.6g} {record.unit}"
+        yield Finding(
+            "stuck", "refuse", f"the {record.quantity} is {value} throughout, whatever the torque", y[0]
+        )
+        return
+    if (found := stuck_runs(record)).start.size:
+        yield _says_stuck(record, t, found)
+
+
+def stuck_runs(record: Record) -> Runs:
+    """Stretches of the measured samples in which the motion stays the same to the last digit while the axis moves.
+
+    A motion that never changes is one such stretch, if the torque does.
+    """
+    k = np.flatnonzero(record.measured)
+    if k.size < 2:
+        return Runs(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    t, y, u = record.t[k], record.y[k], record.u[k]
+    found = runs(y)
+    if found.start.size == 1:
+        return found
+    moves = _moves(t, y, found, record)
+    mean = float(found.length[moves].mean()) if moves.any() else 1.0
+    stuck = moves & (found.length >= max(_STUCK, _UNUSUAL * mean)) & _torque_moves(u, found)
+    return Runs(found.start[stuck], found.length[stuck])
+
+
+def _says_stuck(record: Record, t: Floats, found: Runs) -> Finding:
+    longest = int(np.argmax(found.length))
+    share = float(found.length.sum() / len(record))
+    return Finding(
+        "stuck",
+        "refuse" if share > _MOSTLY else "warn",
+        f"the {record.quantity} stays the same to the last digit {how_often(found.start.size)} while the axis moves, "
+        f"longest for {found.length[longest]} samples from {t[found.start[longest]] - record.t[0]:.3f} s on: a stuck "
+        "sensor or a lost connection",
+        float(found.length[longest]),
+    )
+
+
+def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
+    """Whether the axis moves in each run: by its speed there, or by the steps of the angle into and out of it.
+
+    Where the angle freezes while the axis moves, it stops from full speed, and when it comes back it goes on at full
+    speed or makes up for all in one jump; one that is lost jumps to another value.  An axis that comes to rest is
+    slower in the last step before and in the first one after.
+    """
+    steps = abs(np.diff(y[found.start]))
+    visible = steps > _DIGITS * steps.min()
+    if record.quantity == "speed":
+        speed = abs(y[found.start])
+        return np.asarray((speed > _STANDS * np.median(speed)) & np.append(visible, True), np.bool_)
+    elapsed = t[found.start[1:]] - t[found.start[1:] - 1]
+    speed = steps / elapsed
+    clear = (speed > _MOVING * np.median(speed)) & visible
+    starts = clear & (speed > _ABRUPT * np.append(speed[1:], np.inf))
+    stops = clear & (speed > _ABRUPT * np.append(np.inf, speed[:-1]))
+    jumps = clear & (speed > _JUMP * np.quantile(speed, 0.9))
+    abrupt = np.append(starts, True) & np.append(False, stops)
+    return np.asarray(abrupt | np.append(jumps, False) | np.append(False, jumps), np.bool_)
+
+
+def _torque_moves(u: Floats, found: Runs) -> Bools:
+    """Whether the torque changes within each run."""
+    changes = np.concatenate(([0], np.cumsum(np.diff(u) != 0)))
+    return np.asarray(changes[found.start + found.length - 1] > changes[found.start], np.bool_)

@@ -1,0 +1,1 @@
+"""Friction that follows a heat which is not measured."""

@@ -1,0 +1,163 @@
+"""Which links of an arm load an axis: cosines and sines of sums of joint angles that its torque shows.
+
+The potential energy of a serial arm is a sum of products of cosines and sines of its joint angles, and so of cosines
+and sines of their sums and differences.  The weight that an axis holds is its derivative by the angle of that axis:
+terms without that angle drop out.  How the joints are counted, from where, and in which direction, does not matter:
+each sum comes with both signs of the other angles, and each with cosine and sine.
+
+    J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = q_own +- q_j +- q_k
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.signal_terms import Factor
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.torque_balance.rigid_body import speed_scales
+from monitor_core.identification.torque_balance.torque_windows import GridPart
+from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
+
+_MOST_OTHERS = 2
+"""Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
+_MOST_SUMS = 4
+_LESS = 0.6
+"""Of the squared errors on what was not fitted: another sum leaves at most so much of them."""
+_SIMPLER = 0.9
+"""A sum of more angles leaves at most so much of what the best one of fewer leaves."""
+_NEEDED = 1.02
+"""Without a single cosine or sine that is needed, the squared errors are at least so many times as large."""
+_EXPLAINS = 0.5
+"""Part of the torque that is explained where it was not fitted, or the weights are none."""
+
+_MATTERS = 0.003
+"""Part of the variance of the torque that weights explain, or they are what friction lacks."""
+
+Sum = tuple[tuple[int, str], ...]
+"""A sum of angles, by the names of their signals, each with its sign"""
+
+
+class LinkWeights(NamedTuple):
+    """What loads an axis."""
+
+    terms: tuple[str, ...]
+    """"cos(axis2 + axis3)", .."""
+    explained: float
+    """part of the torque that is explained in each half of the records, with values of the other half"""
+    before: float
+    """the same without these terms"""
+
+
+def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> LinkWeights | None:
+    """The weights that the torque of an axis shows; None: none that explains it.
+
+    Args:
+        records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
+        own: name of the signal that is the angle of the axis itself.
+        angles: names of all of them, own too, from the base to the hand.
+    """
+    parts, window = slow_parts(records, angles)
+    if not parts:
+        return None
+    balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
+    chosen = _waves(*balance.sums())
+    if not chosen:
+        return None
+    needed, left = chosen, balance.left(chosen)
+    for wave in chosen:
+        fewer = [w for w in needed if w != wave]
+        if fewer and balance.left(fewer) < _NEEDED * left:
+            needed = fewer
+    explained, before = balance.explained(needed), balance.explained(())
+    if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
+        return None
+    return LinkWeights(tuple(map(str, needed)), explained, before)
+
+
+def _values(wave: Factor, part: GridPart) -> Floats:
+    """A cosine or a sine of a sum of angles (N,)."""
+    total = sum((sign * part.signals[name] for sign, name in wave.addends), np.zeros(len(part.u)))
+    return np.asarray(np.cos(total) if wave.function == "cos" else np.sin(total))
+
+
+def _waves(*sums: Sum) -> list[Factor]:
+    return [Factor(function, angles) for angles in sums for function in ("cos", "sin")]
+
+
+class _Balance(WeightBalance):
+    """The torque balance with waves beside it: fitted to each half, and tried on the other.
+
+    ``own`` and ``angles`` as in ``link_weights``.
+    """
+
+    def __init__(
+        self, parts: Sequence[GridPart], window: int, scale: float, own: str, angles: Sequence[str]
+    ) -> None:
+        super().__init__(parts, window, scale)
+        self._own, self._angles = own, angles
+        self._columns: dict[Factor, Floats] = {}
+
+    def sums(self) -> list[Sum]:
+        """Sums of angles, one after the other, as long as the next one explains what was not fitted.
+
+        Two links may hide each other, so a second one is looked for where the first alone explains little.  A sum that
+        was chosen while another one was missing is exchanged for what is better beside that one.
+        """
+        chosen = list[Sum]()
+        left = self.left(())
+        while len(chosen) < _MOST_SUMS:
+            best, least = self._best(chosen)
+            if not least < _LESS * left:
+                near = [*self._sums(0), *self._sums(1)]
+                beside = [(self._best([*chosen, first]), first) for first in near]
+                (best, least), first = min(beside, key=lambda pair: pair[0][1])
+                if first in chosen or not least < _LESS**2 * left:
+                    break
+                chosen = [*chosen, first]
+            chosen, left = [*chosen, best], least
+            for place in range(len(chosen) - 1):
+                others = [*chosen[:place], *chosen[place + 1 :]]
+                best, least = self._best(others)
+                if least < _SIMPLER * left:
+                    chosen, left = [*others, best], least
+        return chosen
+
+    def _best(self, chosen: Sequence[Sum]) -> tuple[Sum, float]:
+        """The sum that explains most beside others, and what is left; of fewer angles, unless more explain more."""
+        best: Sum = ()
+        least = np.inf
+        for count in range(_MOST_OTHERS + 1):
+            tried = [angles for angles in self._sums(count) if angles not in chosen]
+            with_it = [self.left(_waves(*chosen, angles)) for angles in tried]
+            if with_it and min(with_it) < _SIMPLER * least:
+                least, best = min(with_it), tried[int(np.argmin(with_it))]
+        return best, least
+
+    def _sums(self, count: int) -> Iterator[Sum]:
+        """The own angle with so many others, the first one with a plus, the others with either sign."""
+        others = [name for name in self._angles if name != self._own]
+        for names in combinations(others, count):
+            used = [name for name in self._angles if name == self._own or name in names]
+            for signs in product((1, -1), repeat=count):
+                yield tuple(zip((1, *signs), used, strict=True))
+
+    def left(self, waves: Sequence[Factor]) -> float:
+        """Sum of squared errors in each half with values of the other one."""
+        columns = [self._column(wave) for wave in waves]
+        first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
+        return self.missed(columns, first, last) + self.missed(columns, last, first)
+
+    def explained(self, waves: Sequence[Factor]) -> float:
+        """Part of the torque about its mean."""
+        spread = float(((self.torque - self.torque.mean()) ** 2).sum())
+        return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
+
+    def _column(self, wave: Factor) -> Floats:
+        if wave not in self._columns:
+            self._columns[wave] = self.column(_values(wave, part) for part in self._parts)
+        return self._columns[wave]

@@ -1,0 +1,115 @@
+"""The torque balance of one mass with friction, beside which a weight is fitted, as columns of a least-squares problem.
+
+    J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u
+
+in windows (torque_windows.py).  ``arm_links`` chooses the sums of angles s_i, ``gear_ratios`` finds the ratios in them,
+``turning_weight`` the unit of the angle.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from monitor_core.arrays import Bools, Floats
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.torque_balance.torque_windows import (
+    USUAL,
+    WINDOWS,
+    GridPart,
+    balance_equations,
+    integrals,
+    least_speed,
+    moving_windows,
+    residual_torque,
+    rms_speed,
+    window_of,
+    windowed_parts,
+)
+
+_MOST_SAMPLES = 30_000
+"""Weights change slowly: longer records are thinned to about so many samples."""
+_OF_PERIOD, _FEWEST = 0.1, 24
+"""Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
+_LEAST_WINDOWS = 20
+"""In all records: fewer do not distinguish the terms of a weight."""
+
+
+class WeightBalance:
+    """The equations of one mass with the usual terms, ``rows`` (M, 4) and ``torque`` (M,), in windows of parts.
+
+    ``scale``: speed scale of Coulomb friction, rad/s.  ``moving``: only the windows in which the axis moves.
+    """
+
+    def __init__(self, parts: Sequence[GridPart], window: int, scale: float, moving: bool = True) -> None:
+        self._parts, self._window = parts, window
+        rows, torque = balance_equations(parts, window, scale, USUAL)
+        self._kept = _windows_of_motion(parts, window) if moving else np.ones(len(torque), np.bool_)
+        self.rows, self.torque = rows[self._kept], torque[self._kept]
+
+    def column(self, values: Iterable[Floats]) -> Floats:
+        """A further column (M,): the integrals of values (N,) of each part."""
+        return self._windowed(values, mean=False)
+
+    def mean(self, values: Iterable[Floats]) -> Floats:
+        """Means of values (N,) of each part in the windows (M,)."""
+        return self._windowed(values, mean=True)
+
+    def _windowed(self, values: Iterable[Floats], mean: bool) -> Floats:
+        found = list[Floats]()
+        for part, value in zip(self._parts, values, strict=True):
+            shape = window_of(self._window, part.h)[0]
+            found.append(integrals(part, shape, value) / (part.h * shape.sum() if mean else 1.0))
+        return np.concatenate(found)[self._kept]
+
+    def missed(
+        self, columns: Sequence[Floats], fitted: slice = slice(None), judged: slice = slice(None)
+    ) -> float:
+        """Sum of squares that further columns leave of the torque, in the judged windows with values of the fitted."""
+        missed = residual_torque(np.column_stack([self.rows, *columns]), self.torque, fitted, judged)
+        return float(missed @ missed)
+
+
+def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:
+    """Parts of records where these angles are known, and the window of their torque balance; none: too few windows."""
+    parts = [
+        _thinned(part)
+        for part in windowed_parts(records)
+        if all(np.isfinite(part.signals[name]).all() for name in angles)
+    ]
+    window = _window(records, parts)
+    parts = [part for part in parts if len(part.u) > window]
+    enough = sum(len(part.u) for part in parts) >= _LEAST_WINDOWS * window
+    return (parts if enough else []), window
+
+
+def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
+    """Length of the window of the torque balance, in samples."""
+    speed = rms_speed(records)
+    if not parts or not speed > 0:
+        return _FEWEST
+    turned = np.concatenate([part.y - part.y.mean() for part in parts])
+    period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
+    return max(_FEWEST, round(_OF_PERIOD * period_s / parts[0].h))
+
+
+def _thinned(part: GridPart) -> GridPart:
+    """Means over blocks of samples, if there are too many."""
+    block = -(-len(part.u) // _MOST_SAMPLES)
+    if block == 1:
+        return part
+    count = len(part.u) // block
+
+    def means(values: Floats) -> Floats:
+        return np.asarray(values[: count * block].reshape(count, block).mean(axis=1))
+
+    signals = {name: means(values) for name, values in part.signals.items()}
+    return GridPart(means(part.u), means(part.y), part.h * block, part.quantity, signals)
+
+
+def _windows_of_motion(parts: Sequence[GridPart], window: int) -> Bools:
+    """In which windows (M,) of all parts the axis moves: where it stands, friction may be anything, as a weight may."""
+    least = least_speed(parts)
+    kept = [moving_windows(part, window, least or 0.0) for part in parts]
+    if least is not None and sum(map(np.count_nonzero, kept)) >= _LEAST_WINDOWS * WINDOWS:
+        return np.concatenate(kept)
+    return np.ones(sum(map(len, kept)), np.bool_)
