@@ -97,8 +97,7 @@ class Baselines:
     Args:
         configured: axes as configured.
         in_force: axes as they are monitored.
-        monitors: of the worker; used by its thread only.
-        worker: exchanges monitors.
+        worker: has the monitors, and exchanges them.
         epochs: where they are kept.
         now_us: wall clock.
     """
@@ -107,17 +106,20 @@ class Baselines:
         self,
         configured: Sequence[NamedAxis],
         in_force: Sequence[NamedAxis],
-        monitors: AxisMonitors,
         worker: Worker,
         epochs: Epochs,
         now_us: Callable[[], int],
     ) -> None:
         self._configured = {axis.id: axis for axis in configured}
         self._in_force = {axis.id: axis for axis in in_force}
-        self._monitors, self._worker, self.epochs, self._now_us = monitors, worker, epochs, now_us
+        self._worker, self.epochs, self._now_us = worker, epochs, now_us
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="baselines", daemon=True)
+
+    @property
+    def _monitors(self) -> AxisMonitors:
+        return self._worker.pipeline.monitors
 
     def start(self) -> None:
         """Look after the windows from now on."""
@@ -328,10 +330,10 @@ class Baselines:
         axes = [axis if other.id == axis_id else other for other in self._in_force.values()]
 
         def exchange() -> Epoch:
-            if self._worker.waits_for_journal(axis_id):
+            if self._worker.alarms.waits_for_journal(axis_id):
                 words = "{axis}: alarms are not recorded yet; try again when they are"
                 raise BaselineConflictError(sentence("alarms first", words, axis=axis_id))
-            epoch = self.epochs.take_over(plan, note, self._worker.rules_of(axis_id))
+            epoch = self.epochs.take_over(plan, note, self._worker.alarms.rules_of(axis_id))
             self._worker.change(axes, made)
             return epoch
 

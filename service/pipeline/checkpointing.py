@@ -95,7 +95,7 @@ class Checkpointer:
         interval_s: float,
         now_us: Callable[[], int],
     ) -> None:
-        self._checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
+        self.checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
         self._now_us = now_us
         self._due = monotonic() + interval_s
         self.saved_us: int | None = None
@@ -118,7 +118,7 @@ class Checkpointer:
         now_us = self._now_us()
         states = [*giving_way(self._states()), *giving_way(self._monitors.trends.to_save())]
         try:
-            self._checkpoints.save(states, now_us)
+            self.checkpoints.save(states, now_us)
         except StoreError as error:
             if self.problem is None:
                 log.error("checkpoint failed; it is tried again", reason=str(error))

@@ -16,7 +16,6 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import structlog
 
-from monitor_core.monitoring import AlarmRules
 from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
 from service.can.frames import FrameBlock
@@ -30,8 +29,6 @@ from service.pipeline.giving_way import giving_way
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
-from service.store.alarm_table import RecordedAlarm
-from service.store.alarm_transitions import Note
 
 LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
 """Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
@@ -163,6 +160,8 @@ class _Action(NamedTuple, Generic[T]):
 class Worker:
     """Owns the pipeline from ``start`` until ``stop`` returns.
 
+    ``pipeline``, ``alarms`` and ``checkpointer`` are used by its thread only: others use them ``between_blocks``.
+
     Args:
         config: the whole configuration.
         pipeline: decoding and monitors, restored.
@@ -191,8 +190,8 @@ class Worker:
         messages: Sequence[str],
         on_failure: Callable[[], None],
     ) -> None:
-        self._pipeline, self._buses, self._recording = pipeline, buses, recording
-        self._alarms, self._checkpointer, self._compiled = alarms, checkpointer, compiled
+        self.pipeline, self._buses, self._recording = pipeline, buses, recording
+        self.alarms, self.checkpointer, self._compiled = alarms, checkpointer, compiled
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
         self._block_s = config.block_s
         self._judge_s = self._took_s = 0.0
@@ -249,18 +248,6 @@ class Worker:
             done.cancel()
         return done
 
-    def waits_for_journal(self, axis_id: str) -> bool:
-        """Whether the journal does not have all of the alarms of an axis yet; between two blocks."""
-        return self._alarms.waits_for_journal(axis_id)
-
-    def acknowledge(self, alarm_id: int, note: Note) -> RecordedAlarm | None:
-        """As ``Alarms.acknowledge``; between two blocks."""
-        return self._alarms.acknowledge(alarm_id, note)
-
-    def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
-        """What the configuration says of the alarms of an axis, by their causes; between two blocks."""
-        return self._alarms.rules_of(axis_id)
-
     def change(self, axes: Sequence[NamedAxis], made: AxisMonitors) -> None:
         """Monitor these axes from now on, those of ``made`` by its monitors; between two blocks.
 
@@ -270,13 +257,13 @@ class Worker:
         gone = [axis_id for axis_id in self._views if axis_id not in ids]
         new = [axis for axis in axes if axis.id in made.by_id]
         known = quantities(made.by_id)
-        self._pipeline.monitors.change(ids, made)
-        self._pipeline.live.forget({*made.by_id, *gone})
-        self._alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
+        self.pipeline.monitors.change(ids, made)
+        self.pipeline.live.forget({*made.by_id, *gone})
+        self.alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
         self._views = {axis_id: view for axis_id, view in self._views.items() if axis_id in ids}
         self._views |= {axis.id: self._view(axis) for axis in new}
         self._views = {axis_id: self._views[axis_id] for axis_id in ids}
-        self._checkpointer.save_soon()
+        self.checkpointer.save_soon()
 
     def take_all(self) -> None:
         """Take all frames that wait; between two blocks."""
@@ -288,7 +275,7 @@ class Worker:
     ) -> None:
         """Take frames of these buses from now on, those of ``new`` in place of the former; between two blocks."""
         kept = {bus.name: bus for bus in self._buses}
-        self._pipeline.change_buses(names, ingests)
+        self.pipeline.change_buses(names, ingests)
         self._buses = [new.get(name) or kept[name] for name in names]
 
     @property
@@ -296,13 +283,8 @@ class Worker:
         """Whether frames wait for the compiler; from any thread."""
         return not self._compiled.estimates.done()
 
-    def adopt(self, open_alarms: Iterable[AxisAlarm], changes: Iterable[AxisAlarm]) -> None:
-        """Alarms of changed axes that are open in the journal, and what it does not have yet; between two blocks."""
-        self._alarms.adopt(open_alarms)
-        self._alarms.record(changes)
-
     def _view(self, axis: NamedAxis) -> AxisView:
-        return AxisView(axis, self._pipeline, self._alarms, self._history)
+        return AxisView(axis, self.pipeline, self.alarms, self._history)
 
     def _run(self) -> None:
         try:
@@ -338,15 +320,15 @@ class Worker:
             view.take_point()
         self._publish(at_once=acted)
         # While samples wait for the detectors, these would be older than the estimates.
-        if not self._pipeline.monitors.deferred_samples:
-            self._checkpointer.save_if_due()
+        if not self.pipeline.monitors.deferred_samples:
+            self.checkpointer.save_if_due()
         return busy
 
     def _waits(self) -> bool:
         """Whether frames wait for the compiler."""
         if self.compiles:
             return True
-        full = self._pipeline.monitors.deferred_samples >= MOST_DEFERRED
+        full = self.pipeline.monitors.deferred_samples >= MOST_DEFERRED
         return full and not self._compiled.multimodel.done()
 
     def _block(self) -> bool:
@@ -354,10 +336,10 @@ class Worker:
         start, before_s = perf_counter(), thread_time()
         self._now_us()  # if the clock was set, this is known before the frames with the new times
         counts = [self._take(bus) for bus in self._buses]
-        self._record(self._pipeline.update())
+        self._record(self.pipeline.update())
         if start >= self._judge_s:
             self._judge()
-        self._record(self._pipeline.monitors.trends.update(1))
+        self._record(self.pipeline.monitors.trends.update(1))
         if any(counts):
             self._time.observe(perf_counter() - start)
         self._took_s = thread_time() - before_s
@@ -367,17 +349,17 @@ class Worker:
         """Let the multi-model detectors take the samples that wait for them."""
         if self._compiled.multimodel.done():
             self._compiled.multimodel.result()
-            self._record(self._pipeline.monitors.update_multimodel())
+            self._record(self.pipeline.monitors.update_multimodel())
             self._judge_s = perf_counter() + JUDGE_S
 
     def _record(self, changes: Iterable[AxisAlarm]) -> None:
         changes = list(changes)
-        self._alarms.record(changes)
+        self.alarms.record(changes)
         self._recording.follow(changes)
 
     def _take(self, bus: BusIntake) -> int:
         frames = bus.take(MOST_FRAMES)
-        self._pipeline.take(bus.name, frames)
+        self.pipeline.take(bus.name, frames)
         return frames.size
 
     def _finish(self) -> None:
@@ -385,15 +367,15 @@ class Worker:
         if self._compiled.estimates.done():
             while self._block():
                 pass
-            self._pipeline.flush()
-            self._record(self._pipeline.update())
-            self._record(self._pipeline.monitors.trends.update())
+            self.pipeline.flush()
+            self._record(self.pipeline.update())
+            self._record(self.pipeline.monitors.trends.update())
             self._judge()
-        if left := self._pipeline.monitors.deferred_samples:
+        if left := self.pipeline.monitors.deferred_samples:
             log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
         for view in self._views.values():
             view.take_point()
-        self._checkpointer.save()
+        self.checkpointer.save()
         self._publish(at_once=True)
 
     def _publish(self, at_once: bool) -> None:
@@ -418,7 +400,7 @@ class Worker:
 
     def _news(self, now_us: int) -> _News:
         history, buses = self._history.state(), tuple(bus.snapshot() for bus in self._buses)
-        return _News(now_us, buses, self._alarms.snapshot(now_us), history, self._all_messages(history))
+        return _News(now_us, buses, self.alarms.snapshot(now_us), history, self._all_messages(history))
 
     def _snapshot(self, news: _News) -> Snapshot:
         axes = tuple(view.snapshot() for view in giving_way(self._views.values()))
@@ -428,18 +410,18 @@ class Worker:
             axes=axes,
             buses=news.buses,
             processing=self._time.histogram(),
-            checkpoint_us=self._checkpointer.saved_us,
+            checkpoint_us=self.checkpointer.saved_us,
             messages=(*out_of_service(axes), *news.messages),
             alarms=news.alarms,
             history=news.history,
         )
 
     def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
-        alarms = self._alarms.problem, self._alarms.clock_message
-        now = (*alarms, self._checkpointer.problem, history.problem, *self._recording.problems)
+        alarms = self.alarms.problem, self.alarms.clock_message
+        now = (*alarms, self.checkpointer.problem, history.problem, *self._recording.problems)
         compiling = [COMPILING] if self._waits() else []
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)
         problems = (problem for problem in now if problem)
-        again = self._pipeline.monitors.begun_again
+        again = self.pipeline.monitors.begun_again
         return (*compiling, *problems, *self._messages, *again, *history.messages)

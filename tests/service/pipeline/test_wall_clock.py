@@ -84,7 +84,7 @@ def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame]
     reader = Stepping(frames, step_us, clocks)
     bench = Bench(tmp_path, demo(tmp_path, 1), reader)
     wall = WallClock(clocks.wall_us, clocks.steady)
-    bench.worker._alarms = Alarms(bench.journal, quantities(bench.core.monitors.by_id), wall=wall)
+    bench.worker.alarms = Alarms(bench.journal, quantities(bench.core.monitors.by_id), wall=wall)
     bench.worker._now_us = wall
     bench.compile()
     while reader.frames:

@@ -396,7 +396,7 @@ def test_a_disk_that_refuses_checkpoints_is_logged_once_and_when_it_takes_them_a
     def refuse(*_: object) -> None:
         raise StoreError("database or disk is full")
 
-    saver, save = bench.worker._checkpointer, bench.checkpoints.save
+    saver, save = bench.worker.checkpointer, bench.checkpoints.save
     with capture_logs() as logs:
         for way in (refuse, refuse, save, save, refuse):
             monkeypatch.setattr(bench.checkpoints, "save", way)
