@@ -16,7 +16,7 @@ from monitor_core.monitoring import RMS_SPEED, Range
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
-from service.ingest.loaded_records import SamplesOrigin
+from service.ingest.loaded_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, plain
 
 
@@ -26,7 +26,7 @@ class Calibration:
 
     axis: NamedAxis
     result: CalibrationResult
-    sources: Sequence[SamplesOrigin]
+    sources: Sequence[RecordOrigin]
     warnings: Sequence[str]
     provenance: Provenance
     alarms: DetectorName = "cusum"
