@@ -184,8 +184,8 @@ class Baselines:
 
             def begin() -> Epoch:
                 epoch = self.epochs.learn(plan, note)
-                window = LearningWindow(self._monitors.by_id[axis_id].model, length_s)
-                self._monitors.epochs[axis_id].learning = Learning(epoch.number, window)
+                window = LearningWindow(self._monitors.axes[axis_id].monitor.model, length_s)
+                self._monitors.axes[axis_id].epoch.learning = Learning(epoch.number, window)
                 return epoch
 
             epoch = self.between_blocks(begin)
@@ -258,7 +258,7 @@ class Baselines:
         def end() -> Epoch | None:
             event, reason = ("refused", refused) if refused else ("cancelled", CANCELLED)
             epoch = self.epochs.cancel(axis_id, note, event, reason)  # type: ignore[arg-type]
-            self._monitors.epochs[axis_id].learning = None
+            self._monitors.axes[axis_id].epoch.learning = None
             return epoch
 
         epoch = self.between_blocks(end)
@@ -283,7 +283,7 @@ class Baselines:
                         self._verified(axis)
 
     def _finish(self, axis_id: str) -> None:
-        learning = self._monitors.epochs[axis_id].learning
+        learning = self._monitors.axes[axis_id].epoch.learning
         if learning is None or not learning.window.complete:
             return  # it was cancelled meanwhile
         # A window that is complete does not change any more, so that it can be read here.
@@ -307,7 +307,7 @@ class Baselines:
     def _verified(self, axis: AxisSnapshot) -> None:
         def end() -> None:
             self.epochs.verified(axis.id, axis.epoch.number, Note(self._now_us(), SERVICE))
-            epoch = self._monitors.epochs[axis.id]
+            epoch = self._monitors.axes[axis.id].epoch
             if epoch.number == axis.epoch.number:
                 epoch.verify_s = None
 
@@ -326,7 +326,7 @@ class Baselines:
         made.compile()
         made.compile_multimodel()
         if plan.verify_s:
-            made.epochs[axis_id].verify_s = plan.verify_s
+            made.axes[axis_id].epoch.verify_s = plan.verify_s
         axes = [axis if other.id == axis_id else other for other in self._in_force.values()]
 
         def exchange() -> Epoch:

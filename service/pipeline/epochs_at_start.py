@@ -101,7 +101,8 @@ def bring_back(
     _resume(monitors, journal.epochs, begun.epochs)
     restored = restore(monitors, checkpoints, journal, now_us, configured)
     journal.obey(alarm_rules(begun.axes, quantities(monitors.by_id)), now_us)
-    for axis_id, epoch in monitors.epochs.items():
+    for axis_id, axis in monitors.axes.items():
+        epoch = axis.epoch
         if epoch.learning is not None and not epoch.learning.window.done_s:  # nothing of it could be restored
             words = "{axis}: the learning window of epoch {epoch} begins again"
             again = sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
@@ -113,8 +114,8 @@ def _resume(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch
     """Let windows that were under way go on, before their state is restored."""
     for axis_id, epoch in in_force.items():
         if epoch.state == "verifying":
-            monitors.epochs[axis_id].verify_s = epoch.verify_s
+            monitors.axes[axis_id].epoch.verify_s = epoch.verify_s
     for epoch in epochs.learning():
-        if epoch.axis in monitors.by_id and epoch.learn_s is not None:
-            window = LearningWindow(monitors.by_id[epoch.axis].model, epoch.learn_s)
-            monitors.epochs[epoch.axis].learning = Learning(epoch.number, window)
+        if epoch.learn_s is not None and (axis := monitors.axes.get(epoch.axis)) is not None:
+            window = LearningWindow(axis.monitor.model, epoch.learn_s)
+            axis.epoch.learning = Learning(epoch.number, window)

@@ -14,9 +14,10 @@ from service.config import NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
-from service.pipeline.axis_monitors import FramePipeline, Heat
+from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
 from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
+from service.pipeline.monitored_axis import Heat
 from service.store.alarm_transitions import CONFIGURATION, Note
 
 
@@ -144,7 +145,7 @@ class AxisView:
         self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording
     ) -> None:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
-        monitor = pipeline.monitors.by_id[axis.id]
+        monitor = pipeline.monitors.axes[axis.id].monitor
         self._model = model = monitor.model
         self._watched = MonitoredDrive(model, monitor.settings, model_of_axis(axis.config).components)
         self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
@@ -153,17 +154,17 @@ class AxisView:
 
     def take_point(self) -> None:
         """Give the history a point of the axis, if one is due."""
-        axis_id, monitors = self._axis.id, self._pipeline.monitors
-        monitor = monitors.by_id[axis_id]
-        if self._history.is_due(axis_id, monitor.time_us):
-            self._history.take(axis_id, monitor.status(), bool(monitors.waits_for(axis_id)))
+        axis_id = self._axis.id
+        monitored = self._pipeline.monitors.axes[axis_id]
+        if self._history.is_due(axis_id, monitored.monitor.time_us):
+            self._history.take(axis_id, monitored.monitor.status(), bool(monitored.gated_by))
 
     def snapshot(self) -> AxisSnapshot:
         """Snapshot of the axis now."""
         axis, drive, monitors = self._axis, self._model.drive, self._pipeline.monitors
-        monitor = monitors.by_id[axis.id]
+        monitored = monitors.axes[axis.id]
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
-        status, open_alarms = monitor.status(), self._alarms.open(axis.id)
+        status, open_alarms = monitored.monitor.status(), self._alarms.open(axis.id)
         return AxisSnapshot(
             id=axis.id,
             robot=axis.robot,
@@ -175,16 +176,16 @@ class AxisView:
             nominal=self._nominal,
             status=_as_recorded(status, open_alarms),
             open_alarms=open_alarms,
-            dropped={**source.dropped, **monitors.dropped(axis.id)},
+            dropped={**source.dropped, **monitored.dropped},
             clock=source.events,
-            gated_by=monitors.waits_for(axis.id),
-            outside_calibration=monitors.outside_calibration(axis.id),
-            heat=monitors.heat(axis.id),
+            gated_by=monitored.gated_by,
+            outside_calibration=monitored.outside_calibration,
+            heat=monitored.heat,
             stamps=source.stamps,
             causes=self._causes,
             trends=monitors.trends.for_axis(axis.id),
             histories_lost=monitors.trends.lost[axis.id],
-            epoch=monitors.epochs[axis.id].shown(status),
+            epoch=monitored.epoch.shown(status),
             out_of_service=self._alarms.removed(axis.id) or self._by_configuration,
             watched=self._watched,
         )

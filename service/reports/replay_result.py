@@ -140,9 +140,8 @@ class Replay:
         return Replayed(axes, self._frames_dropped, records, config, Provenance.now())
 
     def _axis(self, axis: NamedAxis) -> ReplayedAxis:
-        monitors, stamps = self._monitors, self._stamps.get(axis.id, NOT_KNOWN)
-        monitor = monitors.by_id[axis.id]
-        model, status = monitor.model, monitor.status()
+        monitored, stamps = self._monitors.axes[axis.id], self._stamps.get(axis.id, NOT_KNOWN)
+        model, status = monitored.monitor.model, monitored.monitor.status()
         alarms = self._recorded(axis, status)
         snapshot = AxisSnapshot(
             id=axis.id,
@@ -155,13 +154,13 @@ class Replay:
             nominal={p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters},
             status=status,
             open_alarms=tuple(alarm for alarm in alarms if alarm.active),
-            dropped={**self._dropped[axis.id], **monitors.dropped(axis.id)},
+            dropped={**self._dropped[axis.id], **monitored.dropped},
             clock=self._clock[axis.id],
-            gated_by=monitors.waits_for(axis.id),
-            outside_calibration=monitors.outside_calibration(axis.id),
-            heat=monitors.heat(axis.id),
+            gated_by=monitored.gated_by,
+            outside_calibration=monitored.outside_calibration,
+            heat=monitored.heat,
             stamps=stamps,
-            trends=monitors.trends.for_axis(axis.id),
+            trends=self._monitors.trends.for_axis(axis.id),
         )
         doubts = remarks(axis.config.sample_interval_s, stamps)
         outside = [
