@@ -13,8 +13,8 @@ from service.config import Config, NamedAxis
 from service.config.axis_settings import axis_settings, detectors_of, monitored_model
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_pipeline import AxisPipeline
 from service.pipeline.live_signals import LiveSignals
-from service.pipeline.monitored_axis import MonitoredAxis
 from service.pipeline.trends import Trends
 
 Samples = Mapping[str, SampleBlock]
@@ -42,8 +42,8 @@ class AxisMonitors:
         multimodel = {a: d.multimodel for a, d in enumerate(detectors) if d.multimodel is not None}
         sources = {a: d.alarm_source for a, d in enumerate(detectors)}
         self._fleet = Fleet(models, settings, multimodel, sources) if axes else Fleet.of_monitors(())
-        self.axes: Mapping[str, MonitoredAxis] = {
-            axis.id: MonitoredAxis(axis, monitor)
+        self.axes: Mapping[str, AxisPipeline] = {
+            axis.id: AxisPipeline(axis, monitor)
             for axis, monitor in zip(axes, self._fleet.monitors, strict=True)
         }
         keys = [axis.epoch.key(axis.monitor.history_key) for axis in self.axes.values()]

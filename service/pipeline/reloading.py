@@ -22,9 +22,9 @@ from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import alarm_groups
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.baselines import Baselines
-from service.pipeline.bus_readers import BusReaders
+from service.pipeline.bus_readers import BusIntake, BusReaders
 from service.pipeline.epochs_at_start import at_start, bring_back
-from service.pipeline.worker import BusIntake, Worker
+from service.pipeline.worker import Worker
 from service.store.journal import Journal
 
 log = structlog.get_logger(__name__)

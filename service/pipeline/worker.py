@@ -10,20 +10,19 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 from time import perf_counter, thread_time
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import structlog
 
 from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
-from service.can.frames import FrameBlock
 from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot, AxisAlarm, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.giving_way import giving_way
 from service.pipeline.history_recording import HistoryRecording, HistoryState
@@ -58,41 +57,6 @@ COMPILING_MULTIMODEL = sentence(
 )
 
 log = structlog.get_logger(__name__)
-
-
-class Reader(Protocol):
-    """Interface of service.can.bus_reader.CanReader as the worker uses it."""
-
-    def take(self, most: int = 4096) -> FrameBlock:
-        """About that many of the waiting frames, oldest first."""
-
-    def stats(self) -> BusSnapshot:
-        """State and counters."""
-
-
-class BusIntake:
-    """One bus: its frames, and its state, which is shown and logged."""
-
-    def __init__(self, name: str, reader: Reader, ingest: Ingest, recording: Recording) -> None:
-        self.name = name
-        self._reader, self._ingest, self._recording = reader, ingest, recording
-        self._state = "up"
-
-    def take(self, most: int) -> FrameBlock:
-        """The waiting frames, recorded."""
-        frames = self._reader.take(most)
-        if frames:
-            self._recording.write(self.name, frames)
-        return frames
-
-    def snapshot(self) -> BusSnapshot:
-        """State of the bus now; a change is logged."""
-        stats = self._reader.stats()
-        if stats.state != self._state:
-            self._state = stats.state
-            say = log.info if stats.up or stats.state == "closed" else log.error
-            say("bus", bus=self.name, state=stats.state)
-        return replace(stats, name=self.name, dropped={**stats.dropped, **self._ingest.dropped})
 
 
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)

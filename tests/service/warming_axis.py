@@ -14,7 +14,7 @@ from monitor_core.detection import Alarm
 from monitor_core.samples import SampleBlock
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.monitored_axis import Heat
+from service.pipeline.axis_pipeline import Heat
 from tests.core.mismatch import INTERVAL_S, MOVING, STEP, Block, FaultAlarm, alarm_of
 from tests.core.warming import WarmingPlant
 from tests.service.by_commands import RefusedError, restarted, write_thresholds

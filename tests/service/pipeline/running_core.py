@@ -14,12 +14,13 @@ from service.config import Config
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.baselines import Baselines
+from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.epochs_at_start import at_start, bring_back
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisSnapshot
-from service.pipeline.worker import BusIntake, Compiled, Worker
+from service.pipeline.worker import Compiled, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoints
 from service.store.epochs import Epoch

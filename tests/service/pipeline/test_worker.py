@@ -17,6 +17,7 @@ from service.config.schema_model import DetectorConfig
 from service.pipeline import worker as worker_module
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer, states_of
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
@@ -26,7 +27,6 @@ from service.pipeline.worker import (
     COMPILING_MULTIMODEL,
     LOOKED_AT_S,
     UNSEEN_S,
-    BusIntake,
     Compiled,
     Worker,
 )

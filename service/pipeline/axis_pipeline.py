@@ -23,15 +23,19 @@ class Heat(NamedTuple):
     """Well enough to test its friction"""
 
 
-class MonitoredAxis:
+class AxisPipeline:
     """An axis, from its samples as they come to those that its monitor takes."""
 
     def __init__(self, axis: NamedAxis, monitor: AxisMonitor) -> None:
-        self.monitor = monitor
+        self.config, self.monitor, model = axis, monitor, monitor.model
+        self.nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
+        """All values of the model, by name, with their units"""
+        self.causes = tuple(dict.fromkeys((*(p.name for p in model.parameters), *monitor.causes)))
+        """Every cause that an alarm may name: the monitored parameters, then others"""
         self.epoch = EpochProgress(axis.epoch, axis.configured)
         """Which nominal values are in force, and what is under way"""
         conditions, found = conditions_of(axis), axis.config.model.thresholds_file
-        self.operating = Operating(monitor.model, conditions) if conditions else None
+        self.operating = Operating(model, conditions) if conditions else None
         """Its operating conditions; None: it has none"""
         thermal = None if self.operating is None else self.operating.thermal
         self._warm_up = None if self.operating is None or thermal is None else WarmUp(self.operating, monitor)
