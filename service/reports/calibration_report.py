@@ -252,9 +252,9 @@ def warnings(result: CalibrationResult) -> Iterator[str]:
     rows = zip(result.model.monitored, result.scatter.mean_d, beyond, strict=True)
     if off := [f"{name} by {100 * mean:+.2g} %" for name, mean, more in rows if more > 0]:
         yield (
-            f"Off its nominal value all along, in parts of its size: {', '.join(off)}. nu allows for it. Nominal values"
-            " from these records, by `axiswatch identify` with `--start values --free"
-            f" {','.join(result.model.monitored)}`, let smaller faults be found."
+            f"Off the nominal value in all records, in parts of the size: {', '.join(off)}. nu allows for it. With"
+            " nominal values from these records, by `axiswatch identify` with `--start values --free"
+            f" {','.join(result.model.monitored)}`, smaller faults can be found."
         )
     for name, allowed in zip(result.model.monitored, result.allowance - beyond, strict=True):
         if allowed > 0:

@@ -48,7 +48,7 @@ def test_each_step_is_recorded_and_slow_corrections_are_none() -> None:
     ]
     assert clock.set_by_us == -2 * HOUR_US
     assert clock.message is not None
-    assert "was set forward by an hour; 2025-" in clock.message
+    assert "was set forward by an hour, to 2025-" in clock.message
 
 
 class Stepping(Waiting):
